@@ -503,7 +503,7 @@ def search_block(
     layer: ti.template(), ny: ti.template(), last: ti.template(), radius: ti.template(), size: ti.template(),
     best: ti.template(), partner: ti.template(), region: ti.template(), gas: ti.template(),
 ):  # fmt: skip
-    """Compare the disk in slot i with those in at most 3 x 3 cells, by one loop whose end alone is hard to foresee.
+    """Compare the disk in slot i with those in at most 3 x 3 cells, by one loop: only its end is hard to predict.
 
     A ring holds the slots that are still to be compared: at first the head of each cell. One that is taken from it adds
     the next in its cell, so it never holds more slots than there are cells. If cell (half_x, half_y) is among them, it
@@ -786,7 +786,7 @@ def begin_queue(
 
 @ti.func
 def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
-    """All events of a window in a region of n disks at places from `places` on, which have been laid out.
+    """All events of a window in a region of n disks at places from `places` on, which are prepared.
 
     Own disks are written at requested moments, and, on a CPU, at the end; on a GPU a team does this, which has
     predicted their first events too. A gas in one tile may pause at a moment, or after the last of so many collisions,

@@ -1,4 +1,4 @@
-"""PyBullet is optional, and its absence is explained; where it is there, its bodies collide by the IFR law."""
+"""PyBullet is optional: without it, a message; with it, its bodies collide by the IFR law."""
 
 from __future__ import annotations
 

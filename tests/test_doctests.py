@@ -1,4 +1,4 @@
-"""Every public function and class has an example in its docstring, which prints what it says."""
+"""Every public function and class has an example in its docstring, which prints the stated output."""
 
 from __future__ import annotations
 

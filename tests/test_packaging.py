@@ -30,7 +30,7 @@ FOLDERS = {
 
 
 def files_on_disk() -> dict[str, Path]:
-    """What the wheel must hold: name in the wheel -> file in the tree."""
+    """Required content of the wheel: name in the wheel -> file in the tree."""
     found = {}
     for folder, package in FOLDERS.items():
         inside = package.replace(".", "/")

@@ -1,4 +1,4 @@
-"""The runtime says nothing to the terminal of who uses ifrdem."""
+"""The runtime prints nothing to the terminal of a user of ifrdem."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""README and manual: every block of code runs, every command exists, every link leads somewhere."""
+"""README and manual: every block of code runs, every command and every target of a link exists."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Words of names and texts are those of the field: none of a language of the program's own."""
+"""Words of names and texts are those of the field, without private terms of the program."""
 
 from __future__ import annotations
 

@@ -347,7 +347,7 @@ class CaseGas:
         return (1, "") if ranks == 1 else rules.usable_ranks(self.case, self.kinds, self.box, ranks)
 
     def communicator(self, given: Communicator) -> Communicator:
-        """The ranks as they share this gas: distributed where `is_distributed` says so."""
+        """The ranks that share this gas: distributed if `is_distributed` is true."""
         if given.is_distributed or not self.is_distributed(given.size):
             return given
         return Communicator(given, distributed=True)

@@ -49,7 +49,7 @@ def find(given: str) -> Path:
     """
     path = Path(given)
     if path.exists() or path.name != given or path.suffix:
-        return path  # which may be missing: its reader says so
+        return path  # which may be missing: its reader reports it
     if given in names():
         return FOLDER / f"{given}.toml"
     near = [*names(), *(each.name for each in Path().glob("*.toml"))]

@@ -468,7 +468,7 @@ def _disk(source: str, i: int, columns: Mapping[str, Array], disk: Disk | None) 
 
 @validated
 def example(seed: Seed = 1) -> str:
-    """A small CSV file of synthetic impacts, which says so and with which coefficients.
+    """A small CSV file of synthetic impacts; its comment gives their coefficients.
 
     Examples
     --------

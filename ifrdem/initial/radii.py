@@ -97,7 +97,7 @@ def lognormal(
     """Radii whose logarithm is normal; `mean` and `deviation` [length] are those of the radius itself.
 
     The logarithm has the variance s^2 = ln(1 + (deviation/mean)^2) and the mean ln(mean) - s^2/2. It is cut off only
-    where `low` or `high` [length] say so. InputError if a number is not positive and finite, or hardly anything of
+    at `low` or `high` [length], if given. InputError if a number is not positive and finite, or hardly anything of
     the distribution lies between the ends.
 
     Examples

@@ -115,7 +115,7 @@ def given(
 def outline(
     name: str, found: list[tuple[float, float]], ends: bool, *, closed: bool
 ) -> list[tuple[float, float]]:
-    """Points of a polyline or of a polygon, which must come back to its beginning: `ends` if a path says so by Z."""
+    """Points of a polyline or of a polygon, which must return to its beginning: `ends` if a path does by Z."""
     ends = ends or found[0] == found[-1]
     if closed and not ends:
         (x, y), (u, v) = found[0], found[-1]

@@ -29,8 +29,8 @@ def cooling(run: Run, path_png: PicturePath = None) -> Figure:
     """Draw a cooling gas: its temperatures against time with kinetic theory, and its disks at the end.
 
     The theory is `theory.prediction` from the first frame on, of one kind of disks or of a mixture. Where it does not
-    hold (more than `temperatures.MOST_KINDS` kinds of disks, rolling friction), the picture says so. InputError if the
-    trajectory cannot be read or lacks these observables, or the picture cannot be written.
+    hold (more than `temperatures.MOST_KINDS` kinds of disks, rolling friction), the picture gives the reason. InputError
+    if the trajectory cannot be read or lacks these observables, or the picture cannot be written.
 
     Parameters
     ----------

@@ -252,7 +252,7 @@ def _lives(record: Record) -> bool:
         os.kill(record.pid, 0)
     except ProcessLookupError:
         return False
-    except PermissionError:  # it is there, and somebody else's
+    except PermissionError:  # it exists, and belongs to another user
         return True
     return True
 

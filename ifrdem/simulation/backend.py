@@ -165,7 +165,7 @@ def show_gpu(number: int) -> None:
     """Have this process see one GPU only: of those that CUDA_VISIBLE_DEVICES names, in turn, or of all of the machine.
 
     `number` is that of a rank among those of its machine. Without that variable rank 2 gets GPU 2, or there is none for
-    it: ranks share GPUs only where the user, or the batch system, says so by naming fewer. InputError if the driver,
+    it: ranks share GPUs only if the user, or the batch system, names fewer GPUs. InputError if the driver,
     which looks at the variable once, has been asked before and shows another one.
     """
     global _shown

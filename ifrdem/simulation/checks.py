@@ -402,7 +402,7 @@ def check_between_collisions(
             "forces are not supported where disks of infinite mass are: use walls (Wall.post) instead"
         )
     if any(gravity) and forces:
-        from ..model.forces import TableFriction  # imports Taichi, as whoever made a force did
+        from ..model.forces import TableFriction  # imports Taichi, as the making of a force did
 
         if any(isinstance(force, TableFriction) for force in forces):
             raise InputError(

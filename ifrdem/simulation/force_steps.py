@@ -90,7 +90,7 @@ class ForceSteps:
 
     def acting(self, now: float) -> list[int]:
         """Indices of the forces that act at `now` [time], in the order in which they do."""
-        if now < self.next_time:  # by rounding too: that somebody looks just before changes nothing
+        if now < self.next_time:  # by rounding too: a readout just before changes nothing
             return []
         found = [i for i, step in enumerate(self._steps) if reached(time_of(self.next_steps[i], step), now)]
         return found[::-1] if found and self.next_steps[found[0]] % 2 else found

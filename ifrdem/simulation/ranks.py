@@ -88,7 +88,7 @@ class CommunicationStats:
     seconds : float
         Real time of all this, waiting for others included [s].
     whole : int
-        Windows that began again with whole lists of the ring, because halos had to be wider than was foreseen.
+        Windows that began again with whole lists of the ring, because halos had to be wider than planned.
     moved : int
         Tiles that went to another owner (`rebalance`).
     """

@@ -205,7 +205,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
                 checked.instance(name, value, kind)
             check_types(walls)
-            begin = replace(state)  # whoever made it may have changed it since: everything is looked at again
+            begin = replace(state)  # the caller may have changed it since: everything is checked again
             if begin.n != disks.n:
                 raise InputError(
                     f"the state has {begin.n} disks, the list of disks {disks.n}: they must agree"

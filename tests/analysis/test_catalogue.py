@@ -1,4 +1,4 @@
-"""Numbers that analyses of files show, of motions whose answers are known."""
+"""Numbers of analyses of files, for motions with known answers."""
 
 from __future__ import annotations
 

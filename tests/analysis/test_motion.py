@@ -1,4 +1,4 @@
-"""Velocities, displacements, fields, pressure, cooling and impacts of gases whose answers are known."""
+"""Velocities, displacements, fields, pressure, cooling and impacts of gases with known answers."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def test_temperature_of_few_disks_in_a_cell_is_without_bias(width: float) -> Non
         rng.random((n, 2)) * box.lengths, v, box=box, cells=(200, 200), mass=mass, width=width
     )
     weight = np.where(np.isfinite(found.temperature), found.number, 0.0)
-    if width:  # by its own degrees of freedom, so that places with few do not scatter it
+    if width:  # by its degrees of freedom, so that cells with few of them do not scatter it
         weight = np.where(found.number > 1.0, weight, 0.0)
     T = np.average(np.nan_to_num(found.temperature), weights=weight)
     assert pytest.approx(1.0, abs=0.02) == T

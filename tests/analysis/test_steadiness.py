@@ -1,4 +1,4 @@
-"""Means over frames are marked where the gas changes over them, and not where it does not."""
+"""Means over frames are marked if the gas changes over the frames, and only then."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pair correlation, structure factor, clusters and psi_6 of gases whose answers are known."""
+"""Pair correlation, structure factor, clusters and psi_6 of gases with known answers."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def test_structure_factor_of_an_ideal_gas_is_one_within_its_error(repeated: bool
 @pytest.mark.parametrize("stride", [1, 3])
 @pytest.mark.parametrize("shear_rate", [0.0, 0.4])
 def test_structure_factor_is_the_sum_that_defines_it(stride: int, shear_rate: float) -> None:
-    """And its k are those of the box: the sum does not change when disks are replaced by their images."""
+    """Its k are those of the box: the sum does not change when disks are replaced by their images."""
     box, time = Box((30.0, 20.0), shear_rate=shear_rate), 2.1
     x = ideal_gas(4, 50, box)[0]
     k, S = structure.mode_intensities(x, box, (4, 3), stride=stride, time=time)

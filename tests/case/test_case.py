@@ -1,4 +1,4 @@
-"""Case files: what they may say, what is refused, and the gas that they describe."""
+"""Case files: allowed keys and values, refusals, and the gas that they describe."""
 
 from __future__ import annotations
 

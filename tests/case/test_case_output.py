@@ -1,4 +1,4 @@
-"""What a case keeps: its cadences, tracked disks, and what cannot be."""
+"""Output of a case: cadences, tracked disks, refusals."""
 
 from __future__ import annotations
 

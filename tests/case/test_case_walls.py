@@ -1,4 +1,4 @@
-"""Walls, gravity and remedies for collapse in case files: keys, refusals, what `check` and `run` make of them."""
+"""Walls, gravity and remedies for collapse in case files: keys, refusals, `check` and `run`."""
 
 from __future__ import annotations
 
@@ -543,7 +543,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
 def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And take no energy: the ledger's dissipation is rounding."""
+    """They take no energy: the ledger's dissipation is rounding."""
     monkeypatch.chdir(tmp_path)
     Path("elastic.toml").write_text(ELASTIC)
     assert main(["run", "elastic.toml", "--no-picture"]) == 0

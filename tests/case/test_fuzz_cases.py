@@ -1,4 +1,4 @@
-"""Any case file, however wrong, is in order or refused: `check` ends with status 0 or 2, without a traceback.
+"""Any case file is valid or refused: `check` ends with status 0 or 2, without a traceback.
 
 Shipped cases, templates and random cases (`ifrdem.validation.gas.cases`) are mutated by a seeded generator.
 By hand, with more mutants and another seed:

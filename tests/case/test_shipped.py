@@ -1,4 +1,4 @@
-"""The shipped cases: listed, found by name, and in order."""
+"""The shipped cases: listed, found by name, and valid."""
 
 from __future__ import annotations
 

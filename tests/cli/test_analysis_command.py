@@ -1,4 +1,4 @@
-"""`ifrdem analyse` and `ifrdem plot`: what they print and write is what the functions find; bad input is named."""
+"""`ifrdem analyse` and `ifrdem plot`: they print and write the results of the functions; messages name bad input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line: what it does, what it refuses, and that it leaves nothing behind."""
+"""The command line: its results, its refusals, and no files left behind."""
 
 from __future__ import annotations
 

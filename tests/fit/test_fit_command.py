@@ -1,4 +1,4 @@
-"""`ifrdem fit`: what it prints and writes, and what it refuses before any work."""
+"""`ifrdem fit`: its output, and refusals before any work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of measured impacts: what is read, and that everything wrong is named by its line, at once."""
+"""Files of measured impacts: values read, and all mistakes named at once with their lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Radii by distribution: the samples have the moments that theory gives, and cases say what they mean."""
+"""Radii by distribution: samples have the moments of theory; keys of cases."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The random numbers of forces: Philox4x32-10 to the last bit, and what is made of its words."""
+"""The random numbers of forces: Philox4x32-10 to the last bit, and distributions made of its words."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_words_are_those_of_random123(counter: str, key: str, words: str) -> Non
 
 
 def test_words_are_those_of_the_algorithm_that_numpy_has_in_64_bits() -> None:
-    """NumPy has Philox4x64 only: one Python function for both widths is held against it, the kernel against that."""
+    """NumPy has Philox4x64 only: one Python function for both widths is compared with it, the kernel with that."""
     rng = np.random.default_rng(1)
     for _ in range(20):
         counter, key = ([int(x) for x in rng.integers(0, 2**63, n)] for n in (4, 2))

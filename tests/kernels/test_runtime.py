@@ -1,4 +1,4 @@
-"""The runtime of a process: chosen once, before kernels are imported; one message for what is not there."""
+"""The runtime of a process: chosen once, before kernels are imported; one message for a missing one."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_bits_are_the_same_on_a_cpu_where_both_were_compared() -> None:
 def test_a_run_chooses_its_runtime_before_it_looks_for_a_gpu(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """To look for one imports a runtime, which then stays that of the process."""
+    """A search for a runtime imports it, and it stays that of the process."""
     found = []
 
     def check(_device: object) -> None:

@@ -1,4 +1,4 @@
-"""Inelastic collapse: where it begins, what the two remedies do, and how a run without one ends."""
+"""Inelastic collapse: its beginning, the two remedies, and the end of a run without one."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def parted(columns: list[np.ndarray], size: int) -> list[list[np.ndarray]]:
 
 @pytest.mark.parametrize("n", [0, 7, MOST_KINDS + 200, 30_000])
 def test_kinds_do_not_depend_on_how_disks_are_divided(n: int) -> None:
-    """Also where each part has few of them, and all together have many."""
+    """The same where each part has few kinds, and all together have many."""
     columns = columns_of(n)
     rows, every = kinds_among(columns)
     assert every == (n < 1000)

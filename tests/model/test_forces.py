@@ -1,4 +1,4 @@
-"""Forces between collisions: their order of accuracy, what they keep, what they put in, and who may compute them."""
+"""Forces between collisions: order of accuracy, conserved quantities, energy put in, devices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When collisions add energy, and that the law is refused exactly then."""
+"""Coefficients with which collisions add energy: the law is refused exactly then."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def energies(coefficients, m, R, k, n, rng):
 
 
 def test_energy_never_rises_in_1e5_admissible_collisions():
-    """And for a law that is admitted without a warning, the tangential impulses alone never add any."""
+    """For a law that is admitted without a warning, the tangential impulses alone never add energy."""
     rng = np.random.default_rng(1)
     collisions = {"strict": 0, "total": 0, "refused": 0}
     while collisions["strict"] + collisions["total"] < 100_000:

@@ -1,4 +1,4 @@
-"""What `IFRLaw` and `collide` refuse, and what they say."""
+"""Input that `IFRLaw` and `collide` refuse, and their messages."""
 
 from __future__ import annotations
 

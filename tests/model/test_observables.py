@@ -1,4 +1,4 @@
-"""What is measured on a gas, against sums done by hand."""
+"""Observables of a gas, compared with sums by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Input from Python: what does not fit is refused by name, before any work, and never cut or stretched to fit."""
+"""Input from Python: bad arguments are refused by name, before any work, and never cut or extended."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Movies: disks are where and as large as they are, in the colours of their spins; the file plays."""
+"""Movies: disks at their positions and sizes, in the colours of their spins; the file plays."""
 
 from __future__ import annotations
 

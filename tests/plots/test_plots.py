@@ -110,7 +110,7 @@ def test_laws_are_checked_for_the_disks_that_have_them(tmp_path: Path, drawn: li
     write(tmp_path / "a.h5", law=law, k=1.0)
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert "kinetic theory (homogeneous gas)" in texts(drawn[0])
-    write(tmp_path / "b.h5", law={**law, "k": 2.0}, k=2.0)  # nobody could have run it
+    write(tmp_path / "b.h5", law={**law, "k": 2.0}, k=2.0)  # such a gas cannot be run
     run.cooling(tmp_path / "b.h5", tmp_path / "b.png")
     assert "no kinetic theory here" in texts(drawn[1])
 

@@ -1,4 +1,4 @@
-"""Cases as objects of Python say and do what case files and the command line say and do."""
+"""Cases as objects of Python: the same results as case files and the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No verb takes a device, a pipe, a folder or the trajectory itself for a file that it may write."""
+"""No command writes to a device, a pipe, a folder or the trajectory that it reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No verb and no writer replaces a file that a process is writing: they name the process, and do nothing."""
+"""No command and no writer replaces a file that a process is writing: the error names the process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands that read a trajectory say of one in parts what they say of the same run in one file."""
+"""Commands that read a trajectory give the same results for one in parts as for one file."""
 
 from __future__ import annotations
 

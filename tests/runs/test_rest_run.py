@@ -1,4 +1,4 @@
-"""What a run in which disks come to rest says at its end."""
+"""Last lines of a run in which disks come to rest."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def told(case: Path, plain: Path) -> dict[str, dict[str, Any]]:
     }
     listed: list[list[Any]] = []
     for name, (ranks, constants, words) in steps.items():
-        if name == "radii go on":  # nobody else's file is removed
+        if name == "radii go on":  # no file of another run is removed
             listed.append(["touch", str(folder / "radii" / "gas.checkpoint.parts" / "gone")])
         listed.append([ranks, constants.get("block"), constants.get("gathered"), words])
     (folder / "steps.json").write_text(json.dumps(listed))

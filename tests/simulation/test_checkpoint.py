@@ -139,7 +139,7 @@ def driven(threads: int | None = None) -> Simulation:
     [gas(), walled, pushed, heap, sheared, freed, driven, pytest.param(gas(precision="f32"), id="f32")],
 )
 def test_a_run_resumes_to_the_bit(tmp_path, make):
-    """In the same gas that is made again, and in one that is made from the file."""
+    """In the same gas made again, and in one made from the file."""
     # In time, except that a gas in single precision may as well end by its collisions.
     whole = make()
     whole.run(t_end=0.9)

@@ -1,4 +1,4 @@
-"""Checkpoints in parts: the one before is whole until the new one is, and any number of ranks reads its rows."""
+"""Checkpoints in parts: the previous one is valid until the new one is, and any number of ranks reads its rows."""
 
 from __future__ import annotations
 

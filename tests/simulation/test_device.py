@@ -1,4 +1,4 @@
-"""Devices: named, checked before use, never exchanged silently."""
+"""Devices: named, checked before use, never replaced silently."""
 
 from __future__ import annotations
 
@@ -232,7 +232,7 @@ def test_a_cache_that_cannot_be_written_is_reported_once(tmp_path: Path) -> None
 def test_a_lock_of_a_killed_process_leaves_the_kernel_cache_at_a_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With a lock there, the runtime neither reads nor writes its cache; one of a minute ago is nobody's any more."""
+    """With a lock there, the runtime neither reads nor writes its cache; a lock that is a minute old has no owner."""
     monkeypatch.setenv(CACHE, str(tmp_path))
     lock = tmp_path / runtime.cache_lock()
     lock.parent.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""Energy that each disk's collisions take, by mechanism: whose it is, and that nothing is missing."""
+"""Energy that each disk's collisions take, by mechanism: its shares, and a complete sum."""
 
 import dataclasses
 

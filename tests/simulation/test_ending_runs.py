@@ -1,4 +1,4 @@
-"""Runs that end early: by `stop`, by what an observer raises, by Ctrl-C; and runs where none can be."""
+"""Runs that end early: by `stop`, by an error of a callback, by Ctrl-C; and runs where none is possible."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
 ) -> None:
     """One window of 100 disks holds many of these frames.
 
-    From there on it must be the gas that nobody has stopped: the same frames to the last bit, and the same collisions.
+    From there on it must be the uninterrupted gas: the same frames to the last bit, and the same collisions.
     """
     whole, part = (
         gas(record=["energy"], tracked=[3], **options),

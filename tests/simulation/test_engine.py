@@ -1,4 +1,4 @@
-"""What the engine conserves, how often disks collide, and how the odd cases end."""
+"""Conservation laws and collision rates of the engine, and the end of unusual runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gases with forces: the energy ledger, the steady state, threads and precision, and what is refused."""
+"""Gases with forces: the energy ledger, the steady state, threads and precision, refusals."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
     box, state = start(disks, 0.3)
     forces = [RandomKicks(0.05, power=1.0), Langevin(0.1, temperature=1.0, rate=0.2, spin_rate=0.1)]
     ends: dict[str, tuple[State, NDArray[np.float64]]] = {}
-    for threads in (2, 1):  # another number starts Taichi anew, which takes seconds
+    for threads in (2, 1):  # another number restarts Taichi, which takes seconds
         for order in ("serial", "tiled"):
             engine = Engine(
                 disks, box, state, np.array([[COIN]]), device=Device(threads=threads), order=order, tile_disks=500,

@@ -1,4 +1,4 @@
-"""The energy ledger: what each mechanism takes adds up to what is missing, in every kind of gas."""
+"""The energy ledger: losses by mechanism add up to the missing energy, in every kind of gas."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 
 
 def residual(first: Measure, last: Measure) -> float:
-    """What the ledger does not explain, over what was turned over."""
+    """Relative residual of the ledger."""
     assert last.dissipated is not None
     turned = first.energy + abs(last.energy_input) + abs(last.wall_work) + abs(last.wall_heat)
     return (first.unspent - last.unspent - float(last.dissipated.sum())) / turned
@@ -251,7 +251,7 @@ def test_exact_series_have_rows_where_they_are_due(device):
     simulation.run(t_end=1.0, series=40, series_callbacks=[rows.append])
     assert [row.time for row in rows] == pytest.approx(np.linspace(0.0, 1.0, 41), abs=1e-15)
     assert rows[0].dissipated is None  # no ledger was requested
-    simulation.run(t_end=1.1, series=3)  # nobody samples: it ends all the same
+    simulation.run(t_end=1.1, series=3)  # without callbacks it ends as well
     assert simulation.time == 1.1
 
 

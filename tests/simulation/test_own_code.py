@@ -133,7 +133,7 @@ def test_what_a_force_has_not_is_one_error_that_lists_what_there_is(name: str) -
 
 
 def test_a_wrong_parameter_of_a_force_does_not_end_the_process() -> None:
-    """In a process of its own, which Taichi's compiler would abort."""
+    """In a separate process, which Taichi's compiler would abort."""
     names = [name for name in WRONG_FORCES if "parameter" in name]
     script = (
         "import sys; sys.path.insert(0, 'tests/simulation')\n"
@@ -291,7 +291,7 @@ class OwnNumber(ifrdem.CollisionLaw):
 
 
 def test_a_variable_with_the_name_of_a_coefficient_may_change(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in a script that runs a gas for each value of a loop."""
+    """Like a script that runs a gas for each value of a loop."""
     for value in (0.9, 0.5):
         monkeypatch.setitem(globals(), "e_n", value)
         simulation = gas(law=OwnNumber(e_n=value))

@@ -1,4 +1,4 @@
-"""Frames within windows: nobody who looks changes what happens."""
+"""Frames within windows: a readout does not change the motion."""
 
 from __future__ import annotations
 

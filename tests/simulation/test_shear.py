@@ -1,4 +1,4 @@
-"""Gases between the sides of Lees and Edwards: collisions, energy, symmetries, and what is refused."""
+"""Gases with Lees-Edwards boundaries: collisions, energy, symmetries, refusals."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ def test_a_sheared_run_is_bitwise_the_same_on_one_and_two_threads() -> None:
     disks = mixture(1500)
     box, state = sheared(disks, 0.3, 0.5, time=3.7)
     ends: dict[str, tuple[State, float]] = {}
-    for threads in (2, 1):  # another number starts Taichi anew, which takes seconds
+    for threads in (2, 1):  # another number restarts Taichi, which takes seconds
         for order in ORDERS:
             engine = Engine(
                 disks,
@@ -232,7 +232,7 @@ def test_moving_everything_up_with_the_flow_changes_no_collision(order: str) -> 
 
 
 def test_a_run_continues_from_a_state_with_the_same_collisions() -> None:
-    """Where the images are follows from the time alone."""
+    """The positions of images follow from the time alone."""
     disks = equal_disks(300)
     box, state = sheared(disks, 0.3, 0.5)
     engine = made(disks, box, state)

@@ -1,4 +1,4 @@
-"""How fast vortices grow in simulated cooling gases, against linear theory: nothing here is fitted."""
+"""Growth of vortices in simulated cooling gases, compared with linear theory without a fit."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def test_a_pair_that_collides_underway_stops_where_it_should() -> None:
 
 @pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_a_gas_that_has_come_to_rest_goes_to_the_end_at_no_cost(order: str) -> None:
-    """And the ledger is complete: friction and collisions have taken all there was."""
+    """The ledger is complete: friction and collisions have taken all energy."""
     disks = equal_disks(200)
     box, state = start(disks, 0.3)
     engine = Engine(
@@ -174,7 +174,7 @@ def test_threads_orders_and_precisions_agree() -> None:
         assert engine.collisions > 30
         return reached
 
-    # Another number of threads, or precision, starts Taichi anew.
+    # Another number of threads, or precision, restarts Taichi.
     alone, two, one, single = (
         end("serial"),
         end("tiled"),

@@ -420,7 +420,7 @@ def test_a_run_that_ends_its_process_fails_alone_and_says_how() -> None:
 
 
 def test_a_cluster_without_workers_is_waited_for_and_said() -> None:
-    """As where all its jobs have ended at their time limit."""
+    """Like a study with all its jobs ended at their time limit."""
     said: list[str] = []
     with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address="127.0.0.1:0") as cluster:
         place = ClusterSection(scheduler=cluster.scheduler_address)

@@ -1,4 +1,4 @@
-"""What stands in a figure."""
+"""Texts and curves of a figure."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def run(engine: Engine, count: int) -> CollisionTimes:
 
 
 def partners(pair: np.ndarray) -> np.ndarray:
-    """Whom each disk hit, in its own order: rows (disk, partner) by disk.
+    """Partners of each disk in the order of its collisions: rows (disk, partner) by disk.
 
     Collisions of others at next to the same time may change places by rounding, which changes no history.
     """

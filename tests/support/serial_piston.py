@@ -2,7 +2,7 @@
 
 It shares no formula with the package. Between its events a piston follows a parabola, or a rotation in the complex
 plane of s - s_0 + i s'/omega by exp(-i omega t); stops are found like hits, by looking in steps and Brent's method; a
-hit gives the impulse of the law to both bodies. After each event of a piston all disks look for walls anew.
+hit gives the impulse of the law to both bodies. After each event of a piston all disks search for walls again.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ class PistonGas(Gas):
     """Disks among walls, some of them pistons, under gravity."""
 
     def __init__(self, *given: Any) -> None:
-        """As `Gas`."""
+        """Arguments as for `Gas`."""
         _, state, _, walls, gravity = given
         self.g = np.array(gravity)
         self.bounces = 0
-        self.changed: float | None = None  # time of the latest event of a piston, if nobody has looked since
+        self.changed: float | None = None  # latest event of a piston since the last search
         self.moving = {
             id(wall): (wall.piston.displacement, wall.piston.velocity, state.time)
             for wall in walls

@@ -1,4 +1,4 @@
-"""A plain serial event-driven simulation of hard disks, to hold the parallel engine against.
+"""A plain serial event-driven simulation of hard disks, for comparison with the parallel engine.
 
 One heap of events, one disk pair at a time, ordinary Python floats: slow (some 1e4 collisions/s) and easy to
 check by reading. Only the collision law is shared with the engine.
@@ -10,7 +10,7 @@ check by reading. Only the collision law is shared with the engine.
   cells can touch. A pair is tested whenever either of them collides, and whenever their cells become
   neighbours; between two such moments the outcome cannot change.
 - The heap holds every predicted contact and each disk's next cell crossing. An event counts only if its
-  disks have not collided since it was predicted (their numbers of collisions say so).
+  disks have not collided since it was predicted (by their numbers of collisions).
 - Events run in the order (time, smaller id, larger id); cell crossings come before contacts at equal times,
   because they may bring a contact to light.
 """
@@ -74,7 +74,7 @@ class _Gas:
         self.contact_time = contact_time
         self.latest = state.latest_collision.tolist()
         # The pair that collided last, as (partner, image): it cannot touch again before either touches
-        # something else, since it separates. Says so where rounding does not (b = -1e-17 at contact).
+        # something else, since it separates. True also where rounding hides it (b = -1e-17 at contact).
         self.last: list[tuple[int, int, int] | None] = [None] * n
 
         # Cells at least as wide as the largest contact distance (a little wider: rounding at cell borders).
@@ -153,7 +153,7 @@ class _Gas:
         self.predict_crossing(i, now)
 
     def collide(self, i: int, j: int, sx: int, sy: int, now: float) -> None:
-        """Disks i and j touch now: apply the law and predict both anew."""
+        """Disks i and j touch now: apply the law and predict both again."""
         for d in (i, j):
             self.x[d] += self.vx[d] * (now - self.clock[d])
             self.y[d] += self.vy[d] * (now - self.clock[d])

@@ -1,4 +1,4 @@
-"""A plain serial event-driven simulation of disks between the sides of Lees and Edwards, to hold the engine against.
+"""A plain serial event-driven simulation of disks with Lees-Edwards boundaries, for comparison with the engine.
 
 Everything is in the lab, and every disk is tested against all images of all others: no cells, no frames. Only the law
 is shared with the engine.

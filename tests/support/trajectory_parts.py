@@ -1,4 +1,4 @@
-"""Rows of series and events of histories to write, which their numbers determine."""
+"""Rows of series and events of histories for tests of writers, determined by their numbers."""
 
 from __future__ import annotations
 

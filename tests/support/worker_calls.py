@@ -1,4 +1,4 @@
-"""Calls of worker processes in tests of validation and of studies; a module of its own, since they import it."""
+"""Calls of worker processes in tests of validation and of studies; a separate module, since they import it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ifrdem.validation.report.registry import Result, Row
 
 
 def shout(name: str) -> tuple[str, int, int]:
-    """The name, this process, and how many threads a kernel would get. Ends it where the name says so."""
+    """The name, this process, and how many threads a kernel would get. The process ends if the name requests it."""
     if name.startswith("killed"):
         os.kill(os.getpid(), signal.SIGKILL)
     if name.startswith("left"):
@@ -37,7 +37,7 @@ def case(name: str, *, quick: bool, seed: int) -> runner.Verdict:
 
 
 class QuickTask(Task):
-    """A run that does nothing; the one with the key "ends" ends its process, as compiling does where `path` says so."""
+    """A run that does nothing; the one with the key "ends" ends its process, as compiling does if `path` asks."""
 
     def perform(self, threads: int = 1) -> str | None:
         if self.key == "ends":

@@ -1,4 +1,4 @@
-"""Sonine coefficients against printed closed forms, and a Monte Carlo of what a_2 does to rates."""
+"""Sonine coefficients against printed closed forms, and a Monte Carlo of the effect of a_2 on rates."""
 
 from __future__ import annotations
 

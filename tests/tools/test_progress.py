@@ -1,4 +1,4 @@
-"""What a run shows while it goes."""
+"""Progress display of a run."""
 
 from __future__ import annotations
 

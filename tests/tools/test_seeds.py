@@ -24,7 +24,7 @@ def test_random_numbers_of_a_disk_do_not_depend_on_the_others_drawn(monkeypatch:
 
 
 def test_one_block_draws_the_numbers_of_its_stream() -> None:
-    """As before there were blocks: cases of up to 262,144 disks of a species begin as they did."""
+    """Without blocks: cases of up to 262,144 disks of a species have unchanged starts."""
     expected = np.random.default_rng(np.random.SeedSequence(3, spawn_key=(seeds.SPINS,))).standard_normal(
         (999, 2)
     )

@@ -18,7 +18,7 @@ from ifrdem.tools import text_file
 
 @pytest.mark.parametrize("read", [case_file.read, data.read, lambda path: from_csv.read(path, 3)])
 def test_devices_and_pipes_are_refused_at_once(read, tmp_path: Path) -> None:
-    """A pipe that nobody writes into would be waited for without end, and /dev/zero fill the memory."""
+    """Reading a pipe without a writer would never end, and /dev/zero would fill the memory."""
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/zero")):
         seen: list[str] = []

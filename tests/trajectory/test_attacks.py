@@ -1,4 +1,4 @@
-"""A sample of `support.attacks`, which runs for a minute each."""
+"""A sample of `support.attacks`, whose full runs take a minute each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that are damaged or made to do harm end in messages: never in a traceback, a hang or a crash."""
+"""Damaged and malicious files give messages: never a traceback, a hang or a crash."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def linked(name: str, make: Callable[[Path], object]) -> Callable[[h5py.File, Pa
 
 
 def pipe(folder: Path) -> h5py.ExternalLink:
-    """A link to a pipe that nobody writes to: opening it would last for ever."""
+    """A link to a pipe without a writer: opening it would never end."""
     os.mkfifo(folder / "pipe")
     return h5py.ExternalLink(str(folder / "pipe"), "/x")
 

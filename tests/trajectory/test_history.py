@@ -1,4 +1,4 @@
-"""Histories of tracked disks: their events come back, and their paths are exact between them."""
+"""Histories of tracked disks: their events are read as written, and their paths are exact between them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TRACKED = [1, 4, 6]
 
 
 def start_of(n: int, box: Box = BOX, time: float = 0.0) -> dict[str, np.ndarray]:
-    """Where the tracked disks begin."""
+    """Start of the tracked disks."""
     state = some_state(n, 0, box)
     return {
         "time": time,

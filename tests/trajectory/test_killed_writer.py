@@ -1,4 +1,4 @@
-"""Whatever ends a writing process or takes its disk away, the file keeps what was committed and can be gone on with."""
+"""Whatever ends a writing process or takes its disk away, the file keeps the committed frames and can be resumed."""
 
 from __future__ import annotations
 
@@ -233,7 +233,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         check=False,
     )
     if mounted.returncode != 0:
-        # Mounting takes rights; where nobody has them, the test with a limit on the size of files stands for it.
+        # Mounting takes rights; without them, the test with a limit on the size of files replaces it.
         pytest.skip(f"no disk can be mounted here: {mounted.stderr.strip()}")
     yield folder
     subprocess.run(["umount", str(folder)], check=True)
@@ -272,7 +272,7 @@ def test_a_file_that_is_deleted_or_replaced_meanwhile_is_reported(tmp_path, queu
             write_or_wait()
         writer.close()
         assert path.exists() == replace
-    assert path.read_text() == "other"  # what stands there now is somebody else's
+    assert path.read_text() == "other"  # the file there now belongs to another process
 
 
 @pytest.mark.parametrize("writes", range(8))

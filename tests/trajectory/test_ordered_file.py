@@ -1,4 +1,4 @@
-"""The order in which a trajectory reaches the disk: whatever a kill cuts off, what was committed is there."""
+"""The order in which a trajectory reaches the disk: whatever a kill cuts off, committed frames are there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Other programs find the neighbours of the gas, and get back its masses, radii, velocities, spins, box and time."""
+"""Other programs find the neighbours of the gas, and read its masses, radii, velocities, spins, box and time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trajectories in parts: NAME.h5 shows bit for bit what one file would hold, and no reader takes less for all of it."""
+"""Trajectories in parts: NAME.h5 has bit for bit the content of one file, and no reader accepts an incomplete one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trajectory files: what is written comes back, in H5MD, whatever ends the run."""
+"""Trajectory files: data are read as written, in H5MD, whatever ends the run."""
 
 from __future__ import annotations
 
@@ -645,7 +645,7 @@ def assert_whole(path: Path, n: int, reported: int) -> None:
     """Every frame that has a step is as its number says, read with h5py alone; none reported is missing."""
     with h5py.File(path, "r") as file:
         frames = len(file["particles/all/position/step"])
-        # A frame may be committed and the process killed before it can say so.
+        # A frame may be committed and the process killed before it can report it.
         assert reported <= frames <= reported + 1
         particles = file["particles/all"]
         for i in range(frames):
@@ -711,7 +711,7 @@ def test_a_full_disk_before_the_first_frame_keeps_nothing_and_says_so(tmp_path):
 
 
 def test_a_frame_without_its_step_does_not_count(tmp_path):
-    """What a kill between the two phases leaves."""
+    """The file after a kill between the two phases."""
     path = tmp_path / "run.h5"
     write(path, frames=2)
     with h5py.File(path, "r+") as file:

@@ -1,4 +1,4 @@
-"""What is whole of a damaged trajectory is kept, and nothing else; what cannot be kept is said."""
+"""Undamaged data of a trajectory are kept, and nothing else; losses are reported."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 
 
 def stored(name: str, frame: int, dtype: type) -> np.ndarray:
-    """What the file should hold of a field at a frame; vectors with z = 0."""
+    """Expected values of a field at a frame; vectors with z = 0."""
     value = getattr(some_state(N, frame), "spin" if name == "angular_velocity" else name)
     value = value.astype(dtype) if value.dtype.kind == "f" else value
     return np.column_stack([value, np.zeros(N, value.dtype)]) if value.ndim == 2 else value

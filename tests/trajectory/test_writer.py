@@ -1,4 +1,4 @@
-"""Series, histories and compressed chunks: what is written comes back, in the layout that other tools read."""
+"""Series, histories and compressed chunks: data are read as written, in the layout that other tools read."""
 
 from __future__ import annotations
 

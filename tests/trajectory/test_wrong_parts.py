@@ -1,4 +1,4 @@
-"""Parts that are no trajectories, nor even files: each reader names the part, and none waits for a pipe."""
+"""Parts that are not trajectories or not files: each reader names the part, and none waits for a pipe."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def unprofiled() -> Iterator[None]:
 
 
 def output(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """What `ifrdem bench` prints on the standard output stream."""
+    """Lines that `ifrdem bench` prints on the standard output stream."""
     assert cli.main(["bench", *arguments]) == 0
     return capsys.readouterr().out
 
@@ -438,7 +438,7 @@ def test_a_script_refuses_impossible_arguments(
 
 
 def test_mean_free_time_is_that_of_the_collisions_seen() -> None:
-    """Of some 5000 collisions the statistical error is 1.4 %; theory is good to 0.5 %."""
+    """With some 5000 collisions the statistical error is 1.4 %; theory is good to 0.5 %."""
     case = bench.elastic_gas(1000, 0.3, threads=1)
     gas = CaseGas.from_case(case)
     simulation = gas.simulation()

@@ -1,4 +1,4 @@
-"""The cases against PyBullet and pymunk: what they compare, that they can fail, and what is said without PyBullet."""
+"""The cases against PyBullet and pymunk: comparisons, sensitivity to errors, and messages without PyBullet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`validate device`: what it compares, on a machine without a GPU by the CPU against itself."""
+"""`validate device`: its comparisons, on a machine without a GPU those of the CPU with itself."""
 
 from __future__ import annotations
 

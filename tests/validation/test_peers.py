@@ -1,4 +1,4 @@
-"""The peers to time against move the same gas as the engine, and the benchmark says so when one does not."""
+"""Peers of the benchmark move the same gas as the engine; the benchmark reports one that does not."""
 
 from __future__ import annotations
 

@@ -250,7 +250,7 @@ def test_list_names_every_case_with_its_question(capsys):
 
 
 def test_pairs_with_laws_of_their_own_collide_as_each_alone():
-    """And momentum is kept along and across the line of centres, energy not gained."""
+    """Momentum is conserved along and across the line of centres, and energy is not gained."""
     mu = np.linspace(0.05, 0.4, 12)
     c = Impact(0.6, 0.87, -0.88, mu, M=1.7, m_1=2.0, R_1=1.3)
     together = pairs.fly(c)

@@ -1,4 +1,4 @@
-"""`ifrdem validate gas`: that it is there, that its rows say how they were sampled, and that it can fail."""
+"""`ifrdem validate gas`: the command, the sampling in its rows, and its sensitivity to errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`ifrdem validate --jobs`: workers bring back what one process finds, and none is lost or left."""
+"""`ifrdem validate --jobs`: workers give the results of one process, and none is lost or left."""
 
 from __future__ import annotations
 

@@ -371,7 +371,7 @@ def test_one_file_of_too_many_disks_is_refused(path, monkeypatch):
 
 
 def some_results(folder: Path) -> Path:
-    """Results of a study of three points and two seeds, of which one run has its trajectory."""
+    """Results of a study of three points and two seeds; one run has its trajectory."""
     e_n, T = np.array([0.7, 0.8, 0.9]), np.arange(1.0, 13.0).reshape(3, 4)
     runs = np.array([[f"run{p}{s}" for s in range(2)] for p in range(3)], dtype=object)
     variables = {

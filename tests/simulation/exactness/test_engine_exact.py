@@ -1,4 +1,4 @@
-"""The engine's guarantee at length: a million collisions held against the serial code, and what happens without it."""
+"""The engine's guarantee at length: a million collisions compared with the serial code, and the errors without it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ WAYS = {
     "tiled": {"order": "tiled", "tile_disks": 250},
     "larger tiles": {"order": "tiled", "tile_disks": 1000},
 }
-# Gases are prepared on all cores: the same number first, because changing it starts Taichi anew.
+# Gases are prepared on all cores: the same number first, because changing it restarts Taichi.
 THREADS = [t for t in (2, 1) if t <= backend.cores()]
 
 

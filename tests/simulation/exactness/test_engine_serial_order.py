@@ -196,7 +196,7 @@ def test_a_disk_among_thousands_of_small_ones_loses_none() -> None:
 
 @pytest.mark.parametrize("n", [300, 25_000])
 def test_disks_in_a_strip_of_three_diameters_meet_by_every_image(n: int) -> None:
-    """Two disks that have just parted come together again round the box, without any other collision between."""
+    """Two disks that have just separated meet again across the periodic box, without any other collision between."""
     box = Box((3.0, 2.4 * n))
     position = np.stack([np.full(n, 1.5), 2.4 * np.arange(n) + 0.3], axis=1)
     velocity = placement.maxwellian(np.ones(n), temperature=1.0, seed=1)

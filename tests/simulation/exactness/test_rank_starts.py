@@ -1,4 +1,4 @@
-"""A gas of which no rank has all disks is, to the last bit, that of one process; and what is refused of it."""
+"""A gas of which no rank has all disks is, to the last bit, that of one process; and its refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A gas on several ranks of MPI is, to the last bit, that of one rank; and what would show if it were not verified."""
+"""A gas on several ranks of MPI is, to the last bit, that of one rank; and the errors of a gas without verification."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
 
 @mpi.needed
 def test_faults_are_found_out(told: dict[str, dict[str, Any]]) -> None:
-    """Half of a ring, a narrow one, no hashes, no verification, other sums, a tile of nobody, wrong masses: each shows.
+    """Faults: half a ring, a narrow one, no hashes or verification, other sums, an unowned tile, wrong masses.
 
     Rings that turn out to be too narrow are no fault: they come whole then. (Sums may change in their last digit: where
     a window is left to the whole box, disks stand in another order in their lists.)

@@ -1,4 +1,4 @@
-"""All bits of a state belong to the gas: any number of threads, any tiles, the whole box in order; and what would show.
+"""The bits of a state do not depend on threads and tiles; and errors that these tests would find.
 
 Any difference of a last bit has grown to that of another gas after some fifteen collisions of a disk: equal states
 after fifty say that none was ever there.

@@ -1,4 +1,4 @@
-"""The serial reference itself: by hand where it can be done by hand, else against all pairs at every step."""
+"""The serial reference itself, compared with results by hand, or with all pairs at every step."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def smallest_gap(disks: Disks, box: Box, position: NDArray[np.float64]) -> float
 
 
 def placed_one_by_one(disks: Disks, box: Box, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Positions without overlap: each disk is tried anew until it fits."""
+    """Positions without overlap: each disk is tried again until it fits."""
     position = np.empty((disks.n, 2))
     for i in range(disks.n):
         while True:
@@ -60,7 +60,7 @@ def all_pairs(
         delay = np.where(hits, -b - np.sqrt(np.where(hits, discriminant, 0.0)), np.inf) / vv
         image, pair = np.unravel_index(np.argmin(delay), delay.shape)
         step = delay[image, pair]
-        # The images kept must be all that could be hit: nobody may come further in this step.
+        # The images kept must be all that could be hit: no disk may move further in this step.
         assert step * math.sqrt(vv.max()) < 3.0 * min(box.lengths)
         x, time = x + v * step, time + step
         p, q = int(i[pair]), int(j[pair])

@@ -27,8 +27,8 @@ SIZES = {
 }
 
 
-# Light disks between heavy ones that come together collide without end if they lose energy along the normal: that is
-# inelastic collapse, in which no two codes agree. Where all sizes meet closely, friction alone dissipates.
+# Light disks between heavy ones that approach each other collide without end if they lose energy along the normal. This
+# is inelastic collapse, in which no two codes agree. Where all sizes meet closely, friction alone dissipates.
 ROUGH = (1.0, -0.9, 0.21, 0.0, 0.0)
 GASES = {
     "dilute": ("bidisperse", 0.3, COIN),
@@ -80,7 +80,7 @@ def test_collisions_of_very_unequal_disks_are_those_of_the_serial_code(name: str
 
 @pytest.mark.parametrize("along", [(1.0, 0.1), (-1.0, -0.1), (0.1, -1.0), (0.1, 1.0)])
 def test_small_disks_that_come_far_without_collisions_meet_a_large_one(along: tuple[float, float]) -> None:
-    """All in one stream, of which one disk alone is on its way to the large one, and comes near it by flight alone.
+    """All disks move in one stream; a single one of them flies towards the large disk and gets near it.
 
     Large cells are 12 wide, and the large disk's centre lies at the near side of one: from where the small disk enters
     the cells around it to the contact there are 6.5 to fly, less than the way in a window.

@@ -1,4 +1,4 @@
-"""Pistons: closed forms, what is conserved, stops, checkpoints to the bit, and what is refused."""
+"""Pistons: closed forms, conservation laws, stops, checkpoints to the bit, refusals."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_momentum_and_energy_hold_over_a_hundred_thousand_hits() -> None:
     s, speed, *_ = simulation.pistons[0]
     of_piston = simulation.wall_sums.values[0]
     assert of_piston[5] > 1e5
-    # Energy: at most 1e-16 for each of 4e5 collisions, all the same way.
+    # Energy: at most 1e-16 for each of 4e5 collisions, all of one sign.
     assert whole_energy(simulation) == pytest.approx(before, rel=4e-11)
     # Momentum along the normal, (0, -1): M v = F t - what it gave to the disks, of 1e5 hits of some 4 each.
     given = -of_piston[1]

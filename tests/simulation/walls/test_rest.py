@@ -1,4 +1,4 @@
-"""Heaps that rest: who falls asleep, by which forces, what it costs, and what wakes."""
+"""Heaps at rest: sleeping disks, contact forces, costs, and waking."""
 
 from __future__ import annotations
 
@@ -265,7 +265,7 @@ def test_a_slow_hit_wakes_no_disk() -> None:
 
 
 def test_a_disk_that_loses_its_support_wakes_and_falls() -> None:
-    """A tower of two; a third disk knocks the lower one away along the floor, so nobody hits the upper one hard."""
+    """A tower of two; a third disk knocks the lower one away along the floor, so no disk hits the upper one hard."""
     run = gas([[6.0, 0.5], [6.0, 1.5], [3.0, 0.5]], [[0.0, 0.0], [0.0, 0.0], [6.0, 0.0]])
     run = said_asleep(run, [1, 1, 0], e_n=0.9, e_t=-1.0, mu=0.0)
     run.run(t_end=0.3)

@@ -1,4 +1,4 @@
-"""Thermal walls: what disks leave them with, equilibrium, heat, and the same random numbers in every way of running."""
+"""Thermal walls: velocities after a collision, equilibrium, heat, and random numbers that do not depend on tiles."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_every_way_of_running_draws_the_same_numbers() -> None:
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_two_threads_give_the_same_bits() -> None:
     found = []
-    for threads in (2, 1):  # another number starts Taichi anew, which takes seconds
+    for threads in (2, 1):  # another number restarts Taichi, which takes seconds
         engines = [furnished(order, device=Device(threads=threads)) for order in ORDERS]
         ends = [run_to(engine, 4.0) for engine in engines]
         found.append(

@@ -1,4 +1,4 @@
-"""Gravity that turns in steps: flight against the exact integral, its work, who wakes, and what is refused."""
+"""Gravity that rotates in steps: flight compared with the exact integral, work, waking, refusals."""
 
 from __future__ import annotations
 

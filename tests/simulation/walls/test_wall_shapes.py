@@ -1,4 +1,4 @@
-"""Arcs, polygons, walls that turn, gates, and what each wall gives: bits, balances, and that nobody escapes."""
+"""Arcs, polygons, rotating walls, gates, and sums of each wall: bits, balances, and no disk escapes."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def same(one: State, other: State) -> None:
 
 
 def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
-    """Gates end windows; that somebody looks, or that impulses are added up, does not change anything."""
+    """Gates end windows; a readout, or sums of impulses, change nothing."""
     end = 9.0
     expected = gas("serial")
     state = run_to(expected, end)

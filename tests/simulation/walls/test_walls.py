@@ -1,4 +1,4 @@
-"""Walls: exact hit times, the law at a wall, energy from moving walls, the same collisions in every way of running."""
+"""Walls: exact hit times, the law at a wall, energy from moving walls, the same collisions with any tiles."""
 
 from __future__ import annotations
 
@@ -229,7 +229,7 @@ def test_every_way_of_running_gives_the_same_shaken_gas() -> None:
 
 
 def test_a_shaken_gas_is_the_same_on_two_threads() -> None:
-    # Another number starts Taichi anew, which takes seconds: first that which other tests have here.
+    # Another number restarts Taichi, which takes seconds: that of other tests is first.
     two, one = ([run_to(shaken(order, threads), 5.0) for order in ORDERS] for threads in (2, 1))
     for order in range(len(ORDERS)):
         for name in ("position", "velocity", "spin", "collisions"):
@@ -380,7 +380,7 @@ def test_windows_under_oblique_gravity_are_the_same_for_whoever_plans_them():
 
 
 def test_a_gas_that_starts_at_rest_falls_alike_in_tiles_and_in_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Squares of speeds are added up in a unit that fits speeds at the end of a window, which nobody has before."""
+    """Squares of speeds are added up in a unit that fits speeds at the end of a window, which no disk has before."""
     side, n = 40, 1600
     lattice = np.stack(np.meshgrid(*[1.3 * np.arange(side) + 0.65] * 2), axis=-1).reshape(-1, 2)
     position = lattice + np.random.default_rng(5).uniform(-0.05, 0.05, lattice.shape)

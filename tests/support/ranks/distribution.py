@@ -1,4 +1,4 @@
-"""`mpiexec -n P python distribution.py`: what `mpi/distribution.py` gives on P ranks, as JSON."""
+"""`mpiexec -n P python distribution.py`: results of `mpi/distribution.py` on P ranks, as JSON."""
 
 from __future__ import annotations
 

@@ -205,7 +205,7 @@ def no_hashes() -> None:
 
 
 def no_verification() -> None:
-    """Hashes are exchanged, and nobody looks at them."""
+    """Hashes are exchanged, but not compared."""
     runner.TileRunner.run_until_good = lambda self: None  # type: ignore[method-assign]
 
 
@@ -216,7 +216,7 @@ def other_order() -> None:
 
 
 def wrong_owner() -> None:
-    """A tile is nobody's: its owner does not run it."""
+    """A tile that its owner does not run."""
     whole = runner.TileRunner.run_all
 
     def fewer(self: Any, most: int = 1, **given: Any) -> None:

@@ -1,4 +1,4 @@
-"""What of a trajectory that ranks wrote is not that of one process."""
+"""Differences between a trajectory that ranks wrote and that of one process."""
 
 from __future__ import annotations
 
