@@ -44,7 +44,7 @@ TOO_FAR = 1e6  # or a disk that would come so many times through its region in a
 
 @ti.func
 def remove_event(i, bins, gas: ti.template()):
-    """Take a disk out of its bin."""
+    """Remove a disk from its bin."""
     info = gas.event_info[i]
     before, after = info.previous, info.next
     if before != NOT_QUEUED:

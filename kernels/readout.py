@@ -1,4 +1,4 @@
-"""Disks by id, and sums over all of them, at the beginning or end of a window or at a requested moment in it.
+"""Disks by id and sums over all disks, at the beginning or end of a window or at a requested moment in it.
 
 Also copies of small arrays, and of rows of others, between host and GPU.
 """

@@ -231,7 +231,7 @@ def position_in_tile(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti
 
 
 def team_of(uses: Uses) -> int:
-    """Threads that share the work on a tile, but for its events, which one of them runs in order: on a GPU."""
+    """Threads that share the work on a tile on a GPU; its events are run in order by one of them."""
     return TEAM if on_gpu() and not (uses.sheared or uses.layered) else 1
 
 

@@ -156,7 +156,7 @@ def strip_bytes(gas: CaseGas, ranks: int) -> float:
 
 @dataclass(frozen=True)
 class RankPlan:
-    """Estimated needs of each of several ranks of MPI in a run (`simulation/ranks.py`)."""
+    """Estimated memory and disks of each of several ranks of MPI in a run (`simulation/ranks.py`)."""
 
     ranks: int
     disks: float

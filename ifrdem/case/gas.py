@@ -272,7 +272,7 @@ class CaseGas:
         ]
 
     def _forgotten(self) -> list[str]:
-        """Texts about what a frame does not store of the disks that continue from it."""
+        """Texts about quantities of the disks that the frame of the start does not store."""
         run, name = self.case.run, "start.motion = true: the frame does not store"
         texts: list[str] = []
         if self.given is None or not self.case.start.motion:

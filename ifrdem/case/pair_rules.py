@@ -81,7 +81,7 @@ def verdicts(case: CaseSections, species: Sequence[Species]) -> Iterator[PairVer
 
 
 def wall_verdicts(case: CaseSections, species: Sequence[Species]) -> Iterator[PairVerdict]:
-    """The same for every species and every material of walls."""
+    """Verdicts on the energy of collisions, for every species and every material of walls."""
     names = [each.name for each in case.material] + [name for pair in case.pair for name in pair.materials]
     for material in case.materials_of_walls:
         wall = f"wall ({material})"

@@ -50,7 +50,7 @@ def plain(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong: where, what stands there (as text; None where nothing does), why."""
+    """A mistake: its key, the value there as text (None without one), and the reason."""
 
     key: str
     value: str | None
@@ -169,7 +169,7 @@ def _docstrings(model: type[Section]) -> dict[str, str]:
 
 
 def _again(error: ErrorDetails) -> InitErrorDetails:
-    """An error of pydantic's as what a further one is made of."""
+    """An error of pydantic in the form from which another one is made."""
     context = error.get("ctx", {})
     kind: str | PydanticCustomError = error["type"]
     if "text" in context:  # one of our own

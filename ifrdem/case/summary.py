@@ -110,7 +110,7 @@ def refused_here(
     ranks: int = 1,
     sliced: bool = False,
 ) -> list[str]:
-    """Texts on what a run lacks on this machine: the device, threads, memory, space in the output's folder.
+    """Texts on missing resources of this machine: the device, threads, memory, space in the output's folder.
 
     Other machines may have it. `share`, `ranks` and `sliced` are as for `refuse_beyond_memory`.
     """

@@ -1,4 +1,4 @@
-"""Commands `analyse` and `plot`: what analyses find in a trajectory, as tables, files and pictures."""
+"""Commands `analyse` and `plot`: results of analyses of a trajectory, as tables, files and pictures."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ def _analyse(
 
 
 def _summary_record(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, Any]:
-    """The record of what the folder holds of this trajectory; an empty one if it holds nothing, or by force.
+    """The record of existing results of this trajectory in the folder; empty without any, or by force.
 
     Raises InputError if the summary that is there is of another trajectory, or none of ours.
     """
@@ -224,7 +224,7 @@ def _summary_record(trajectory: Trajectory, summary: Path, *, force: bool) -> di
 def _wanted(
     what: Sequence[str], record: dict[str, Any], summary: Path, *, force: bool
 ) -> tuple[list[str], list[str]]:
-    """Analyses to do, and those that are there already and stay."""
+    """Analyses to do, and existing ones that are kept."""
     requested = list(dict.fromkeys(what)) or list(NAMES)
     there = [name for name in requested if name in record["analyses"]]
     if force or not there:

@@ -52,7 +52,7 @@ def integer(
 def real(
     metavar: str, text: str, need: str, right: Callable[[float], bool], *names: str, **more: Any
 ) -> Parameter:
-    """An option that takes a number; `need` says which are right."""
+    """An option that takes a number; `need` describes valid ones."""
 
     def convert(_kind: object, tokens: Sequence[Token]) -> float:
         value = _number(tokens[-1].value)
@@ -229,7 +229,7 @@ class OptionProblems(list[str]):
     """Messages on wrong options, reported all at once."""
 
     def parse(self, default: T, read: Callable[..., T], option: str, text: str | None, *more: object) -> T:
-        """The value that is read from a text, or the default without one; what is wrong is taken note of."""
+        """The value of a text, or the default without one; a mistake is noted."""
         try:
             return default if text is None else read(option, text, *more)
         except InputError as error:

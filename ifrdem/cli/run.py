@@ -158,7 +158,7 @@ def status(
         ),
     ] = 1.0,
 ) -> int:
-    """Print how far a run or study is, and the time left.
+    """Print the progress of a run or study, and the time left.
 
     Reads the status file next to the trajectory; nothing is locked, and the run may be that of another user. A run
     whose process is gone without an end is "dead". The exit status is 0 for a run that is done or runs, 3 for one that
@@ -261,7 +261,7 @@ def study(
 
 
 def check(case: Case, /, *, set: Set = None) -> None:
-    """Look at a case without running it.
+    """Check a case without running it.
 
     Reports the mistakes of a case, all of a kind at once; of a good one its packing fraction, mean free paths,
     whether its laws can add energy, its file size and memory. With mpiexec, also what so many ranks cannot do.
@@ -327,7 +327,7 @@ def new(
         print(text, end="")
         return
     path = Path(output or f"{Path(kind).stem}.toml")
-    # Start and measured places of a shipped case.
+    # Start and measured positions of a shipped case.
     data = sorted(shipped.FOLDER.glob(f"{Path(kind).stem}*.csv"))
     check_files([path, *(path.with_name(each.name) for each in data)], force=force)
     write_text(path, text)

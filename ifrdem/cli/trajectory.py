@@ -43,7 +43,7 @@ LEAST, MOST = 160, 7680
 
 
 def info(file: File, /) -> None:
-    """Say what a trajectory holds."""
+    """Describe the content of a trajectory."""
     from ..runs.info import describe
 
     echo(describe(file))
@@ -211,7 +211,7 @@ def repair(
     in_place: Annotated[bool, flag("replace FILE by what is whole of it")] = False,
     force: Annotated[bool, flag("replace OUT if it exists")] = False,
 ) -> None:
-    """Make a trajectory that opens out of a damaged one.
+    """Make a valid trajectory of a damaged one.
 
     Says what is wrong with a trajectory, and writes what is whole of it to NAME.repaired.h5: frames that can be read,
     series and histories up to their first damaged part. Uncommitted ends are cut off. Views that are missing or stale

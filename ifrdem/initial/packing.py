@@ -312,7 +312,7 @@ class _SoftDisks:
         return False
 
     def cool(self, random: np.random.Generator, steps: int, progress: Progress) -> None:
-        """Let them move (velocity Verlet) at HOT, and then while it falls to COLD, by scaling the velocities."""
+        """Move the disks (velocity Verlet) at temperature HOT, then while it falls to COLD, by scaling velocities."""
         velocity = random.standard_normal(self.x.shape) * np.sqrt(HOT * self.per_mass)
         force, _ = self.force()
         for done in range(steps):

@@ -106,11 +106,11 @@ class _Sites:
 
     @property
     def points(self) -> int:
-        """Number of all of them."""
+        """Number of all sites."""
         return self.columns * self.rows
 
     def off_walls(self, numbers: range) -> Array:
-        """Those of some numbers at which a disk overlaps no wall; shape (sites, 2)."""
+        """Sites with some numbers at which a disk overlaps no wall; shape (sites, 2)."""
         return np.concatenate([np.empty((0, 2)), *self._blocks_off_walls(numbers)])
 
     def _blocks_off_walls(self, numbers: range) -> Iterator[Array]:

@@ -145,7 +145,7 @@ class Box:
 
     @classmethod
     def around(cls, covered: float, packing_fraction: float, aspect: float, shear_rate: float = 0.0) -> Box:
-        """The box of which disks that cover so much area [length^2] fill the given fraction; others as above."""
+        """The box in which disks of this total area [length^2] fill the given fraction; other arguments as above."""
         densest = math.pi / (2.0 * math.sqrt(3.0))
         if not 0.0 < packing_fraction <= densest:
             raise InputError(

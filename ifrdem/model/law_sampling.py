@@ -22,7 +22,7 @@ _ROUND_OFF = 1e-9  # of an impulse or energy, in single precision too where its 
 def check_by_sampling(
     kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence[int], speed: float
 ) -> None:
-    """Try a law on pairs drawn from these disks and walls, always the same ones.
+    """Check a law on random pairs of these disks and walls, always the same ones.
 
     Angles are uniform, spins up to twice the speed at the rim, and speeds spread over 1e-3 to 10 times `speed`.
     InputError if impulses are not finite, or too small to keep two disks from going through each other. EnergyWarning

@@ -96,7 +96,7 @@ class Disks(Brief):
 
     @functools.cached_property
     def covered(self) -> float:
-        """Area that all of them cover [length^2]."""
+        """Area that all disks cover [length^2]."""
         return disk_area(self.radius)
 
     @functools.cached_property
@@ -159,7 +159,7 @@ def kinds_among(columns: Sequence[NDArray[Any]]) -> Kinds:
 
 
 def merge_kinds(found: Sequence[Kinds]) -> Kinds:
-    """The same of several such sets of disks together, however they are divided into them."""
+    """The kinds, or the extremes, of several sets of disks together, however the disks are divided into sets."""
     columns = [np.concatenate(each) for each in zip(*(rows for rows, _ in found), strict=True)]
     return kinds_among(columns) if all(every for _, every in found) else (extremes(columns), False)
 

@@ -1,4 +1,4 @@
-"""Comparison of a run with measured positions: places, with the spread that errors of the start and of the law give."""
+"""Comparison of a run with measured positions, with the spread from errors of the start and of the law."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _NUMBERS = tuple(name for name in COEFFICIENTS if name != "sticking")
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Places that were measured."""
+    """Measured positions."""
 
     id: NDArray[np.int64]  # (m,): disks, by their number in the run
     time: Array  # (m,): times [time]; infinite for the end
@@ -60,7 +60,7 @@ class Measured:
 
 
 def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Measured:
-    """Read measured places: a line a disk, with columns id, x, y; t if not of the end; angle; NAME_error.
+    """Read measured positions: a line a disk, with columns id, x, y; t if not of the end; angle; NAME_error.
 
     Raises InputError with a line for each thing that is wrong.
     """
@@ -136,7 +136,7 @@ class Comparison:
 
     @property
     def probability(self) -> Array:
-        """Probability of a smaller deviation (m,), if the run is right: the ellipse on which the place lies.
+        """Probability of a smaller deviation (m,), if the run is right: the ellipse on which the position lies.
 
         A few runs give their own spread badly. Their part of the variance along the offset, r, leaves
         nu = (n - 1) / r^2 degrees of freedom (Y. Yao, Biometrika 52, 139, 1965), and in two dimensions Hotelling's
@@ -210,7 +210,7 @@ class Comparison:
         return "\n".join((",".join(columns), *lines)) + "\n"
 
     def draw(self, paths: Sequence[Path]) -> None:
-        """Draw the run and its paths, the measured places on top, and ellipses of 95 % of the drawn runs."""
+        """Draw the run and its paths, the measured positions on top, and ellipses of 95 % of the drawn runs."""
         from matplotlib.collections import EllipseCollection
         from matplotlib.figure import Figure
 
@@ -410,7 +410,7 @@ def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> 
 
 
 def _positions(simulation: Simulation, ids: NDArray[np.int64], times: Array) -> Array:
-    """Places (m, 2) of disks at times."""
+    """Positions (m, 2) of disks at times."""
     found, order = np.empty((len(ids), 2)), np.argsort(times, kind="stable")
     each, first = np.unique(times[order], return_index=True)
     for time, rows in zip(each, np.split(order, first[1:]), strict=True):

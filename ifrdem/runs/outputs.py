@@ -1,4 +1,4 @@
-"""The files that a run writes, and whether it may."""
+"""The files that a run writes, and checks that it may write them."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Outputs:
 
 
 def trajectory_in(path: Path) -> Path:
-    """The trajectory that a path means: itself, or the only one in a folder.
+    """The trajectory of a path: itself, or the only one in a folder.
 
     Raises InputError if the folder has none, or several.
     """

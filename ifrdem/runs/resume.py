@@ -42,7 +42,7 @@ NO_RUN = "a checkpoint of `Simulation.save_checkpoint`: Simulation.from_checkpoi
 
 
 def find(source: str | os.PathLike[str]) -> Path:
-    """The checkpoint that a path means: itself, that of a trajectory, or the only one in a folder.
+    """The checkpoint of a path: itself, that of a trajectory, or the only one in a folder.
 
     Raises InputError if there is none, or several.
     """
@@ -183,7 +183,7 @@ def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSec
 
 
 def _log_other_runtime(record: Mapping[str, Any], path: Path, log: Callable[[str], None]) -> None:
-    """Say it if the run continues with another runtime, which gives the same bits."""
+    """Log that the run continues with another runtime, which gives the same bits."""
     written, here = map(of_kernels.of_versions, (record["versions"], package_versions()))
     if written != here:
         log(f"{path} was written by {' '.join(written)}; {' '.join(here)} gives the same bits on a CPU")
@@ -207,7 +207,7 @@ def _events(arrays: Mapping[str, NDArray[Any]]) -> Events | None:
 
 
 def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
-    """Refuse if the case file is there still, and says something else."""
+    """Raise InputError if the case file still exists and has changed."""
     case = Path(extra["case_path"])
     try:
         if not case.is_file():  # a pipe would be waited for

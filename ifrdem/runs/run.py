@@ -216,7 +216,7 @@ def run_root(
     log: Callable[[str], None],
     warn: Callable[[str], None],
 ) -> float:
-    """Run to the end, writing all that the case wants; returns collisions per second of real time.
+    """Run to the end with all output of the case; return collisions per second of real time.
 
     `max_hours` count from when the job `started` (`perf_counter`), with the making of its start.
 
@@ -320,7 +320,7 @@ def run_root(
 def run_worker(
     case: CaseSections, simulation: Simulation, plan: RunPlan, writer: PartsWriter | None = None
 ) -> None:
-    """Run to the end, on a rank that writes nothing, or only its part; the first one drives."""
+    """Run to the end, on a rank that writes nothing, or only its part; the root controls the run."""
     stops = Stops(warn=lambda _text: None)
     comm = simulation.comm
 
@@ -482,7 +482,7 @@ def _draw(case: CaseSections) -> Callable[[Path, Path], object]:
 
 
 def _one_line(text: str) -> str:
-    """For the status, whose state says already that it was interrupted."""
+    """Message of an interruption for the status, whose state names the interruption already."""
     return "; ".join(text.removeprefix("interrupted: ").splitlines())
 
 

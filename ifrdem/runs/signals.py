@@ -25,7 +25,7 @@ TIME_IS_UP = 3  # --max-hours, or the warning of a batch system; as `cli.UNFINIS
 
 
 class Stops:
-    """Listens for reasons to stop, and for the next checkpoint; a context manager.
+    """Watch for reasons to stop and for the next checkpoint; a context manager.
 
     The first of `SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
     at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
@@ -82,7 +82,7 @@ class Stops:
         return time.monotonic() - self._stored >= self._every
 
     def stored(self) -> None:
-        """Take note that a checkpoint was written."""
+        """Note that a checkpoint was written."""
         self._stored = time.monotonic()
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:

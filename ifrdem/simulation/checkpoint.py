@@ -169,7 +169,7 @@ def _digest(arrays: Mapping[str, NDArray[Any]], record: str) -> str:
 
 
 def check_extra(path: object, extra: object, arrays: object) -> None:
-    """Refuse what cannot go into a checkpoint, before anything is copied from the device.
+    """Refuse an `extra` that cannot be stored, before anything is copied from the device.
 
     InputError unless the path is one, `extra` a mapping of what JSON knows, and `arrays` one of arrays of numbers.
     """
@@ -200,7 +200,7 @@ def read(
 
 
 def divided(arrays: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Those that have a row for each disk; and all others."""
+    """Arrays with a row for each disk, and all others."""
     of_disks = {name: each for name, each in arrays.items() if name in OF_DISKS or name.startswith("before_")}
     return of_disks, {name: each for name, each in arrays.items() if name not in of_disks}
 

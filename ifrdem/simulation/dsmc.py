@@ -126,7 +126,7 @@ def sample(
     hits: NDArray[np.int32],
     species: NDArray[np.intp],
 ) -> dict[str, Any]:
-    """A sample: what `Relaxation` has of one time, but for that and what was put in.
+    """Quantities of `Relaxation` at one time, without the time and the energy put in.
 
     Velocities (n, 2) [length/time], spins (n,) [rad/time], collisions (n,) of each disk; `species` (n,), 0 to s - 1:
     what each is summed up with.
@@ -411,7 +411,7 @@ class DSMC(ReadOnlyAttributes):
         t_end: NonNegative | None = None,
         samples: Samples = 50,
     ) -> Relaxation:
-        """Run on, and sample on the way: the present state, and then at even steps.
+        """Run, and sample the present state and later ones at even steps.
 
         Parameters
         ----------
@@ -513,7 +513,7 @@ class DSMC(ReadOnlyAttributes):
             )
 
     def _collide(self, duration: float, rate: float) -> float:
-        """Collide for a time [time], or until a disk is too fast for `rate`; how long it was."""
+        """Collide for a time [time], or until a disk is too fast for `rate`; return that time."""
         batch = self._batches
         self._batches += 1
         # The host's share of the random numbers of this batch: by counter too.
@@ -539,7 +539,7 @@ class DSMC(ReadOnlyAttributes):
         return duration
 
     def _resolve(self, count: int, batch: int) -> int:
-        """Settle the first candidates of a batch; which of them first made a disk too fast, or `kernels.NONE`."""
+        """Resolve the first candidates of a batch; return the first that made a disk too fast, or `kernels.NONE`."""
         kernels, counter, key = self._kernels, self._counter, self._key(batch)
         counter[:] = (count, 0, 0, kernels.NONE)
         if count:

@@ -148,7 +148,7 @@ class RankDomain(Domain):
     # ------------------------------------------------------------------ who owns what
 
     def first_slots(self, n: int) -> int:
-        """One: there are as many as lists need."""
+        """One slot: later calls make as many as lists need."""
         return 1
 
     def assign(self, count: NDArray[np.number]) -> None:
@@ -275,7 +275,7 @@ class RankDomain(Domain):
             self.arrays.make("kinds", wanted)
 
     def _make_room_in_table(self, more: int) -> None:
-        """See to it that the own table of kinds takes more rows: if not, those of disks that have gone make room."""
+        """Make room for more rows in the local table of kinds, if needed by removing those of disks that left."""
         own = self.n_here(part := int(self.arrays.grid.part))
         if self._in_table + more > min(self.arrays.kinds.shape[0], own + more + own // 2 + 64):
             slots = self.arrays.rows_of(part)[0]
@@ -298,7 +298,7 @@ class RankDomain(Domain):
         return found
 
     def make_room(self, slots: int) -> None:
-        """See to it that there are so many slots, and not many more."""
+        """Resize the arrays to so many slots, and not many more."""
         if self.arrays.room < slots or self.arrays.room > 4 * slots + 1024:
             self.arrays.make_parts(self.arrays.parts, int(SLACK * slots) + 64)
 
@@ -338,7 +338,7 @@ class RankDomain(Domain):
         return near
 
     def fetch(self, whole: bool = False) -> None:
-        """Get the lists of the ring, or what may matter of them."""
+        """Get the lists of the ring, or the parts of them within halos."""
         self.build_neighbors()
         part, names = int(self.arrays.grid.part), self.arrays.state_names()
         lists = named(self.arrays.values("tile"), "tile")
@@ -379,7 +379,7 @@ class RankDomain(Domain):
         ])  # fmt: skip
 
     def _append_lists(self, lists: Sequence[tuple[NDArray[np.intp], tuple[NDArray[Any], ...]]]) -> None:
-        """Lay lists of others behind the own ones: tiles, the lengths of their lists, and rows of the state."""
+        """Append lists of other ranks to the own ones: tiles, the lengths of their lists, and rows of the state."""
         part, at, names = int(self.arrays.grid.part), self.used, self.arrays.state_names()
         more = sum(len(rows) for _tiles, (_count, rows, *_more) in lists)
         self.make_room(at + more)
@@ -401,7 +401,7 @@ class RankDomain(Domain):
         self.arrays.displacement.fill(-1.0)
 
     def exchange_hashes(self, again: bool) -> None:
-        """Get hashes and ways of all disks in the own lists and in those of the ring; in a later round what changed."""
+        """Get hashes and displacements of all disks in own lists and in those of the ring; in later rounds changes."""
         if not again:
             self._ran = [
                 np.flatnonzero(self._rows("displacement", slots) >= 0.0) for slots in self._ghost_slots
@@ -512,7 +512,7 @@ class RankDomain(Domain):
         return found
 
     def share(self) -> None:
-        """Have all ranks know the sums of what tiles added up."""
+        """Send the sums over tiles to all ranks."""
         with self.arrays.written("tally", "reach") as rows:
             self._send_to_adders([each.reshape(self.arrays.tiles, -1) for each in rows])
         self.arrays.launch(sum_shared, len(self._own_blocks), 0)
@@ -554,7 +554,7 @@ class RankDomain(Domain):
             self._verify(runner)
 
     def run_whole_box(self, runner: TileRunner) -> None:
-        """As on one rank, each by itself."""
+        """Run the window by one thread on each rank, as on one rank."""
         with self._timed():
             self.fetch_all()
             runner.select(np.zeros(1, dtype=np.int32))
@@ -564,7 +564,7 @@ class RankDomain(Domain):
 
     @contextmanager
     def _timed(self) -> Iterator[None]:
-        """Take the time of communication: all but what tiles run (`_run_on_all`)."""
+        """Measure the time of communication: all but the runs of tiles (`_run_on_all`)."""
         began = time.perf_counter()
         yield
         self.communication.seconds += time.perf_counter() - began

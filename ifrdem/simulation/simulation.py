@@ -298,7 +298,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_law(self, law: Annotated[CollisionLaw | Sequence[Sequence[CollisionLaw]], LATER]) -> None:
-        """Collide by another law from now on: one for all pairs, or a table, as for a new simulation.
+        """Set another law for later collisions: one for all pairs, or a table, as for a new simulation.
 
         Raises
         ------
@@ -318,7 +318,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_forces(self, forces: Annotated[Sequence[Force], LATER]) -> None:
-        """Have other forces act from now on, instead of the present ones; an empty list for none.
+        """Replace the forces; an empty list for none.
 
         `energy_inputs` are then those of the new forces; `energy_input` still has what the old ones put in.
 
@@ -333,7 +333,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_gravity(self, gravity: tuple[float, float]) -> None:
-        """Let disks fall by another acceleration [length/time^2] from now on.
+        """Set another gravity [length/time^2].
 
         The change of potential energy counts as `energy_input`.
 
@@ -349,7 +349,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_piston_force(self, wall: Annotated[int, Integer(0)], force: Real) -> None:
-        """Have another constant force [mass length/time^2] act on a piston from now on; `wall` is its number.
+        """Set another constant force [mass length/time^2] on a piston; `wall` is its number.
 
         Raises
         ------
@@ -464,7 +464,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @property
     def asleep(self) -> int:
-        """Disks that sleep (`resting_speed`)."""
+        """Number of sleeping disks (`resting_speed`)."""
         return self._engine.asleep
 
     @property
@@ -790,7 +790,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         series_callbacks: Iterable[SeriesCallback] = (),
         progress: Annotated[Progress | bool | None, LATER] = None,
     ) -> None:
-        """Run on from the present state: `run` with an end that counts from this call.
+        """Run with an end that counts from this call; else as `run`.
 
         Parameters
         ----------

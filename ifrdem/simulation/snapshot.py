@@ -1,4 +1,4 @@
-"""All that decides an engine's future, to the last bit; and how it is put back.
+"""The complete state of an engine, to the last bit: copy and restore it.
 
 A state in the order of disks (`State`) gives a gas to rounding: the engine measures positions from its tiles' corners,
 and a run that stopped within a window resumes from its beginning.

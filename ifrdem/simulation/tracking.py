@@ -88,7 +88,7 @@ class Events:
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def where(self, chosen: NDArray[np.bool_]) -> Events:
-        """The chosen rows."""
+        """Events of the selected rows."""
         return Events(*(column[chosen] for column in self.columns().values()))
 
 
@@ -166,7 +166,7 @@ class Tracking:
         return found.where(now)
 
     def drop_after(self, time: float) -> None:
-        """Forget what comes after a time [time]: another window begins there."""
+        """Drop events after a time [time]: another window begins there."""
         self._found = [found.where(found.time <= time) for found in self._found]
 
     def gather(self, window_begin: float, real: NDArray[Any], whole: NDArray[Any], box: Box) -> None:

@@ -1,4 +1,4 @@
-"""Gravity that turns, in exact small steps: the world as a slowly turning drum sees it.
+"""Rotating gravity, in exact small steps: gravity in the frame of a slowly rotating drum.
 
 In the frame of a drum that turns by -Omega, its walls are at rest and gravity turns by Omega. Between steps gravity is
 constant, so that disks fly along parabolas and every collision is exact. Step k = 0, 1, ... is at (k + 1/2) delta /

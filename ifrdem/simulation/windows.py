@@ -1,4 +1,4 @@
-"""Windows from the host: how long they are, what they add up, and where a run stops within one.
+"""Windows from the host: their lengths and sums, and stops of a run within one.
 
 Imports Taichi: import this module only after `backend.start`.
 """
@@ -81,22 +81,22 @@ class Windows:
 
     @property
     def end(self) -> float:
-        """Its end [time]; its beginning, as long as it has none."""
+        """End of the present window [time]; its beginning until the window is planned."""
         return float(self.arrays.clock.end)
 
     @property
     def fastest(self) -> float:
-        """The largest speed of a disk at its beginning."""
+        """The largest speed of a disk at the window's beginning."""
         return float(self.arrays.clock.fastest)
 
     @property
     def inside(self) -> bool:
-        """The present time lies within a window, which has to be kept."""
+        """True if the present time lies within a window, which has to be kept."""
         return self._completed and (self._paused or self.begin < self.now < self.end)
 
     @property
     def rests(self) -> bool:
-        """A disk came to rest on a wall."""
+        """True if a disk came to rest on a wall."""
         return self.runner.rests
 
     @property
@@ -142,11 +142,11 @@ class Windows:
 
     @property
     def time_origin(self) -> float:
-        """From when on times that the present state holds count [time]."""
+        """Origin of the times in the present state [time]."""
         return self.end if self._completed and self.now == self.end else self.begin
 
     def commit(self) -> None:
-        """Have a window begin at the present time, which is no moment within one."""
+        """Begin a window at the present time, which is no moment within one."""
         part = self.part
         self._done = self.sums
         if self._completed and self.now == self.end:
@@ -161,14 +161,14 @@ class Windows:
         self._begin_at(time)
 
     def _begin_at(self, time: float) -> None:
-        """Have a window begin at a time [time], of which nothing else is known."""
+        """Begin a window at a time [time]; its end is not planned yet."""
         self.now = self.arrays.clock.begin = self.arrays.clock.end = time
         self._times = None
         self._completed = self._ready = self._paused = False
         self._moments, self._moment_now = [], 0.0
 
     def snapshot(self) -> dict[str, NDArray[np.float64]]:
-        """All that it knows, between windows or within one."""
+        """State of the windows, between two of them or within one."""
         a = self.arrays
         length = [
             self.begin,
@@ -317,7 +317,7 @@ class Windows:
         return moments[: a.make_moments(len(moments))] if moments else []
 
     def snapshot_at(self, moment: float) -> int:
-        """See to it that the state at a moment of the window is there: as which."""
+        """Provide the state at a moment of the window; return its part."""
         for m, each in enumerate(self._moments):
             if each.time == moment:
                 return m
@@ -427,5 +427,5 @@ class Windows:
         return self.arrays.total[first : first + self.arrays.columns].copy()
 
     def _most(self, column: int) -> float:
-        """The largest of all tiles."""
+        """The largest values of all tiles."""
         return float(self.arrays.total[column])

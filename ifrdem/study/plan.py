@@ -329,7 +329,7 @@ def axis_of(text: str) -> dict[str, Any]:
 
 
 def _toml(value: str, other: Any) -> Any:
-    """A value as TOML has it; `other` if it is none."""
+    """A value in the form of TOML; `other` for None."""
     try:
         return other if "\n" in value else tomllib.loads(f"v = {value}")["v"]
     except ValueError:

@@ -50,7 +50,7 @@ def lock(descriptor: int, path: str | os.PathLike[str], *, shared: bool = False)
 
 
 def unlock(descriptor: int) -> None:
-    """Forget the lock of a descriptor that is about to be closed."""
+    """Drop the lock of a descriptor that is about to be closed."""
     _locked.discard(_key(descriptor))
 
 
@@ -256,7 +256,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def not_a_file(path: Path) -> str | None:
-    """Reason why something that is there can be no output; None for files and where nothing is."""
+    """Reason why an existing path cannot be an output; None for files and free paths."""
     if path.is_dir():
         return f"output {path}: is a folder"
     if path.exists() and not path.is_file():

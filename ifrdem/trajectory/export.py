@@ -180,7 +180,7 @@ def _gsd(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:
 
 
 def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
-    """A frame in HOOMD's schema: the box about the origin, Lz = 0 and dimensions = 2."""
+    """A frame in HOOMD-blue's schema: the box about the origin, Lz = 0 and dimensions = 2."""
     frame, disks, box = trajectory[index], trajectory.disks, trajectory.box
     n = disks.n
     flat = np.zeros((n, 3), dtype=np.float32)

@@ -203,7 +203,7 @@ class OutputFile:
     def create(
         cls, given: str | os.PathLike[str], fill: Callable[[h5py.File], None], *, force: bool
     ) -> OutputFile:
-        """A new file; `fill` writes what stands in it before its first commit.
+        """A new file; `fill` writes its content before its first commit.
 
         Raises InputError if the path exists and `force` is not given, a process writes it, or the file cannot be made.
         Nothing remains then.
@@ -246,7 +246,7 @@ class OutputFile:
 
     @classmethod
     def reopen(cls, given: str | os.PathLike[str]) -> OutputFile:
-        """A file that is there, to be written further; no other process can write it meanwhile.
+        """An existing file, opened for further writing; no other process can write it meanwhile.
 
         Raises InputError if it is not there, not HDF5, damaged, or open elsewhere.
         """

@@ -106,7 +106,7 @@ class Parts:
         return f"part {self.name(number)} (disks {self.first[number]} to {self.first[number + 1] - 1})"
 
     def write(self, file: h5py.File) -> None:
-        """Write them down in NAME.h5."""
+        """Write the description of the parts into NAME.h5."""
         group = file.create_group(GROUP)
         # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
         group.attrs["folder"], group.attrs["run"] = np.bytes_(self.folder.encode()), np.bytes_(self.run)
@@ -236,7 +236,7 @@ class Part:
     first: int
 
     def write(self, file: h5py.File) -> None:
-        """Write it down in the part."""
+        """Write the mark into the part."""
         group = file.create_group(PART)
         group.attrs["run"] = np.bytes_(self.run)
         group.attrs["number"], group.attrs["first"] = np.int64(self.number), np.int64(self.first)
@@ -280,7 +280,7 @@ def data_files(
 
 
 def are_in(path: str | os.PathLike[str]) -> bool:
-    """True if a file that can be opened says that it is in parts."""
+    """True if a file can be opened and its data are in parts."""
     try:
         with h5py.File(path, "r") as file:
             return GROUP in file

@@ -645,7 +645,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         return self._frames
 
     def __repr__(self) -> str:
-        """The file, and how much is in it."""
+        """The file and its numbers of frames and disks."""
         span = ""
         if self._frames:
             span = f" from t = {self.times[0]:.6g} to {self.with_unit(f'{self.times[-1]:.6g}', 'time')}"
@@ -754,7 +754,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         )
 
     def history(self, disk: int) -> History:
-        """Every collision of a tracked disk, and where it was at any time between them.
+        """Every collision of a tracked disk, and its position at any time between them.
 
         Raises InputError if there is no such disk, or it is not tracked (the message says which are), or the file is
         damaged.
@@ -778,7 +778,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def to_pandas(
         self, which: Literal["series", "observables", "frame"] = "series", index: int = -1
     ) -> pandas.DataFrame:
-        """A table: `series` or `observables` by time, or the disks of the frame `index` by id; vectors as _x, _y.
+        """A pandas table: `series` or `observables` by time, or disks of the frame `index` by id; vectors as _x, _y.
 
         Raises InputError if `which` is another word, there is no such frame, or pandas is not installed.
         """

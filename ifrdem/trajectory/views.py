@@ -128,7 +128,7 @@ def _data_files(trajectory: Trajectory) -> Iterator[tuple[str, slice]]:
 
 
 def _number(group: h5py.Group, name: str, count: int, dtype: DTypeLike = np.int64) -> None:
-    """Write 0, 1, ..., block by block: all of them may be more than the memory holds."""
+    """Write the ids 0, 1, ..., block by block: all of them may exceed the memory."""
     whole = group.create_dataset(name, (count,), dtype)
     for each in distribution.blocks(range(count)):
         whole[each.start : each.stop] = np.arange(each.start, each.stop)

@@ -140,7 +140,7 @@ class view:
         self._page = page(opened, [opened[i].index for i in numbers])
 
     def _repr_html_(self) -> str:
-        """A frame of its own, in which scripts run apart from the notebook."""
+        """A separate frame, in which scripts run apart from the notebook."""
         return (
             f'<iframe sandbox="allow-scripts" srcdoc="{html.escape(self._page)}" '
             f'style="width: 100%; height: {self._height}px; border: 0"></iframe>'

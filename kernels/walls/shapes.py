@@ -71,7 +71,7 @@ def nearest_of_segment(w, x, y, s, gas: ti.template()):
 
 @ti.func
 def nearest_of_circle(w, x, y, s, gas: ti.template()):
-    """Of the outside of a circle."""
+    """Vector and distance from the nearest point of the outside of a circle."""
     dx, dy = from_origin(w, x, y, s, gas)
     r = ti.sqrt(dx * dx + dy * dy)
     return dx / r, dy / r, r - gas.walls[w].radius
@@ -79,7 +79,7 @@ def nearest_of_circle(w, x, y, s, gas: ti.template()):
 
 @ti.func
 def nearest_inside_circle(w, x, y, s, gas: ti.template()):
-    """Of the inside of a circle: the vector points inwards."""
+    """Vector and distance from the nearest point of the inside of a circle: the vector points inwards."""
     dx, dy = from_origin(w, x, y, s, gas)
     r = ti.sqrt(dx * dx + dy * dy)
     nx, ny = -(dx / r), -(dy / r)
@@ -117,7 +117,7 @@ def largest_speed_of(relative: ti.template(), gas: ti.template()):
 
 @ti.func
 def gap_of_line(w, relative: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
-    """Its curvature is that by gravity, exactly, and by the wall's motion."""
+    """Gap to a line: its curvature is that by gravity, exactly, and by the wall's motion."""
     wall = gas.walls[w]
     gx, gy, ux, uy = gas.scale.gx, gas.scale.gy, wall.motion.x, wall.motion.y
     curve = gx * nx + gy * ny - ti.abs(ux * nx + uy * ny) * relative.bound
@@ -133,7 +133,7 @@ def gap_of_line(w, relative: ti.template(), nx, ny, distance, radius, behind, ga
 
 @ti.func
 def gap_of_convex(w, relative: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
-    """Of a piece from which the distance is a convex function of the position."""
+    """Gap to a piece from which the distance is a convex function of the position."""
     slope = nx * relative.vx + ny * relative.vy
     return gap_as(
         distance - radius,
@@ -229,7 +229,7 @@ def arc_side_is_not_nearest(w, nx, ny, distance, gas: ti.template()):
 
 @ti.func
 def box_of_line(x, y, qx, qy):
-    """Without an end along an axis that it is parallel to."""
+    """Bounding box of a line: without an end along an axis that it is parallel to."""
     low_x, high_x, low_y, high_y = x, x, y, y
     if qx != 0.0:
         low_y, high_y = -FAR + 0.0 * x, FAR + 0.0 * x
@@ -301,7 +301,7 @@ def shapes_of(uses: Any) -> tuple[ShapeFunctions, ...]:
 
 
 def arcs_of(uses: Any) -> tuple[ShapeFunctions, ...]:
-    """Those of them of which only a part of the circle is there."""
+    """Shapes of `shapes_of` that are a part of a circle only."""
     return tuple(shape for shape in shapes_of(uses) if shape.distance is not None)
 
 

@@ -1,4 +1,4 @@
-"""Runs held against measured places."""
+"""Runs compared with measured positions."""
 
 from __future__ import annotations
 
