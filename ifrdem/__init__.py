@@ -53,7 +53,7 @@ import lazy_loader as _lazy_loader
 
 from .tools import renderer as _renderer
 
-# The runtime, imported later by whomever, prints a banner unless told not to, and in a notebook a line for each kernel.
+# The runtime, imported later by any module, prints a banner by default, and in a notebook a line for each kernel.
 for _runtime, _prefix in (("TAICHI", "TI"), ("QUADRANTS", "QD")):
     _os.environ.setdefault(f"ENABLE_{_runtime}_HEADER_PRINT", "0")
     _os.environ.setdefault(f"{_prefix}_ENABLE_PYBUF", "0")

@@ -19,7 +19,7 @@ class AttributeRefused(InputError, AttributeError):
 
 
 class EngineError(RuntimeError):
-    """The run cannot go on: the gas does not allow it (the classes below), or the engine's state is lost or refuted."""
+    """A run that cannot continue: by the gas itself (the classes below), or the engine's state is lost or refuted."""
 
 
 class InelasticCollapse(EngineError):
@@ -27,7 +27,7 @@ class InelasticCollapse(EngineError):
 
 
 class NoMoreCollisions(EngineError):
-    """Collisions are asked for, and no disk will ever meet another one: nothing moves, or all fly apart."""
+    """The end is a number of collisions, and no disk will meet another one: nothing moves, or all fly apart."""
 
 
 class SlowRunWarning(UserWarning):
@@ -74,7 +74,7 @@ class NameMissing(InputError, KeyError):
 
 
 class AttributeMissing(NameMissing, AttributeError):
-    """The same, asked for as an attribute."""
+    """A name that a file does not hold, read as an attribute."""
 
 
 class TheoryError(RuntimeError):

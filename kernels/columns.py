@@ -159,7 +159,7 @@ HISTORY_HASH = Columns(**columns("hash_1", "hash_2"))
 # has to be run again; disks gathered; 1 for a tile of this rank, if there are several ranks of MPI
 # (`ifrdem/simulation/ranks.py`).
 TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathered", "owned"))
-# Halo; bound on how far its own disks came beyond its sides; their largest displacement; how far they are beyond its
+# Halo; bound on how far its own disks left its sides; their largest displacement; how far they are beyond its
 # sides at the end; halo over the initial one of all tiles.
 REACH = Columns(**columns("halo", "excursion", "max_displacement", "overhang", "halo_factor"))
 # Sums over a window; whole numbers are exact up to 2^53. `fastest` is the largest square of a speed. They are
@@ -175,7 +175,7 @@ PISTON_STATE = Columns(**columns("displacement", "speed"))
 TOTAL = Columns(**columns("max_speed_sq", "excursion", "max_displacement", "overhang"))
 # Slot of a copy at the window's beginning; hash of its history here.
 GHOST = Columns(**columns("slot", "hash_1", "hash_2"))
-# Its position then, from the corner of the tile that made it; bound on how far it came.
+# Its position then, from the corner of the tile that made it; bound on its displacement.
 GHOST_POSITION = Columns(**columns("x", "y", "displacement"))
 
 # ---------------------------------------------------------------------- scratch space of a lane

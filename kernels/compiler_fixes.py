@@ -31,7 +31,7 @@ def round_products_by(zero: Any) -> None:
 
 
 def _is_exact(factor: Any) -> bool:
-    """Tell if a product with this factor is exact: it is no variable but a power of two, or 0."""
+    """True if a product with this factor is exact: a constant that is 0 or a power of two."""
     return isinstance(factor, (int, float)) and abs(math.frexp(factor)[0]) in (0.0, 0.5)
 
 

@@ -44,7 +44,7 @@ TOO_FAR = 1e6  # or a disk that would come so many times through its region in a
 
 @ti.func
 def remove_event(i, bins, gas: ti.template()):
-    """Take a disk out of its bin."""
+    """Remove a disk from its bin."""
     info = gas.event_info[i]
     before, after = info.previous, info.next
     if before != NOT_QUEUED:
@@ -600,7 +600,7 @@ def find(
 
 @ti.func
 def around(own_x, own_y, x_low, x_high, y_low, y_high, half, region: ti.template()):
-    """The large cells, first and last column and row, that a small disk looks at; none if it came into no large one."""
+    """The large cells, first and last column and row, that a small disk searches; none if it entered no large one."""
     m = region.coarse
     cx, cy = own_x // m, own_y // m
     low_x, high_x, low_y, high_y = cx - 1, cx + 1, cy - 1, cy + 1
@@ -719,7 +719,7 @@ def pause_after(
     t: ti.template(), tile: ti.template(), moment: ti.template(), written: ti.template(), pausing: ti.template(),
     pauses: ti.template(), gas: ti.template(),
 ):  # fmt: skip
-    """Pause at t if the collision there was the last one asked for."""
+    """Pause at t if the collision there was the last one requested."""
     if pausing == 1 and pauses == 1:
         if gas.sums.collisions + gas.tally[tile, AT_END].collisions >= gas.clock.wanted:
             moment, written, pauses = t, 0, BY_COUNT
@@ -788,9 +788,9 @@ def begin_queue(
 def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
     """All events of a window in a region of n disks at places from `places` on, which have been laid out.
 
-    Own disks are written at moments that are asked for, and, on a CPU, at the end; on a GPU a team does, which has
+    Own disks are written at requested moments, and, on a CPU, at the end; on a GPU a team does this, which has
     predicted their first events too. A gas in one tile may pause at a moment, or after the last of so many collisions,
-    and goes on when `resuming`.
+    and continues when `resuming`.
     """
     lane = region.lane
     offset, bins = lane * gas.grid.lane_slots, lane * gas.grid.bins

@@ -76,6 +76,6 @@ def viscoelastic_parts(pair, law):
 
 @ti.pyfunc
 def viscoelastic(pair, law):
-    """The same without its ledger: P_n, P_t, T."""
+    """Viscoelastic spheres without a ledger: P_n, P_t, T of `viscoelastic_parts`."""
     P_n, P_t, T, _, _, _ = viscoelastic_parts(pair, law)
     return P_n, P_t, T

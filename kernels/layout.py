@@ -1,13 +1,13 @@
 """Contents of the engine's arrays; `columns.py` names their columns.
 
 A *slot* is an index in the list of a tile's disks. All that lasts from window to window is kept by slot, by *part*: the
-window's beginning and its end (0 and 1, which alternate), and moments in it that were asked for (2 and more, as
+window's beginning and its end (0 and 1, which alternate), and requested moments in it (2 and more, as
 many as there is room for). Slots of part p begin at p * room.
 
 A moment is a time. That of a collision with a number follows from the times of all collisions in the window, which is
 then run again to write the moment.
 
-Real numbers are f64, or f32 where a run asks for that; sums and times of the run are f64 always (`columns.TYPES`).
+Real numbers are f64, or f32 if a run requests it; sums and times of the run are f64 always (`columns.TYPES`).
 
 =====================  =============  =================================================================================
 array                  shape          content
@@ -21,12 +21,12 @@ asleep                 (rows,)        AWAKE, ASLEEP, WOKEN or ASLEEP_UNVERIFIED,
 kind                   (n,)           kind of each disk, by id; of a gas on several ranks by row of `disk`, (rows,)
 kinds                  (kinds,)       what disks of a kind share
 history_hash           (room,)        hash of the history of the disk at a slot of the window's beginning, by its tile
-displacement           (room,)        bound on how far it came, in largest diameters
+displacement           (room,)        bound on its displacement, in largest diameters
 slot_before            (room,)        slot at the window's beginning of the one at its end
 tile                   (tiles, ...)   where its lists begin and how long they are, by part; ghosts; state; owner
 reach                  (tiles, ...)   halo, and what decides if it was wide enough
 edge_x/y               (tiles + 1,)   sides of the columns and rows of tiles, on the grid of positions
-tally                  (tiles,        sums over the window to its end, and to moments asked for; behind them those of
+tally                  (tiles,        sums over the window to its end, and to requested moments; behind them those of
                        1 + moments,   walls: heat of thermal ones, sums of each, how pistons moved
                        ...)
 ghost, ghost_position  (ghosts,)      of copies of other tiles' disks: slot, hash of the history here, where they began
@@ -44,7 +44,7 @@ held, cached_force     (rows,), ...   forces at contacts of a disk, as last solv
 
 from typing import Any, NamedTuple
 
-SNAPSHOT = 2  # the part that holds the first moment asked for
+SNAPSHOT = 2  # the part that holds the first requested moment
 BLOCK_OF_TILES = 128
 ELASTICALLY = 4  # of the regimes in the tally
 AT_END, AT_MOMENT = range(2)  # times of the tally: end of the window, first of the moments

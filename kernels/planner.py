@@ -18,7 +18,7 @@ MAX_TRAVEL = 0.4  # of the side of a tile, that the fastest disk may come in a w
 
 @ti.func
 def window_length(mean_square, fastest2, path, tile_side, pull, wall_speed):
-    """Length of a window [time]: as long as disks take for a `path`, and none comes far into the next tile.
+    """Length of a window [time]: disks travel a `path` in it, and none gets far into the next tile.
 
     Gravity and walls set disks at rest in motion.
     """
@@ -73,7 +73,7 @@ def pull_of(gas: ti.template()):
 
 @ti.func
 def commit(gas: ti.template()):
-    """Add up the sums of the last window, and have one begin where it ended, with the path that follows from it."""
+    """Add the sums of the last window, and begin one where it ended, with the path that follows from it."""
     for column in range(gas.tally.shape[2]):
         gas.sums[column] = gas.sums[column] + total_of(column, gas)
     distance = gas.clock.speed * (gas.clock.end - gas.clock.begin)
@@ -139,7 +139,7 @@ def plan_window(
 
 @kernel
 def survey(rough: ti.i32, gas: Arrays("uses grid scale clock disk tile tally reach found total")):
-    """The largest square of a speed and the sum of all, as a window's end tells, of disks moved by something else.
+    """The largest square of a speed and the sum of all, as at a window's end, of disks that something else has moved.
 
     The unit of squares follows from the largest one, which another call, a `rough` one, has to find first.
     """

@@ -1,6 +1,6 @@
-"""Disks by id, and sums over all of them, at the beginning or end of a window or at a moment in it asked for.
+"""Disks by id and sums over all disks, at the beginning or end of a window or at a requested moment in it.
 
-And how the host gets small arrays, and rows of others, from a GPU and back.
+Also copies of small arrays, and of rows of others, between host and GPU.
 """
 
 from .columns import MECHANISM, READOUT, REAL_OUT, SMALL

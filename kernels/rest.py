@@ -262,7 +262,8 @@ def is_support(w, gas: ti.template()):
 def from_wall(i, image, region: ti.template(), gas: ti.template()):
     """Unit vector from an image of a wall to the disk in slot i, and distance, as the window begins.
 
-    A wall that turns is seen as it was before. Beside an arc only its ends are near, which are walls of their own.
+    A rotating wall keeps its earlier angle. Outside the angles of an arc only its ends, which are separate walls, are
+    near.
     """
     w = wall_of(image)
     s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale.cutoff, gas)

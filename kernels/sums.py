@@ -36,7 +36,7 @@ def max_speed_sq(gas: ti.template()):
 
 @ti.func
 def is_summed_here(gas: ti.template()):
-    """1 if a launch adds up what tiles did; ranks tell one another first (`sum_shared`)."""
+    """1 if a launch adds up the sums of tiles; several ranks exchange them first (`sum_shared`)."""
     found = 1
     if ti.static(gas.uses.shared):
         found = gas.grid.single_tile

@@ -71,7 +71,7 @@ def apply(runtime: str) -> None:
 
 
 def _inside_class(patterns: Any, level_of_class_stackframe: int) -> bool:
-    """Tell if the statement of this frame begins a class: the decorated function is then a method."""
+    """True if the statement of this frame begins a class: the decorated function is then a method."""
     frame = sys._getframe(level_of_class_stackframe)
     statement = linecache.getline(frame.f_code.co_filename, frame.f_lineno).strip()
     return any(pattern.match(statement) for pattern in patterns)

@@ -10,14 +10,14 @@ copy had here.
 
 *Verify.* A tile is good if
 
-1. its halo is as wide as the largest diameter, as its own disks came beyond its sides, and as any disk around came at
+1. its halo is as wide as the largest diameter, as its own disks left its sides, and as any disk around moved at
    all, so that no disk that was not gathered can touch an own disk;
 2. of each copy with another history than the disk had in its own tile, neither the disk nor the copy can have touched
    an own disk: circles around their first positions with their displacements as radii do not meet.
 
 Proof. Suppose all tiles are good, and let t be the first time at which the histories that tiles found for their own
 disks leave the true motion. Then an own disk i meets, or misses, some k wrongly at t. Until t, i and k moved truly, so
-by 1 there is a copy of k in the tile of i, and it or k came into touch with i, so by 2 the copy has the history that k
+by 1 there is a copy of k in the tile of i, and it or k touched i, so by 2 the copy has the history that k
 has in its own tile, which is true before t. The tile of i then computed the meeting from true motions: a contradiction.
 
 Bad tiles are run again, from the same beginning, with wider halos. Nothing is ever undone.
@@ -231,7 +231,7 @@ def position_in_tile(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti
 
 
 def team_of(uses: Uses) -> int:
-    """Threads that share the work on a tile, but for its events, which one of them runs in order: on a GPU."""
+    """Threads that share the work on a tile on a GPU; its events are run in order by one of them."""
     return TEAM if on_gpu() and not (uses.sheared or uses.layered) else 1
 
 
@@ -522,7 +522,7 @@ def fly(row, dt, time, fall_x, fall_y, gas: ti.template()):
 
 @ti.func
 def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()):
-    """Write own disks to their slots, as they are at the window's end, or at a moment asked for.
+    """Write own disks to their slots, as they are at the window's end, or at a requested moment.
 
     At the end, where a window begins next, histories and ghost records are written. A `team` of threads shares the n
     disks.

@@ -35,7 +35,7 @@ def tile_of(k, gas: ti.template()):
 
 @ti.func
 def has_room(tile, region: ti.template(), gas: ti.template()):
-    """1 if the scratch space suffices for the disks and cells of a tile; else 0, and `counter` tells what does."""
+    """1 if the scratch space suffices for the disks and cells of a tile; else 0: `counter` has what is too small."""
     n, cells = gas.tile[tile].gathered, cells_of(region, gas)
     if cells > gas.grid.cells:
         ti.atomic_or(gas.counter.full, FULL_CELLS)
@@ -59,7 +59,7 @@ def bins_of(n, gas: ti.template()):
 
 @ti.func
 def run_tile(tile, lane, gas: ti.template()):
-    """The window of one tile, or the rest of it; nothing if there is no room for it, which `counter` tells."""
+    """Run the window of one tile, or the rest of it; without room for it, only count what is missing (`has_room`)."""
     resuming = gas.counter.resuming
     gas.counter.resuming = 0
     if resuming == 0:

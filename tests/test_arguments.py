@@ -750,7 +750,7 @@ def test_numbers_of_short_types_of_numpy_are_held_to_the_same_bounds(value: Any)
     assert (type(law.e_n), law.e_n) == (float, 0.5)
 
 
-def test_aliases_of_types_are_checked_as_what_they_stand_for() -> None:
+def test_aliases_of_types_are_checked_as_their_types() -> None:
     # NumPy 2.5 declares NDArray and ArrayLike by `type` statements where Python has them.
     array = TypeAliasType("array", np.ndarray[Any, np.dtype[Scalar]], type_params=(Scalar,))
     assert check_of(array[np.integer]) == check_of(np.ndarray[Any, np.dtype[np.integer]]) is None

@@ -72,7 +72,7 @@ def examples(of: object, name: str) -> doctest.DocTest:
 
 
 @pytest.mark.parametrize("name", [*public(), "ifrdem"])
-def test_example_in_the_docstring_prints_what_it_says(
+def test_example_in_the_docstring_prints_the_stated_output(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

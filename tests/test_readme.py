@@ -93,7 +93,7 @@ def test_readme_is_short_and_its_links_lead_to_files() -> None:
     assert [target for target in targets if not (ROOT / target).is_file()] == []
 
 
-def test_docs_shows_every_page_and_knows_near_spellings() -> None:
+def test_docs_shows_every_page_and_suggests_near_spellings() -> None:
     listing = program.page(None)
     for topic, title in program.topics().items():
         assert title
@@ -145,7 +145,7 @@ def test_the_first_picture_of_the_readme_moves() -> None:
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 @pytest.mark.parametrize("path", sorted(notebooks.FOLDER.glob("*.py")), ids=lambda path: path.stem)
 def test_notebooks_run_as_cells_of_jupyter(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Laws and results are defined in cells; every picture and table that a cell shows is there."""
+    """Laws and results are defined in cells; every picture and table of a cell is shown."""
     made = notebooks.page(path)
     assert made.startswith("# ")
     shown = made.count("data:image/png;base64,")

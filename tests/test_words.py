@@ -13,15 +13,17 @@ import pytest
 ROOT = Path(__file__).parents[1]
 SOURCES = [*sorted((ROOT / "ifrdem").rglob("*.py")), *sorted((ROOT / "kernels").rglob("*.py"))]
 NAMES = (
-    "accompany", "anew", "beside", "came", "claim", "complaint", "course", "dealt", "foresee", "foreseen",
-    "furthest", "grip", "heard", "judge", "judged", "laid", "lay", "nobody", "parted", "protrudes", "put", "said",
-    "seen", "settle", "shut", "somebody", "spent", "stretches", "swap", "told", "trail", "tried", "united", "who",
-    "whoever", "whom",
+    "accompany", "anew", "asker", "begun", "beside", "came", "cautions", "claim", "complaint", "course",
+    "crowding", "deaf", "dealt", "foresee", "foreseen", "furthest", "gossip", "grip", "heard", "judge",
+    "judged", "laid", "lay", "lid", "mistakes", "nobody", "parted", "protrudes", "put", "said", "seen",
+    "settle", "shut", "somebody", "soonest", "spent", "stretches", "swap", "told", "trail", "tried", "united",
+    "unjudged", "who", "whoever", "whom",
 )  # fmt: skip
 """Words that no name has between its underscores or capitals."""
 PHRASES = (
-    ": only with", "anew", "by its own", "cannot stand", "comes together", "goes on with", "held against",
-    "hold against", "nobody", "not beside", "only beside", "somebody", "what is foreseen", "whoever",
+    ": only with", "anew", "as it were", "by its own", "cannot stand", "comes together", "goes on with",
+    "held against", "hold against", "in turns", "nobody", "not beside", "of one's own", "only beside",
+    "somebody", "take note", "what is foreseen", "whoever", "whomever",
 )  # fmt: skip
 """Phrases that no docstring and no message has."""
 

@@ -1,7 +1,7 @@
 """Video data made by the program at known truth: tracks of coin collisions, and a table of coins before and after.
 
 `python -m ifrdem.validation.fit_video FOLDER` writes tracks.csv (25 collisions of two coins, 1,000 frames/s),
-start.csv and rest.csv (12 coins on a table: the measured start and where they came to rest). The case
+start.csv and rest.csv (12 coins on a table: the measured starts and rest positions). The case
 `coins_from_video` has these two. `... FOLDER ellipses` makes 20 such tables, compares each with 12 runs with drawn
 start and law, and prints the part of the places on the ellipses of `compare`.
 """

@@ -126,7 +126,7 @@ def _p_value(left: Array, own: Array, beyond: Array) -> float:
 
 
 def _correlated(columns: Array, rho: float) -> Array:
-    """R times columns, R_ij = rho^|i - j|."""
+    """Product of the correlation matrix R_ij = rho^|i - j| and columns."""
     from scipy.signal import lfilter
 
     later = lfilter([1.0], [1.0, -rho], columns, axis=0)

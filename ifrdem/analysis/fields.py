@@ -62,7 +62,7 @@ def coarse_grain(
     sum m phi, and T = sum m |v - u|^2 phi / (2 (sum phi - sum m phi^2 / sum m phi)): the bracket makes the mean of T
     right if velocities are independent and all have one temperature. Weights as in I. Goldhirsch, Granul. Matter 12,
     239 (2010), doi:10.1007/s10035-010-0181-z. InputError if shapes do not match, cells are not positive, the width is
-    below half a cell, Gaussians are asked for in a sheared box, or centres lie above or below a sheared box.
+    below half a cell, Gaussians are used in a sheared box, or centres lie above or below a sheared box.
 
     Parameters
     ----------

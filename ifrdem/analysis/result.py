@@ -143,7 +143,7 @@ def drift(trajectory: Trajectory, used: Sequence[int]) -> Drift:
 
 
 MOST_FRAMES = 20
-"""Frames that are taken unless asked for more, evenly from the second half of a file."""
+"""Frames that are taken by default, evenly from the second half of a file."""
 MOST_DISKS = 2_000_000
 """Disks times frames above which fewer are taken: some 30 s of g(r)."""
 MOST_KINDS = 8

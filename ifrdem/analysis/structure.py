@@ -170,8 +170,8 @@ def _count_pairs(
     r = 0.5 * (edges[1:] + edges[:-1])
     a, b = np.array(box.lengths) / side
     same = np.maximum(1.0 - 2.0 * r / np.pi * (1.0 / a + 1.0 / b) + r**2 / (np.pi * a * b), 0.0)
-    # What cells add to the sum besides their numbers of centres, which all together do not change. Pairs within a cell
-    # go with the square of that number, pairs across two cells with the number in each.
+    # Contributions of cells to the sum without those of their numbers of centres, which have a fixed sum. Pairs within
+    # a cell go with the square of that number, pairs across two cells with the number in each.
     positive = centres > 0.0
     parts = by_cell[positive] - np.outer(centres[positive] / centres.sum(), (1.0 + same) * count)
     cells = len(parts)

@@ -1,1 +1,1 @@
-"""Case files: the keys of each section, the rules that bind them, the gas that a case asks for."""
+"""Case files: the keys of each section, the rules that bind them, the gas that a case describes."""

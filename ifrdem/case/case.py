@@ -59,7 +59,7 @@ class RunSection(Section):
     precision: Literal["f64", "f32"] = field("f64", "f64")
     """Numbers that the run computes with: "f64" (double precision), or "f32" (single: less memory, less exact)."""
     units: Literal["SI", "reduced"] = field("SI", "SI")
-    """ "SI": numbers are in the units in brackets; "reduced": in any consistent system, and the brackets only tell the
+    """ "SI": numbers are in the units in brackets; "reduced": in any consistent system, and the brackets only give the
     dimension. Nothing is converted."""
     collapse: Literal["none", "velocity_cutoff", "tc", "rest"] = field("velocity_cutoff", "none")
     """Against collisions without end (inelastic collapse, disks that come to rest): "none", "velocity_cutoff"
@@ -75,7 +75,7 @@ class RunSection(Section):
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Also the numbers of each remedy for collapse."""
+        """Mistakes, those in the numbers of each remedy for collapse included."""
         chosen, problems = data.get("collapse", "none"), []
         for kind, number in (
             ("velocity_cutoff", "velocity_cutoff"), ("tc", "contact_time"), ("rest", "resting_speed"),
@@ -320,7 +320,7 @@ class ForceSection(Section):
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Also no rate at all."""
+        """Mistakes, a missing rate included."""
         problems = super().problems(data)
         if cls.some and not any(data.get(key) for key in cls.some):
             problems.append(f"at least one of {', '.join(cls.some)} must be above 0")
@@ -328,12 +328,12 @@ class ForceSection(Section):
 
     @property
     def moves_disks_at_rest(self) -> bool:
-        """True if it sets disks in motion that are at rest."""
+        """True if the force sets disks in motion that are at rest."""
         return False
 
     @property
     def has_medium(self) -> bool:
-        """True if it slows velocities down to those of a medium at rest."""
+        """True if the force slows velocities down to those of a medium at rest."""
         return False
 
 
@@ -460,7 +460,7 @@ def _known_positions(positions: str) -> str:
 
 
 class StartSection(Section):
-    """Places of the disks at the start."""
+    """Positions of the disks at the start."""
 
     choices: ClassVar[tuple[str, ...]] = ("At most one of: positions, file",)
 
@@ -498,7 +498,7 @@ class StartSection(Section):
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Also what belongs to a trajectory, or to an impact scan, alone."""
+        """Mistakes, keys for trajectories or impact scans only included."""
         positions, file = data.get("positions", "random"), data.get("file")
         if isinstance(file, str) and is_trajectory(file):
             return [f'file = "{file}": a trajectory is named by positions = "{file}"; file is for CSV']
@@ -518,7 +518,7 @@ class StartSection(Section):
 
     @property
     def placed(self) -> bool:
-        """True if disks are placed in the box, neither read from a file nor paired for a scan."""
+        """True if positions are generated, neither read from a file nor those of an impact scan."""
         return self.file is None and self.positions in PLACED
 
     @property
@@ -542,7 +542,7 @@ class StartSection(Section):
 
 
 class CaseSections(Section):
-    """Everything a case file says."""
+    """Sections of a case file."""
 
     run: RunSection
     box: BoxSection

@@ -110,7 +110,7 @@ def step_seconds(steps: float, n: int, threads: int) -> float:
 
 
 LAUNCH_SECONDS = 3.5e-3
-"""Time of one thread to begin and end a window, or to make a frame, besides its collisions."""
+"""Time of one thread to begin and end a window, or to make a frame, without its collisions."""
 WINDOW_COLLISIONS = 1.3
 """Collisions of a whole gas in a window, per disk: 0.5 to 5 were measured."""
 WINDOW_STRAIN = 0.036
@@ -158,7 +158,7 @@ def strip_bytes(gas: CaseGas, ranks: int) -> float:
 
 @dataclass(frozen=True)
 class RankPlan:
-    """Estimated needs of each of several ranks of MPI in a run (`simulation/ranks.py`)."""
+    """Estimated memory and disks of each of several ranks of MPI in a run (`simulation/ranks.py`)."""
 
     ranks: int
     disks: float
@@ -194,7 +194,7 @@ class RankPlan:
 
 @dataclass(frozen=True)
 class RunEstimate:
-    """Figures of a gas at its start, and of its run; nan where theory does not tell."""
+    """Estimates of a gas at its start, and of its run; nan where theory gives none."""
 
     packing_fraction: (
         float  # part of the area that disks cover, of the free area between walls; 0 in an open box
@@ -205,7 +205,7 @@ class RunEstimate:
     free_path: tuple[float, ...]
     end_time: float  # simulated time at the end [time]
     collisions: float  # of two disks in the whole run, each counted once
-    # "" if asked for or by theory, "about" if by the rate at the start, "at most" if that rate can only fall.
+    # "" if given or by theory, "about" if by the rate at the start, "at most" if that rate can only fall.
     collisions_are: Literal["", "about", "at most"]
     steady_state: tuple[float, float] | None  # T and T_rot [energy] at which a driven or sheared gas stays
     wall_collisions: float  # per time [1/time] at the start; 0 without walls
@@ -369,7 +369,7 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
 
     Without rolling friction, which is not in it.
 
-    None and nan for what neither the case nor theory tells; `rate` is that of collisions of a disk at the start
+    None and nan for what neither the case nor theory gives; `rate` is that of collisions of a disk at the start
     [1/time].
     """
     case, (begin, before) = gas.case, gas.begin

@@ -68,7 +68,7 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
 
 
 def load(path: Path) -> tuple[str, dict[str, Any]]:
-    """Text of a TOML file, and what it says.
+    """Text of a TOML file, and its values.
 
     Raises InputError if it cannot be read, or is not TOML.
     """
@@ -126,7 +126,7 @@ def of_text(
     *,
     where: str = "on the command line",
 ) -> CaseFile:
-    """The case file of which this is the text, as `read`; files that it names are looked for beside `path`.
+    """The case file with this text, as by `read`; paths in it are relative to the folder of `path`.
 
     `where` says where overrides were set, in messages.
     """
@@ -221,7 +221,7 @@ def override(raw: dict[str, Any], assignment: str) -> None:
 
 
 def _coins_in(raw: Mapping[str, Any]) -> str:
-    """Advice to who wants to change a material of a case in which the coins of species bring theirs."""
+    """Advice on changing a material of a case whose materials come from the coins of species."""
     species = raw.get("species")
     named = [one.get("coin") for one in species if isinstance(one, dict)] if isinstance(species, list) else []
     key = next((f"species[{i}]" for i, coin in enumerate(named) if coin is not None), None)

@@ -21,7 +21,7 @@ from ..initial.from_csv import StartData
 from ..model import crush
 from ..model.box import Box
 from ..model.free_area import FreeArea
-from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.ifr import EnergyWarning
 from ..model.law import CollisionLaw
 from ..model.observables import drift_text
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
@@ -58,7 +58,7 @@ class CaseGas:
     materials: tuple[str, ...]  # names of those that occur; that of the sides of the box is the first
     verdicts: tuple[PairVerdict, ...]  # of each pair of species, and of each species and material of walls
     box: Box
-    walls: tuple[Wall, ...] = ()  # beside those at the sides of the box
+    walls: tuple[Wall, ...] = ()  # without those at the sides of the box
     start_region: Box | None = None  # where disks are placed: the box, or the rectangle of an open one
     # The start, if the case names a file or a trajectory with it; on ranks that read it in slices, that of the slice.
     given: StartData | None = None
@@ -272,7 +272,7 @@ class CaseGas:
         ]
 
     def _forgotten(self) -> list[str]:
-        """Texts about what a frame does not store of the disks that continue from it."""
+        """Texts about quantities of the disks that the frame of the start does not store."""
         run, name = self.case.run, "start.motion = true: the frame does not store"
         texts: list[str] = []
         if self.given is None or not self.case.start.motion:
@@ -484,7 +484,7 @@ class CaseGas:
                 walls,
                 gravity,
                 [each.kind for each in case.force],
-                IFRLaw,
+                type(self.law()),
                 self._coefficient("e_n"),
                 device_of(run),
             ),
@@ -577,7 +577,7 @@ class CaseGas:
     def tracked(self, start: State) -> NDArray[np.int32]:
         """Disks that have histories, ascending; of ranks (`Communicator`), each gives the start of its slice.
 
-        Raises InputError if histories are asked for of a region in which no disk starts.
+        Raises InputError if no disk starts in the region of the histories.
         """
         comm, output, rng = current(), self.case.output, seeds.stream(self.case.run.seed, seeds.HISTORIES)
         own = output.tracked(self.n, rng, start.position, comm.slice_of(self.n).start)
@@ -610,7 +610,7 @@ def validate_case(
 ) -> tuple[CaseGas, list[Problem]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
-    A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more. If so
+    A start file's path begins at `folder`; without `start`, in a run that has started, it is not read. If so
     many `ranks` of MPI read it in slices, they do so later (`with_start`).
     """
     species = species_of(case)
@@ -623,6 +623,7 @@ def validate_case(
     found = [
         *rules.check_names(case),
         *rules.check_pairs(verdicts),
+        *rules.check_one_law(verdicts),
         *rules.check_motion(case),
         *rules.check_count(case),
     ]

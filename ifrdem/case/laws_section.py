@@ -156,7 +156,7 @@ class IFRMaterial(MaterialSection):
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Coefficients beside a coin, or missing without one."""
+        """Mistakes: coefficients given with a coin, or missing without one."""
         missing = [key for key in REQUIRED_COEFFICIENTS if key not in data and "coin" not in data]
         problems = exclusive_with(data, "coin", *REQUIRED_COEFFICIENTS)
         return [*problems, f"missing: {', '.join(missing)}, or coin"] if missing else problems

@@ -84,7 +84,7 @@ class OutputSection(Section):
     """Write fields of disks, and checkpoints, as a file of each rank, in the folder NAME.parts, which NAME.h5 shows as
     one [true, false or "auto": on several ranks, of more than 1e6 disks]."""
     checkpoint_minutes: float = field(10.0, 10.0, gt=0.0)
-    """Real time between two checkpoints, from which `ifrdem resume` goes on [minutes]; one is also written when a run
+    """Real time between two checkpoints, from which `ifrdem resume` continues [minutes]; one is also written when a run
     is interrupted."""
     views: bool = field(True, True)
     """Write NAME.vtkhdf and NAME.nc at the end, by which ParaView, OVITO and others read NAME.h5 [true or false]; they

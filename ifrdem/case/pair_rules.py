@@ -40,7 +40,7 @@ def _of_coin(key: str, law: IFRLaw) -> Coefficients:
 
 
 def _coefficients(case: CaseSections, a: str, b: str) -> Coefficients | str | None:
-    """The coefficients of a pair of materials; what is wrong if there are none; None if that cannot be told."""
+    """The coefficients of a pair of materials; what is wrong if there are none; None if that is unknown."""
     if a != b:
         for i, pair in enumerate(case.pair):
             if set(pair.materials) == {a, b}:
@@ -81,7 +81,7 @@ def verdicts(case: CaseSections, species: Sequence[Species]) -> Iterator[PairVer
 
 
 def wall_verdicts(case: CaseSections, species: Sequence[Species]) -> Iterator[PairVerdict]:
-    """The same for every species and every material of walls."""
+    """Verdicts on the energy of collisions, for every species and every material of walls."""
     names = [each.name for each in case.material] + [name for pair in case.pair for name in pair.materials]
     for material in case.materials_of_walls:
         wall = f"wall ({material})"
@@ -91,7 +91,7 @@ def wall_verdicts(case: CaseSections, species: Sequence[Species]) -> Iterator[Pa
                 text = made_of + ("" if material in names else nearest(material, names))
                 yield PairVerdict(each.name, wall, "pair", False, False, text, None)
             elif made_of is not None:
-                # Beside an infinite mass, the pair's mean k is the disk's own.
+                # With an infinite mass, the pair's mean k is that of the disk.
                 found = _verdict(made_of, each.name, wall, each.k, each.k)
                 yield found._replace(materials=frozenset((each.material, material)))
 

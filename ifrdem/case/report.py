@@ -86,7 +86,7 @@ def check(gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sli
 
 
 def report(gas: CaseGas, estimate: RunEstimate, warnings: tuple[str, ...] = ()) -> Report:
-    """Everything that can be said of a case before it runs."""
+    """Report on a case before it runs, and its warnings."""
     units = Units(gas.case)
     rows = [
         *_density(gas, estimate, units), *_species(gas, estimate, units), *_laws(gas), *_gravity(gas, units),

@@ -52,7 +52,7 @@ def _at(case: CaseSections, key: str, text: str) -> Problem:
 
 
 def check_names(case: CaseSections) -> Iterator[Problem]:
-    """Names of materials and species that are used twice, or are none."""
+    """Problems: names of materials and species that are used twice, or are invalid."""
     names = [each.name for each in case.material]
     for kind, own in (("material", names), ("species", [each.name for each in case.species])):
         for i, name in enumerate(own):
@@ -85,13 +85,25 @@ def check_names(case: CaseSections) -> Iterator[Problem]:
 
 
 def check_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
-    """Inadmissible pairs; the same of further species is told once."""
+    """Inadmissible pairs; each message appears once, also for several species."""
     for key, message in dict.fromkeys((each.key, each.message) for each in verdicts if not each.admissible):
         yield Problem(key, None, message)
 
 
+def check_one_law(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
+    """Laws of several classes, of which a gas has one."""
+    keys: dict[str, str] = {}
+    for each in verdicts:
+        if each.law is not None:
+            keys.setdefault(type(each.law).__name__, each.key)
+    if len(keys) > 1:
+        named = ", ".join(f"{name} ({key})" for name, key in keys.items())
+        text = f"laws of {len(keys)} classes, {named}: all materials and pairs of a case must have one"
+        yield Problem([*keys.values()][1], None, text)
+
+
 def check_motion(case: CaseSections) -> Iterator[Problem]:
-    """A number of collisions that never comes."""
+    """Problems: an end or output at a number of collisions that is never reached."""
     key, start = "run.collisions_per_disk", case.start
     if case.run.collisions_per_disk is None:
         return
@@ -103,7 +115,7 @@ def check_motion(case: CaseSections) -> Iterator[Problem]:
 
 
 def check_count(case: CaseSections) -> Iterator[Problem]:
-    """More disks of all species together than ids number."""
+    """Problems: more disks of all species together than there are ids."""
     if (n := _disks(case)) > MOST_IDS:
         each = ", ".join(f"{one.number} of '{one.name}'" for one in case.species)
         yield _at(case, "species[0].number", f"{n} disks in all ({each}): {MOST_IDS} at most are numbered")
@@ -137,7 +149,7 @@ def check_clock(case: CaseSections, time: float = 0.0, collisions: int = 0) -> I
 
 
 def check_forces(case: CaseSections) -> Iterator[Problem]:
-    """Forces that the gas or the box do not allow."""
+    """Problems: forces that the gas or the box do not allow."""
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
         if force.kind == "random_force" and _disks(case) < 2:
@@ -166,7 +178,7 @@ def made_walls(
 def check_walls(
     case: CaseSections, walls: Sequence[Wall], box: Box, radius: NDArray[np.float64]
 ) -> Iterator[Problem]:
-    """Walls that are no walls of this box, or leave no room."""
+    """Problems: walls that do not fit the box, or leave no room."""
     if box.is_open:
         if walls:
             text = "walls in an open box are not supported: leave out box.open and give lengths"
@@ -212,7 +224,7 @@ def _outside(wall: Wall, box: Box) -> bool:
 
 
 def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
-    """Output that the gas or the box does not allow."""
+    """Problems: output that the gas or the box does not allow."""
     output, region = case.output, case.output.histories_region
     if output.wall_sums and not case.walled:
         yield Problem("output.wall_sums", "true", "there are no walls")
@@ -343,7 +355,7 @@ def check_open(case: CaseSections, start_region: Box | None) -> Iterator[Problem
 
 
 def check_scan(case: CaseSections) -> Iterator[Problem]:
-    """An impact scan of a gas that is none."""
+    """Problems: an impact scan of an unsuitable gas."""
     if case.start.positions != IMPACT_SCAN:
         return
     key = "start.positions"
@@ -361,7 +373,7 @@ def check_scan(case: CaseSections) -> Iterator[Problem]:
 
 
 def _check_speeds(case: CaseSections, given_by: str) -> Iterator[Problem]:
-    """Speeds of species that are given beside a start that says how the disks move."""
+    """Speeds of species that are given although the start has velocities."""
     for i, each in enumerate(case.species):
         for speed in ("speed_rms", "spin_rms"):
             if speed in each.model_fields_set:

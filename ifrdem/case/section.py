@@ -50,7 +50,7 @@ def plain(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong: where, what stands there (as text; None where nothing does), why."""
+    """A mistake: its key, the value there as text (None without one), and the reason."""
 
     key: str
     value: str | None
@@ -75,7 +75,7 @@ class Section(BaseModel):
     choices: ClassVar[tuple[str, ...]] = ()
     """Alternatives that are no such groups, as the templates of cases say them."""
     kind_key: ClassVar[str] = "kind"
-    """The key that tells kinds of a section apart, where there are several."""
+    """The key that selects the kind of a section, where there are several."""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -142,7 +142,7 @@ class Section(BaseModel):
 
 
 def exclusive_with(data: Mapping[str, Any], key: str, *others: str) -> list[str]:
-    """A mistake for `others` that stand beside a key that says the same."""
+    """A mistake for `others` that are given together with a key of the same meaning."""
     given = [each for each in others if each in data]
     return [f"{', '.join(given)} cannot be combined with {key}"] if key in data and given else []
 
@@ -169,7 +169,7 @@ def _docstrings(model: type[Section]) -> dict[str, str]:
 
 
 def _again(error: ErrorDetails) -> InitErrorDetails:
-    """An error of pydantic's as what a further one is made of."""
+    """An error of pydantic in the form from which another one is made."""
     context = error.get("ctx", {})
     kind: str | PydanticCustomError = error["type"]
     if "text" in context:  # one of our own

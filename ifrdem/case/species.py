@@ -74,7 +74,7 @@ class Species:
             rows = [mass, radius, np.full(len(ids), self.k), np.zeros(len(ids), dtype=np.int32)]
             if kinds is None:
                 kinds = kinds_among(rows)
-            else:  # where there are many, they are not told apart any more
+            else:  # many kinds are not distinguished any more
                 kinds = merge_kinds([kinds, kinds_among(rows) if kinds[1] else (extremes(rows), False)])
             sums[ids] = _sums(radius)
             totals += np.sum(mass), np.sum(radius)

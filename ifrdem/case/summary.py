@@ -23,7 +23,7 @@ from .objects import device_of
 from .output_section import MOST_FRAMES
 
 WRITER_BYTES_PER_DISK = 200
-"""Frames that are being told, wait or are written.
+"""Memory [bytes per disk] of frames that are made, wait or are written.
 
 A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
 GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500
@@ -110,7 +110,7 @@ def refused_here(
     ranks: int = 1,
     sliced: bool = False,
 ) -> list[str]:
-    """Texts on what a run lacks on this machine: the device, threads, memory, space in the output's folder.
+    """Texts on missing resources of this machine: the device, threads, memory, space in the output's folder.
 
     Other machines may have it. `share`, `ranks` and `sliced` are as for `refuse_beyond_memory`.
     """

@@ -115,7 +115,7 @@ def write(kind: str) -> str:
 
 
 def _table(heading: str, kinds: Sequence[type[Section]], given: Mapping[str, Any]) -> str:
-    """The keys of a section: those of its kind, then, behind a #, those that other kinds have besides."""
+    """The keys of a section: those of its kind, then, behind a #, further keys of other kinds."""
     own = next((each for each in kinds if kind_of(each) == given.get(each.kind_key)), kinds[0])
     purpose = own if len(kinds) == 1 else own.__mro__[1]
     lines = [f"{heading}\n", _comment((purpose.__doc__ or "").strip().splitlines()[0])]

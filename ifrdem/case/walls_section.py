@@ -36,7 +36,7 @@ class MotionSection(Section):
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Also a direction that is none."""
+        """Mistakes, a direction of length 0 included."""
         return super().problems(data) + _nowhere(data, "direction")
 
 
@@ -121,7 +121,7 @@ class PistonSection(Section):
 
 
 class WallSection(Section):
-    """A wall beside the sides of the box: at rest, moving, turning, with a moving surface, or hot."""
+    """A wall other than the sides of the box: at rest, moving, rotating, with a moving surface, or thermal."""
 
     kind_key: ClassVar[str] = "shape"
 
@@ -160,7 +160,7 @@ class WallSection(Section):
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Also a wall of no material or of two."""
+        """Mistakes, a wall without a material or with two included."""
         problems = super().problems(data)
         if ("material" in data) == ("temperature" in data):
             problems.append(
@@ -206,7 +206,7 @@ class LineWall(WallSection):
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Also a normal that is none, and a rotation."""
+        """Mistakes, a normal of length 0 and a rotation included."""
         turns = ["turn: a line has no end, so it cannot turn; use a segment"] * ("turn" in data)
         return super().problems(data) + turns + _nowhere(data, "normal")
 
@@ -225,7 +225,7 @@ class SegmentWall(WallSection):
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Also ends at one place."""
+        """Mistakes, equal ends included."""
         same = "start" in data and data["start"] == data.get("end")
         text = 'start = end: a segment has two ends; a point is a "post" of radius 0'
         return super().problems(data) + [text] * same
@@ -296,7 +296,7 @@ class PolylineWall(WallSection):
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Also a tolerance without curves, and a scale without a file."""
+        """Mistakes, a tolerance without curves and a scale without a file included."""
         problems = super().problems(data)
         if "tolerance" in data and "points" in data:
             problems.append("tolerance: points have no curves")

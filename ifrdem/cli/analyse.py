@@ -1,4 +1,4 @@
-"""Commands `analyse` and `plot`: what analyses find in a trajectory, as tables, files and pictures."""
+"""Commands `analyse` and `plot`: results of analyses of a trajectory, as tables, files and pictures."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ NAMES = (
 """As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
 ELSEWHERE = "; --force replaces it, -o DIR writes elsewhere"
 RUN = ("name", "seed", "started")
-"""Parameters of a trajectory by which a run is told from others."""
+"""Parameters of a trajectory that identify its run."""
 
 PICTURE_LIST = "\n".join(f"{name:<{max(map(len, PICTURES))}}  {text}" for name, text in PICTURES.items())
 
@@ -191,7 +191,7 @@ def _analyse(
 
 
 def _summary_record(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, Any]:
-    """The record of what the folder holds of this trajectory; an empty one if it holds nothing, or by force.
+    """The record of existing results of this trajectory in the folder; empty without any, or by force.
 
     Raises InputError if the summary that is there is of another trajectory, or none of ours.
     """
@@ -224,7 +224,7 @@ def _summary_record(trajectory: Trajectory, summary: Path, *, force: bool) -> di
 def _wanted(
     what: Sequence[str], record: dict[str, Any], summary: Path, *, force: bool
 ) -> tuple[list[str], list[str]]:
-    """Analyses to do, and those that are there already and stay."""
+    """Analyses to do, and existing ones that are kept."""
     requested = list(dict.fromkeys(what)) or list(NAMES)
     there = [name for name in requested if name in record["analyses"]]
     if force or not there:
@@ -299,7 +299,7 @@ def plot(
     """Draw a trajectory, several, or a study: temperatures, disks, velocity, rdf, structure-factor, msd.
 
     Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
-    and so on; of a study, with bands of two standard errors over seeds and kinetic theory beside it. Of one trajectory,
+    and so on; of a study, with bands of two standard errors over seeds, and kinetic theory. Of one trajectory,
     temperatures, energy, ledger, mechanisms, walls and piston can be drawn `--over tau`, too.
     """
     if list:

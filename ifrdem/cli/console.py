@@ -29,12 +29,12 @@ def echo(message: str) -> None:
 
 
 def note(message: str) -> None:
-    """Print a line on what was done; `--quiet` leaves it out."""
+    """Print a line on a finished step; not with `--quiet`."""
     LOG.info(message)
 
 
 def progress(message: str) -> None:
-    """Print a line on what is being done to the standard error stream; `--quiet` leaves it out."""
+    """Print a line on the present step to the standard error stream; not with `--quiet`."""
     LOG.info(message, extra={"progress": True})
 
 

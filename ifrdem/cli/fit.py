@@ -108,7 +108,7 @@ class DiskOptions:
     pair: Annotated[tuple[str, str] | None, Parameter(metavar="COIN COIN")] = None
     """two coins of the paper instead, in SI units"""
     disk_1: Annotated[str | None, Parameter(metavar="MASS,RADIUS,K")] = None
-    """disk 1 of whole collisions; K is 2 unless told"""
+    """disk 1 of whole collisions; default of K: 2"""
     disk_2: Annotated[str | None, Parameter(metavar="MASS,RADIUS,K")] = None
     """disk 2, or wall"""
 
@@ -116,7 +116,7 @@ class DiskOptions:
 @Parameter(name="*", group=TABLE, help="the writing of the table")
 @dataclass(frozen=True, kw_only=True)
 class TableOptions:
-    """Options on the writing of a table."""
+    """Options on the format of a table."""
 
     column: Annotated[list[str] | None, Parameter(metavar="NAME=TEXT")] = None
     """the column that NAME stands for, such as psi="impact angle"; repeatable"""
@@ -152,7 +152,7 @@ class FitOptions:
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
     """ifr-percussion, ifr-contact, walton, brach, smooth or all; repeatable (default: both kinds of IFR)"""
     law: Annotated[str | None, Parameter(metavar="FILE.py:CLASS")] = None
-    """a law of one's own beside them, see own-law in the manual"""
+    """a custom law in addition, see own-law in the manual"""
     range: Annotated[list[str] | None, Parameter(metavar="NAME=LOW:HIGH")] = None
     """range of a coefficient of that law; repeatable"""
     fix: Annotated[list[str] | None, PAIRS] = None
@@ -168,7 +168,7 @@ class FitOptions:
     rolling: bool = False
     """fit rolling friction rho too, from Rw_2 or e_t_apparent"""
     bootstrap: Annotated[int, counting(40)] = 0
-    """intervals by N synthetic data sets beside the others"""
+    """additional intervals from N synthetic data sets"""
     seed: Annotated[int | None, counting(0, MOST_SEED)] = None
     """seed of the bootstrap and of --draw (default: 1)"""
 
@@ -313,7 +313,7 @@ def _progress(fits: int) -> AbstractContextManager[Any]:
 
 
 def _check_files(paths: Sequence[Path], data: Path, force: bool, problems: OptionProblems) -> None:
-    """Take note of what keeps files from being written."""
+    """Note reasons why files cannot be written."""
     problems += [f"output {path}: is the data file" for path in paths if path == data]
     problems += [
         f"output {path}: is asked for twice" for path in dict.fromkeys(paths) if paths.count(path) > 1
@@ -361,7 +361,7 @@ def _disks(given: DiskOptions, rolling: bool, problems: OptionProblems) -> dict[
 
 
 def disk_of(option: str, text: str, problems: OptionProblems, also: str = "") -> Any:
-    """The disk that MASS,RADIUS,K says; None if it does not."""
+    """The disk of MASS,RADIUS,K; None if the text is invalid."""
     from ..fit.data import Disk
 
     parts = text.split(",")
@@ -387,7 +387,7 @@ def _collision_disks(given: DiskOptions, problems: OptionProblems) -> dict[str, 
 
 
 def _split(option: str, texts: list[str] | None, problems: OptionProblems) -> dict[str, str]:
-    """NAME=TEXT."""
+    """Name and text of NAME=TEXT."""
     found: dict[str, str] = {}
     for text in texts or ():
         name, equals, value = text.partition("=")
@@ -402,7 +402,7 @@ def _split(option: str, texts: list[str] | None, problems: OptionProblems) -> di
 
 
 def _pairs(option: str, texts: list[str] | None, problems: OptionProblems) -> dict[str, float]:
-    """NAME=NUMBER."""
+    """Numbers by name, of NAME=NUMBER."""
     return {
         name: problems.parse(0.0, number, f"{option} {name} =", value, "a finite number", math.isfinite)
         for name, value in _split(option, texts, problems).items()
@@ -410,7 +410,7 @@ def _pairs(option: str, texts: list[str] | None, problems: OptionProblems) -> di
 
 
 def _ranges(texts: list[str] | None, problems: OptionProblems) -> dict[str, tuple[float, float]]:
-    """NAME=LOW:HIGH."""
+    """Ranges by name, of NAME=LOW:HIGH."""
     found = {}
     for name, value in _split("--range", texts, problems).items():
         low, colon, high = value.partition(":")
@@ -426,7 +426,7 @@ def _ranges(texts: list[str] | None, problems: OptionProblems) -> dict[str, tupl
 
 
 def form_of(table: TableOptions, problems: OptionProblems, known: list[str] | None = None) -> Any:
-    """The writing of the table, of which each line has some `known` values."""
+    """The format of the table; all its lines have the `known` values."""
     from ..fit.tabular import TableFormat
 
     given = table.delimiter or ","
@@ -517,7 +517,7 @@ def collisions(
     output: Output = None,
     force: Force = False,
 ) -> int:
-    """Find collisions in tracked places.
+    """Find collisions in particle tracks.
 
     Finds the impacts, fits the flights before and after each, and writes the table of whole collisions that
     `ifrdem fit` takes,
@@ -628,9 +628,9 @@ def compare(
     output: Output = None,
     force: Force = False,
 ) -> int:
-    """Compare a run with measured places.
+    """Compare a run with measured positions.
 
-    Gives positions, angles and rest places of a run beside the measured ones, with the spread that the errors
+    Gives positions, angles and rest positions of a run and the measured ones, with the spread that the errors
     of the start
     and of the fitted law give.
     """
@@ -680,7 +680,7 @@ def compare(
 def _named(
     texts: list[str] | None, option: str, names: tuple[str, ...], problems: OptionProblems
 ) -> dict[str, float]:
-    """Errors by name."""
+    """Standard errors by name."""
     found = {}
     for name, value in _split(option, texts, problems).items():
         if name not in names:

@@ -164,7 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             text = f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}"
             return mpi.communicator.end(FAILED, text, complain)
         except Exception:
-            # A fault of the program. Alone it goes on as a traceback; one rank of several tells it, with the traceback,
+            # A fault of the program. A single process raises it; one rank of several prints it, with the traceback,
             # and ends all the others, which would wait for ever.
             if mpi.communicator.is_single_process():
                 raise

@@ -52,7 +52,7 @@ def integer(
 def real(
     metavar: str, text: str, need: str, right: Callable[[float], bool], *names: str, **more: Any
 ) -> Parameter:
-    """An option that takes a number; `need` says which are right."""
+    """An option that takes a number; `need` describes valid ones."""
 
     def convert(_kind: object, tokens: Sequence[Token]) -> float:
         value = _number(tokens[-1].value)
@@ -226,10 +226,10 @@ def whole(option: str, text: str, least: int, most: int) -> int:
 
 
 class OptionProblems(list[str]):
-    """Lines on options that are wrong, told all at once."""
+    """Messages on wrong options, reported all at once."""
 
     def parse(self, default: T, read: Callable[..., T], option: str, text: str | None, *more: object) -> T:
-        """The value that is read from a text, or the default without one; what is wrong is taken note of."""
+        """The value of a text, or the default without one; a mistake is noted."""
         try:
             return default if text is None else read(option, text, *more)
         except InputError as error:
@@ -250,7 +250,7 @@ def opened(file: str) -> Trajectory:
 
 
 def output_path(file: str, output: str | None, ending: str, *, force: bool, option: str = "-o") -> Path:
-    """The file to write, checked; without a name for it, one beside the trajectory."""
+    """The file to write, checked; without a name for it, one next to the trajectory."""
     from ..tools.files import check_apart, check_files
 
     given = Path(file)

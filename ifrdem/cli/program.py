@@ -106,7 +106,7 @@ def bench(
     ] = 0.0,
     set: Set = None,
 ) -> None:
-    """Measure how fast it runs here.
+    """Measure the speed of the program on this machine.
 
     Times warm kernels: an elastic gas at equilibrium, or a case (--case). Prints the median of several runs and their
     range; progress goes to the standard error stream. Under `mpiexec -n P` it times one gas on P ranks, and counts what

@@ -63,8 +63,8 @@ def run(
 ) -> int:
     """Run a case: writes NAME.h5 and NAME.png.
 
-    Bad input is told before anything is written. Ctrl-C and SIGTERM end a run in good order, with a checkpoint
-    from which `ifrdem resume` goes on. `mpiexec -n P ifrdem run CASE` shares the gas among P processes.
+    Input errors are reported before anything is written. Ctrl-C and SIGTERM end a run in good order, with a checkpoint
+    from which `ifrdem resume` continues. `mpiexec -n P ifrdem run CASE` shares the gas among P processes.
     """
     _spare_threads()
     changes = overrides(set, device=device, seed=seed, threads=threads, precision=precision, runtime=runtime)
@@ -104,7 +104,7 @@ def resume(
     no_picture: NoPicture = False,
     max_hours: MaxHours = None,
 ) -> int:
-    """Go on with a run that was stopped.
+    """Resume a run that was stopped.
 
     From the checkpoint of a run that was interrupted, terminated, killed or out of time: the trajectory becomes
     bitwise that of a run that was never stopped.
@@ -158,11 +158,11 @@ def status(
         ),
     ] = 1.0,
 ) -> int:
-    """Print how far a run or study is, and the time left.
+    """Print the progress of a run or study, and the time left.
 
     Reads the status file next to the trajectory; nothing is locked, and the run may be that of another user. A run
-    whose process is gone without an end is "dead". The exit status is 0 of a run that is done or goes on, 3 of one that
-    was stopped, and 1 of one that failed or died.
+    whose process is gone without an end is "dead". The exit status is 0 for a run that is done or runs, 3 for one that
+    was stopped, and 1 for one that failed or died.
     """
     from ..runs import status as of_run
 
@@ -229,7 +229,7 @@ def study(
     """Run a case for many values of its keys and many seeds, on all cores or on a cluster.
 
     Writes one file of results (NetCDF-4, for xarray): series and analyses of all runs, means and standard errors over
-    seeds, kinetic theory beside them. Called again, it goes on where it was stopped, and runs only what is new.
+    seeds, and kinetic theory. Called again, it resumes where it was stopped, and runs only what is new.
     """
     from ..study.study import Study
 
@@ -261,7 +261,7 @@ def study(
 
 
 def check(case: Case, /, *, set: Set = None) -> None:
-    """Look at a case without running it.
+    """Check a case without running it.
 
     Reports the mistakes of a case, all of a kind at once; of a good one its packing fraction, mean free paths,
     whether its laws can add energy, its file size and memory. With mpiexec, also what so many ranks cannot do.
@@ -327,7 +327,7 @@ def new(
         print(text, end="")
         return
     path = Path(output or f"{Path(kind).stem}.toml")
-    # Start and measured places of a shipped case.
+    # Start and measured positions of a shipped case.
     data = sorted(shipped.FOLDER.glob(f"{Path(kind).stem}*.csv"))
     check_files([path, *(path.with_name(each.name) for each in data)], force=force)
     write_text(path, text)

@@ -43,7 +43,7 @@ LEAST, MOST = 160, 7680
 
 
 def info(file: File, /) -> None:
-    """Say what a trajectory holds."""
+    """Describe the content of a trajectory."""
     from ..runs.info import describe
 
     echo(describe(file))
@@ -113,7 +113,7 @@ def view(
 def link(file: File, /) -> None:
     """Let ParaView, OVITO, xarray and ASE open a trajectory.
 
-    Writes NAME.vtkhdf (ParaView, PyVista, VTK) and NAME.nc (OVITO, xarray, ASE) beside NAME.h5. They point at its data
+    Writes NAME.vtkhdf (ParaView, PyVista, VTK) and NAME.nc (OVITO, xarray, ASE) next to NAME.h5. They point at its data
     and copy none: keep the three files together, and write them again when the run has added frames. Existing views
     are replaced.
     """
@@ -211,11 +211,11 @@ def repair(
     in_place: Annotated[bool, flag("replace FILE by what is whole of it")] = False,
     force: Annotated[bool, flag("replace OUT if it exists")] = False,
 ) -> None:
-    """Make a trajectory that opens out of a damaged one.
+    """Make a valid trajectory of a damaged one.
 
     Says what is wrong with a trajectory, and writes what is whole of it to NAME.repaired.h5: frames that can be read,
     series and histories up to their first damaged part. Uncommitted ends are cut off. Views that are missing or stale
-    are written again. Compressed data tell when they are damaged; uncompressed ones do not.
+    are written again. Damage of compressed data is detected; that of uncompressed data is not.
     """
     from ..trajectory import repair as repairing
     from ..trajectory.views import stale, write_views

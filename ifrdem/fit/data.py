@@ -124,7 +124,7 @@ class Data:
         return tuple(name for name in MEASURED if name in self.measured)
 
     def where(self, i: int) -> str:
-        """Place of an impact in its file, for messages."""
+        """Line of an impact in its file, for messages."""
         return f"impact {i + 1}" if self.line is None else f"line {self.line[i]}"
 
     def problem(self, pair: Pair) -> FitProblem:
@@ -285,7 +285,7 @@ class Collisions:
         return bool(np.isinf(np.asarray(self.disk_2.mass)).all())
 
     def where(self, i: int) -> str:
-        """Place of a collision in its file, for messages."""
+        """Line of a collision in its file, for messages."""
         return f"collision {i + 1}" if self.line is None else f"line {self.line[i]}"
 
     def normal(self) -> tuple[Array, Array]:
@@ -429,7 +429,7 @@ def _given_errors(
     form: TableFormat,
     n: int,
 ) -> tuple[dict[str, Array], list[str]]:
-    """The error of each quantity, and what is wrong."""
+    """The error of each quantity, and mistakes in them."""
     rest = errors.pop("rest", None)
     given: dict[str, Array] = {}
     problems = []
@@ -544,7 +544,7 @@ def _column(source: str, name: str, value: ArrayLike, n: int) -> Array:
 
 
 def _end(source: str, found: list[tuple[int, str]], line: NDArray[np.int64] | None) -> None:
-    """Raise InputError with every complaint, in the order of the lines."""
+    """Raise InputError with every mistake, in the order of the lines."""
     if found:
         found.sort(key=lambda each: each[0])
         where = (lambda i: f"impact {i + 1}") if line is None else (lambda i: f"line {line[i]}")
@@ -554,13 +554,13 @@ def _end(source: str, found: list[tuple[int, str]], line: NDArray[np.int64] | No
 def _rows(
     invalid: NDArray[np.bool_], name: str, values: Array | None = None, need: str = ""
 ) -> list[tuple[int, str]]:
-    """Index and complaint of each row that is wrong: `name` alone, or with its value and what it must be."""
+    """Index and message of each wrong row: `name` alone, or with its value and what it must be."""
     text = (lambda i: name) if values is None else (lambda i: f"{name} = {values[i]:g}: {need}")
     return [(int(i), text(i)) for i in np.flatnonzero(invalid)]
 
 
 def _value_problems(name: str, values: Array) -> list[tuple[int, str]]:
-    """Index and complaint of each value that cannot be."""
+    """Index and message of each impossible value."""
     if name == "psi":
         right = (values >= 0.0) & (values < 90.0)
         need = "must be an impact angle from 0 to below 90 degrees"

@@ -256,7 +256,7 @@ def _rings(axes: Axes, fitted: Fitted, psi: Array, value: Array) -> None:
 
 
 def _limit(axes: Axes, panel: _Panel) -> None:
-    """A curve may leave the data; what was measured is what is to be seen."""
+    """Limit an axis to the measured values; curves may leave it."""
     present = panel.present
     low, high = axes.get_ylim()
     data_low = float(np.min((panel.value - panel.error)[present]))

@@ -159,7 +159,7 @@ class Search:
 
     def points(self, values: Array) -> Points:
         """Nearest points of coefficients (p,)."""
-        key = values.tobytes()  # SciPy asks for residuals and derivatives at one place one after the other
+        key = values.tobytes()  # SciPy requests residuals and derivatives at one point one after the other
         if self._last is None or self._last[0] != key:
             self._last = key, self.likelihood.at(values)
         return self._last[1]
@@ -194,12 +194,12 @@ class Search:
         return found
 
     def _mu(self, values: Array, transition: float) -> float:
-        """The mu with which the transition is there."""
+        """The mu that puts the transition at this angle."""
         c = float(np.ravel(self.law.stick(values, self.likelihood.problem.probe()))[0])
         return float(c * np.tan(transition) / (1.0 + self.law.full(values)["e_n"][0]))
 
     def descend(self, start: Array, held: Mapping[str, float] | None = None) -> tuple[Array, float]:
-        """Place and value of the least loss, from a start (p,), with quantities held."""
+        """Coefficients and value of the least loss, from a start (p,), with quantities held."""
         law, held = self.law, dict(held or {})
         kind = "held" if held else "robust" if self.likelihood.robust is not None else "plain"
         tolerance = _TOLERANCE[kind]

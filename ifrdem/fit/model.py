@@ -90,7 +90,7 @@ class Pair:
 
 
 class RowError(InputError):
-    """An impact that is wrong: its index, and the complaint."""
+    """An error in an impact: its index, and the message."""
 
     def __init__(self, row: int, text: str) -> None:
         super().__init__(f"row {row + 1}: {text}")

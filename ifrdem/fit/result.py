@@ -54,7 +54,7 @@ class Estimate:
     interval: Interval
     """By profile likelihood."""
     bootstrap: Interval | None = None
-    """Percentiles of a parametric bootstrap, if one was asked for."""
+    """Percentiles of a parametric bootstrap, if one was made."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Fitted:
     AIC: float
     BIC: float
     cross_validation: float
-    """Mean of -2 ln L of an impact that the fit did not see, without its constant; NaN if not asked for."""
+    """Mean of -2 ln L of an impact that the fit did not use, without its constant; NaN if not computed."""
     x: Array
     """Fitted true motion before the impacts; of a table of angles psi [rad]; shape (n, d)."""
     psi: Array
@@ -194,7 +194,7 @@ class Fit:
     laws: Mapping[str, Fitted]
     """By name, as `--model` has it."""
     best: str
-    """The law with the lowest AIC; of those within `TELLING` of it, the first that was asked for."""
+    """The law with the lowest AIC; of those within `TELLING` of it, the first in the given order."""
     decided: bool
     """True if all others are further off, or only one was fitted."""
     level: float = CONFIDENCE

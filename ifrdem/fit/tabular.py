@@ -62,7 +62,7 @@ class ReadTable:
 @validated
 @dataclass(frozen=True)
 class TableFormat:
-    """The writing of a file, where it differs from commas, points and the standard names.
+    """The format of a table file, where it differs from commas, points and the standard names.
 
     Examples
     --------

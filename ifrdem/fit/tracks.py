@@ -49,7 +49,7 @@ _MOST_DISKS = 500
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """Places of disks in the frames of a video."""
+    """Positions of disks in the frames of a video."""
 
     time: Mapping[int, Array]  # (f,): times [time] of the frames that show a disk, by its id, ascending
     position: Mapping[int, Array]  # (f, 2): its centre [length]

@@ -25,7 +25,7 @@ def angles(n: int, psi: tuple[float, float]) -> Array:
 
 
 def start(disks: Disks, psi: tuple[float, float], speed: float, *, seed: int) -> StartData:
-    """Places and velocities of the pairs: disk p hits disk n/2 + p, of an even number n.
+    """Positions and velocities of the pairs: disk p hits disk n/2 + p, of an even number n.
 
     `psi` are the first and last angle of impact [degrees], `speed` [length/time] is of those that hit, and the
     directions of the lines of centres are random by the `seed`.

@@ -6,7 +6,7 @@ stiffness. At a temperature T they push into each other by some sqrt(T / stiffne
 smaller effective radius. Cooling lets this radius grow to the real one while the motion finds room, much as in the
 growth of hard disks (Lubachevsky and Stillinger, doi:10.1007/BF01025983), but in steps that NumPy and SciPy do for all
 disks at once. In the end the energy is minimised (FIRE: Bitzek et al., doi:10.1103/PhysRevLett.97.170201), with radii a
-little larger than wanted (MARGIN), until no two disks overlap: a check without tolerance says so.
+little larger than the given ones (MARGIN), until no two disks overlap, by a check without tolerance.
 
 Without the motion (minimising the energy from random places alone) a bidisperse gas jams at 0.842 and takes ever more
 steps near it: at 0.84, 20,000 steps left overlaps of 0.3 %. With it, a few dozen steps remain.
@@ -312,7 +312,7 @@ class _SoftDisks:
         return False
 
     def cool(self, random: np.random.Generator, steps: int, progress: Progress) -> None:
-        """Let them move (velocity Verlet) at HOT, and then while it falls to COLD, by scaling the velocities."""
+        """Move the disks (velocity Verlet) at temperature HOT, then while it falls to COLD, by scaling velocities."""
         velocity = random.standard_normal(self.x.shape) * np.sqrt(HOT * self.per_mass)
         force, _ = self.force()
         for done in range(steps):

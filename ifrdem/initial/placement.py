@@ -61,7 +61,7 @@ def sites(free_area: FreeArea, n: int, radius: float, numbers: NDArray[np.int64]
 
     Rows along x or along y, which continue across periodic sides. What sites are left over are spread evenly.
     InputError if fewer sites than n find room; the message says how many do. Only those of some `numbers`, 0 to n - 1,
-    are returned; of ranks, each asks for its own, and tests some of all sites.
+    are returned; each of several ranks requests its part, and tests some of all sites.
     """
     low, high = 2.0 * radius * CLOSER, max(free_area.box.lengths)
     best = _free(free_area, radius, low, check_sites(free_area, n, radius))
@@ -106,11 +106,11 @@ class _Sites:
 
     @property
     def points(self) -> int:
-        """Number of all of them."""
+        """Number of all sites."""
         return self.columns * self.rows
 
     def off_walls(self, numbers: range) -> Array:
-        """Those of some numbers at which a disk overlaps no wall; shape (sites, 2)."""
+        """Sites with some numbers at which a disk overlaps no wall; shape (sites, 2)."""
         return np.concatenate([np.empty((0, 2)), *self._blocks_off_walls(numbers)])
 
     def _blocks_off_walls(self, numbers: range) -> Iterator[Array]:
@@ -231,7 +231,7 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first (in size
     classes of 25 %), which lets mixtures become denser than the equal-disk limit. InputError if the disks do not fit:
     equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when the attempts are used up (400
-    per disk; equal disks reach about 0.53). The message says how far it came.
+    per disk; equal disks reach about 0.53). The message gives the packing fraction reached.
 
     Of 524,288 disks and more (two blocks, `BLOCK`) each 262,144 to 524,288 are placed in a strip of the box of their
     own, drawn from all at random, whose free area goes as the area that they cover; each strip has random numbers of
@@ -374,7 +374,7 @@ def _fill_strip(
 ) -> Array:  # fmt: skip
     """Positions of disks added to a strip (axis, from, to), with this share of the free area, given the disks near it.
 
-    InputError if they do not fit; `wanted` is the packing fraction of all disks, for the message.
+    InputError if they do not fit; the message gives `wanted`, the packing fraction of all disks.
     """
     box, n = free_area.box, len(radii)
     position = np.empty((n, 2))
@@ -541,7 +541,7 @@ _Size = Annotated[float, Number(0.0, MOST_SPEED, f"a finite number, 0 or more an
 def maxwellian(
     mass: PositiveColumn, *, speed_rms: _Size | None = None, temperature: _Size | None = None, seed: Seed,
 ) -> Array:  # fmt: skip
-    """Draw velocities from a Maxwell distribution, with no total momentum and exactly the wanted energy.
+    """Draw velocities from a Maxwell distribution, with no total momentum and exactly the given energy.
 
     Disks of different masses get the same mean energy: each component has variance T / m. The total momentum of the
     sample is then removed, and the rest scaled. Of ranks of MPI (`Communicator`), each gives the masses of its slice,

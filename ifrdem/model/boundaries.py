@@ -55,7 +55,7 @@ class CircleBoundary:
     inside: bool
 
     def inward(self, points: Array) -> Array:
-        """As for a line."""
+        """See `LineBoundary`."""
         r = np.hypot(*(points - self.origin).T)
         return self.radius - r if self.inside else r - self.radius
 
@@ -74,11 +74,11 @@ class CircleBoundary:
         return (0.5 if self.inside else -0.5) * r * (r * (s_1 - s) + turn)
 
     def length(self, s: float, s_1: float) -> float:
-        """As for a line."""
+        """See `LineBoundary`."""
         return self.radius * (s_1 - s)
 
     def extremes(self, s: float, s_1: float) -> list[float]:
-        """As for a line."""
+        """See `LineBoundary`."""
         quarters = np.arange(math.ceil(s / _QUARTER), math.floor(s_1 / _QUARTER) + 1) * _QUARTER
         return [s, s_1, *quarters]
 

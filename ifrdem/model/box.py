@@ -145,7 +145,7 @@ class Box:
 
     @classmethod
     def around(cls, covered: float, packing_fraction: float, aspect: float, shear_rate: float = 0.0) -> Box:
-        """The box of which disks that cover so much area [length^2] fill the given fraction; others as above."""
+        """The box in which disks of this total area [length^2] fill the given fraction; other arguments as above."""
         densest = math.pi / (2.0 * math.sqrt(3.0))
         if not 0.0 < packing_fraction <= densest:
             raise InputError(
@@ -233,7 +233,7 @@ class Box:
         """Places on paths without jumps [length], shape (..., 2): of positions in the box and the boxes travelled.
 
         position + image * lengths; in a sheared box, the box above lies shear_rate Ly t further along x, and the path
-        is that of a disk that goes on into faster and faster flow. The time is a number or an array (...).
+        is that of a disk that moves on into faster and faster flow. The time is a number or an array (...).
         """
         _check_times(position, time)
         if np.shape(image) != position.shape:

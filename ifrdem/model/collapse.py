@@ -105,7 +105,7 @@ Collapse = VelocityCutoff | ContactTime | Rest
 
 
 def validate(collapse: Any) -> Collapse | None:
-    """A remedy as users give it: InputError if it is none."""
+    """The checked remedy of a user; InputError if it is not a remedy."""
     if collapse is None or isinstance(collapse, Collapse):
         return collapse
     raise must_be("collapse", collapse, "VelocityCutoff(speed), ContactTime(time), Rest(speed) or None")

@@ -119,7 +119,7 @@ def _always_apart(one: Wall, other: Wall, diameter: float) -> bool:
 
 
 def _times(one: Wall, other: Wall, box: Box, begin: float, end: float) -> tuple[float, float]:
-    """Times at which to look: in two periods of the slower one, or as long as a steady motion takes through the box."""
+    """Sampled times: two periods of the slower wall, or the time of a steady motion through the box."""
     last = 0.0
     for wall in (one, other):
         motion, turn = wall.motion, wall.turn

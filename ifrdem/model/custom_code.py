@@ -34,7 +34,7 @@ def named_numbers(owner: str, what: str, names: Sequence[str], given: Mapping[st
 
 
 class FromKernels:
-    """A function of a module of `kernels`, imported where it is first asked for: Taichi is slow to import."""
+    """A function of a module of `kernels`, imported at its first use: Taichi is slow to import."""
 
     def __init__(self, module: str, name: str) -> None:
         self._module, self._name = module, name
@@ -149,7 +149,10 @@ def _constants(function: Any, visited: set[int]) -> Iterator[tuple[str, Any]]:
         name: cell.cell_contents
         for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True)
     }
-    for name in {*code.co_names, *code.co_freevars} & outside.keys():
+    used = {
+        each.argval for each in dis.get_instructions(code) if each.opname == "LOAD_GLOBAL"
+    }  # no attributes
+    for name in (used | {*code.co_freevars}) & outside.keys():
         value = outside[name]
         if isinstance(value, bool | int | float | tuple | np.generic | np.ndarray):
             yield name, value

@@ -3,7 +3,7 @@
 A force acts on every disk at the middle of each of its steps, at the times (k + 1/2) step counted from time 0. Between
 these times disks fly freely and collide exactly. This splitting is symmetric in time, so that what a run shows at
 multiples of the step is off by the square of the step (and between them, where the force of up to half a step is still
-to come or came early, by the step itself).
+missing or early, by the step itself).
 
 Every force takes its `step` first, the time between two applications [time] (`Force`).
 
@@ -386,7 +386,7 @@ class TableFriction(Force):
     mu : float
         Coefficient of sliding friction on the table.
     gravity : float
-        Acceleration g by which disks press on the table [length/time^2]; 9.81 unless told (SI units).
+        Acceleration g by which disks press on the table [length/time^2]; default 9.81 (SI units).
 
     Notes
     -----
@@ -504,7 +504,7 @@ def _velocity_kick(disk, step, p):
 
 
 def number(name: str, value: float | None, *, positive: bool = False, negative: bool = False) -> float:
-    """The value as a float if it is a finite number of the kind that is needed (0 or more unless told)."""
+    """The value as a float; InputError unless it is a finite number, by default 0 or more."""
     check = checked.POSITIVE if positive else checked.FINITE if negative else checked.NON_NEGATIVE
     return check(name, value)
 

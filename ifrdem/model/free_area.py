@@ -51,7 +51,7 @@ class FreeArea:
 
     @property
     def name(self) -> str:
-        """Words that follow "packing fraction" to say of what area it is: none for a box without walls."""
+        """Words for the area, after "packing fraction" in messages: none for a box without walls."""
         if not self.all_walls:
             return ""
         gates = "open" if self.gates_open else "closed" if any(wall.gated for wall in self.walls) else ""
@@ -88,7 +88,7 @@ class FreeArea:
         return self.covered_part(disk_area(radius))
 
     def covered_part(self, covered: float) -> float:
-        """Fraction of the free area that disks of such an area [length^2] in all cover."""
+        """Fraction of the free area that disks of this total area [length^2] cover."""
         area = self.area() if self.all_walls else self.box.area
         return packing_fraction(covered, area)
 
@@ -119,7 +119,7 @@ class FreeArea:
         for corners, inside in self._polygons:
             if inside:
                 low, high = np.maximum(low, corners.min(axis=0)), np.minimum(high, corners.max(axis=0))
-        # Across a periodic side the free area goes on, where it reaches it.
+        # Across a periodic side the free area continues, where it reaches it.
         open_ = (low <= ROUNDING * lengths) | (high >= (1.0 - ROUNDING) * lengths)
         open_ &= np.array(self.box.periodic)
         return np.where(open_, 0.0, low), np.where(open_, lengths, high)

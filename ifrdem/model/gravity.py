@@ -62,5 +62,5 @@ Gravity = tuple[float, float] | RotatingGravity
 
 
 def validate(gravity: Any) -> Gravity:
-    """A gravity as users give it, its numbers checked: InputError if it is neither."""
+    """The checked gravity of a user; InputError if it is neither two numbers nor a `RotatingGravity`."""
     return gravity if isinstance(gravity, RotatingGravity) else checked.PAIR("gravity", gravity)

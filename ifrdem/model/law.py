@@ -25,7 +25,7 @@ class EnergyWarning(UserWarning):
 
 
 class CollisionLaw(ReadOnlyAttributes):
-    """A collision law of one's own: subclasses say in `collide` which impulses a pair of disks exchanges.
+    """Base class of custom collision laws: `collide` gives the impulses that a pair of disks exchanges.
 
     `ifrdem.IFRLaw` is one too, and passes through the same code. InputError if a coefficient is missing, unknown or
     not a finite number.
@@ -50,7 +50,7 @@ class CollisionLaw(ReadOnlyAttributes):
     Momentum is kept whatever `collide` returns, because the engine applies the impulses to both disks; so is, without
     T, the angular momentum. Whether the law can add energy is *not* known beforehand, as it is for the IFR law: a
     simulation tries it on random pairs and warns if one gains (`EnergyWarning`), and `Simulation.dissipated_energy`
-    tells what became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of
+    gives what became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of
     materials. Variables from outside, such as module globals, are compiled in as constants: InputError from a later
     simulation or run if they have changed.
 
@@ -85,7 +85,7 @@ class CollisionLaw(ReadOnlyAttributes):
     def __getattr__(self, name: str) -> float:
         if name not in type(self).coefficients:
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}{nearest(name, dir(self))}")
-        return self._row[self.coefficients.index(name)]
+        return self.table_row()[self.coefficients.index(name)]
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self.coefficients})

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..tools.callers import outside_level
 from ..tools.checked import Array
 from .custom_code import check_constants, why_not_compiled
 from .law import OF_PAIR, CollisionLaw, EnergyWarning, compiled
@@ -21,7 +22,7 @@ _ROUND_OFF = 1e-9  # of an impulse or energy, in single precision too where its 
 def check_by_sampling(
     kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence[int], speed: float
 ) -> None:
-    """Try a law on pairs drawn from these disks and walls, always the same ones.
+    """Check a law on random pairs of these disks and walls, always the same ones.
 
     Angles are uniform, spins up to twice the speed at the rim, and speeds spread over 1e-3 to 10 times `speed`.
     InputError if impulses are not finite, or too small to keep two disks from going through each other. EnergyWarning
@@ -80,7 +81,7 @@ def check_by_sampling(
         most = f"one of them {100.0 * gain.max():.3g} % of the pair's"
         text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
         more = "Simulation.dissipated_energy tells what becomes of it"
-        warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=6)
+        warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=outside_level())
 
 
 def _refuse_too_weak(kind: type[CollisionLaw], pairs: Array, found: Array) -> None:

@@ -56,7 +56,7 @@ class Measure:
     regimes : array (5,) or None
         Collisions of two disks since the start, by regime (`REGIMES`).
     walls : array (W, 6) or None
-        Sums of each wall, the sides of the box last (`WallSums`); None unless they are asked for.
+        Sums of each wall, the sides of the box last (`WallSums`); None unless they are requested.
     pistons : array (P, 4) or None
         Displacement, velocity, energy and force of each piston (`Simulation.pistons`); None without pistons.
     momentum_flux_xy : float
@@ -138,7 +138,7 @@ def measure(
     regimes: Annotated[ArrayLike, Numbers((len(REGIMES),), low=0.0, each="0 or more")] | None = None,
     about_mean: tuple[bool, bool] = (True, True),
 ) -> Measure:
-    """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
+    """Measure a gas; energy put in before [energy] and gravity [length/time^2] are not part of a state.
 
     `about_mean` is True for x and y if temperatures along them are about the mean velocity. It is not used if disks are
     immovable, and must be False where walls stop the gas (`Measure`). InputError if the disks and the state differ

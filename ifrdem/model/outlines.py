@@ -242,7 +242,7 @@ def of_path(
             case "M" | "L" | "H" | "V":
                 new = [(args[0], args[1])]
             case "C" | "S" | "Q" | "T":
-                if command in "SsTt":  # a curve that goes on smoothly: the mirror image of the handle before
+                if command in "SsTt":  # a smooth continuation: the mirror image of the previous handle
                     smooth = last in ("CS" if command in "Ss" else "QT")
                     args = [*((2.0 * x - handle[0], 2.0 * y - handle[1]) if smooth else (x, y)), *args]
                 handle = (args[-4], args[-3])

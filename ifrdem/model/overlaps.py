@@ -181,7 +181,7 @@ def _worst(pairs: NDArray[np.integer], measures: Array) -> NDArray[np.intp]:
 def _worst_of_ranks(
     pairs: NDArray[np.integer], measures: Array, here: NDArray[np.integer]
 ) -> tuple[NDArray[np.integer], Array, int]:
-    """Pairs that overlap, of all ranks, the worst among them, what is told of each, and the number of all.
+    """Pairs that overlap, of all ranks: the worst ones, their data, and the number of all.
 
     `here` is how many of a pair's disks stand in the own part of the box: a pair of two ranks may be seen by both.
     """

@@ -135,7 +135,7 @@ def _check_energy(laws: Laws, disks: Disks, of_walls: Collection[int]) -> None:
                 laws[int(a)][int(b)].check(k_a, k_b, m_a, m_b)
     for material in of_walls:
         for a, k_a in kinds:
-            # Beside a wall's infinite mass, the pair's mean k is the disk's own.
+            # With a wall's infinite mass, the pair's mean k is that of the disk.
             laws[int(a)][material].check(k_a, k_a)
 
 

@@ -84,7 +84,7 @@ class Shape:
         raise NotImplementedError
 
     def path(self, lengths: tuple[float, float]) -> Array:
-        """The same, of an endless one beyond a box of these sides [length]."""
+        """Outline, also for an endless wall: until beyond a box of these sides [length]."""
         return self.outline()
 
     def extremes(self) -> Array:

@@ -96,7 +96,7 @@ class Disks(Brief):
 
     @functools.cached_property
     def covered(self) -> float:
-        """Area that all of them cover [length^2]."""
+        """Area that all disks cover [length^2]."""
         return disk_area(self.radius)
 
     @functools.cached_property
@@ -151,7 +151,7 @@ Kinds = tuple[list[NDArray[Any]], bool]
 
 def kinds_among(columns: Sequence[NDArray[Any]]) -> Kinds:
     """The kinds of disks of these `COLUMNS`, or the extremes where there are more than MOST_KINDS."""
-    for few in (slice(2 * MOST_KINDS), slice(None)):  # which may tell already
+    for few in (slice(2 * MOST_KINDS), slice(None)):  # the first rows may suffice
         rows = unlike([column[few] for column in columns])
         if len(rows[0]) > MOST_KINDS:
             return extremes(columns), False
@@ -159,7 +159,7 @@ def kinds_among(columns: Sequence[NDArray[Any]]) -> Kinds:
 
 
 def merge_kinds(found: Sequence[Kinds]) -> Kinds:
-    """The same of several such sets of disks together, however they are divided into them."""
+    """The kinds, or the extremes, of several sets of disks together, however the disks are divided into sets."""
     columns = [np.concatenate(each) for each in zip(*(rows for rows, _ in found), strict=True)]
     return kinds_among(columns) if all(every for _, every in found) else (extremes(columns), False)
 
@@ -222,7 +222,7 @@ _COUNTS = (
     ("last_partner", (), -1, _LOWEST),
     ("asleep", (), 0, 0),
 )
-"""Counts of a state, their shape beside the number of disks, what they are where not given, and the lowest number."""
+"""Counts of a state, their shape per disk, their default, and their lowest value."""
 
 
 @dataclass(eq=False, repr=False)
@@ -347,7 +347,7 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
 
 State.assignable = frozenset(each.name for each in fields(State))
 OF_STATE = tuple(each.name for each in fields(State) if each.name not in ("time", "flow"))
-"""Names of what a state has of each disk, beside the flow, which the box gives."""
+"""Names of the quantities of each disk in a state, without the flow, which the box gives."""
 
 
 def scatter_state(disks: Disks | None, state: State | None) -> tuple[Disks, State]:
@@ -396,7 +396,7 @@ class StoredState(State):
     """A state as a file in single precision keeps it: arrays of single precision, known to be finite.
 
     An engine makes it for who wants no more than to write it, in a third of the time. Its arrays are columns of one:
-    what belongs to a disk stands together. `image` is None if it was not asked for.
+    what belongs to a disk stands together. `image` is None if it was not requested.
     """
 
     def __post_init__(self) -> None:

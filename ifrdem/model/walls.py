@@ -104,8 +104,9 @@ class Wall:
     turn: Turn = _UNTURNED
     moves_from: Length | None = None
     moves_until: Length | None = None
-    """moves_from, moves_until: times between which motion and turn go on [time]; before and after, the wall stands
-    where they begin and end. With `moves_from`, their t counts from it: a steady wall begins where it is given."""
+    """moves_from, moves_until: times between which the wall moves and rotates [time]; before and after, it stands
+    where its motion begins and ends. With `moves_from`, t in the motion counts from it: a steady wall begins where it
+    is given."""
     opens_at: Length | None = None
     """A gate: the time from which on the wall is gone [time]."""
     opens_after: Annotated[int, Integer(0, 2**63 - 1)] | None = None
@@ -296,7 +297,7 @@ class Wall:
 
     @property
     def moving_times(self) -> tuple[float, float]:
-        """Begin and end of motion and turn [time]; infinite where they always go on."""
+        """Begin and end of translation and rotation [time]; infinite if they never begin or end."""
         return (
             -math.inf if self.moves_from is None else self.moves_from,
             math.inf if self.moves_until is None else self.moves_until,

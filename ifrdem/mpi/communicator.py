@@ -93,7 +93,7 @@ class Communicator(Distribution):
 
     @classmethod
     def of(cls, comm: Any) -> Communicator:
-        """The communicator that an argument `comm` means."""
+        """The communicator of an argument `comm`."""
         return comm if isinstance(comm, Communicator) else cls(comm)
 
     def __enter__(self) -> Communicator:
@@ -337,7 +337,7 @@ def world() -> Communicator:
 
 
 def is_single_process() -> bool:
-    """True if this process shares nothing with other ranks so far."""
+    """True if no other rank shares the present gas."""
     return _world.size == 1
 
 

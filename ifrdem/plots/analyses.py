@@ -78,7 +78,7 @@ WIDEST = 0.05
 ENOUGH = 0.01
 """Relative standard error of g below which no more bins are merged."""
 CLEARLY = 0.01
-"""Height of the plateau above 1 from which on it is pointed out, besides its error."""
+"""Smallest height of the plateau above 1 that is pointed out, if it exceeds its error too."""
 
 
 def merged(found: analysis.PairCorrelation) -> tuple[Array, Array, Array]:

@@ -209,7 +209,7 @@ def default_color(view: View) -> str:
 
 
 def shown_region(gas: Gas, position: Array) -> Array:
-    """Ends of x and of y [length], shape (2, 2), of the box; of an open one, of what holds these positions."""
+    """Ends of x and of y [length], shape (2, 2), of the box; of an open box, around these positions."""
     if not gas.box.is_open:
         return np.array([[0.0, side] for side in gas.box.lengths])
     if not len(position):

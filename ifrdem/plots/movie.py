@@ -173,7 +173,7 @@ class Scene:
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
     def _draw_map(self, index: int) -> str:
-        """Draw the area fraction; returns what the title says of it."""
+        """Draw the area fraction; return text about it for the title."""
         covered = self._covered(index)
         extent = (*self._region[0], *self._region[1])
         self._axes.imshow(covered.T, origin="lower", extent=extent, interpolation="nearest", **self._style)
@@ -181,7 +181,7 @@ class Scene:
         return f", cells of {cells}"
 
     def _draw_disks(self, index: int) -> str:
-        """Draw disks and how far they have turned; returns what the title says of them."""
+        """Draw disks and their angles; return text about them for the title."""
         frame, radius, box = self._trajectory[index], self._trajectory.disks.radius, self._axes.bbox
         pixel = float(np.mean(np.ptp(self._region, axis=1) / (box.width, box.height)))
         drawn, owner = plot_disks.add_disks(self._axes, plot_disks.View.of(frame), pixel)

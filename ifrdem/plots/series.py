@@ -1,4 +1,4 @@
-"""Panels of what changes with time: energies and what became of them, pistons, and what walls take from the disks."""
+"""Panels of quantities over time: energies, the ledger, pistons, and forces and heat of walls."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def energy(trajectory: Trajectory, over: str, axes: Axes) -> None:
 
 
 def ledger(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = None) -> None:
-    """Energy ledger: present, dissipated, put in; and by how much the sum of it all changes.
+    """Energy ledger: present, dissipated, put in; and the change of their sum.
 
     present + dissipated - input = start. The residual, in axes of its own, is the file's `ledger_residual`, which is
     counted collision by collision.

@@ -97,7 +97,7 @@ class Case(Sections):
         return found
 
     def check(self) -> Report:
-        """Report what `ifrdem check` says: quantities with their units, and warnings. `print` shows it as a table.
+        """Report of `ifrdem check`: quantities with their units, and warnings. `print` shows it as a table.
 
         Raises
         ------

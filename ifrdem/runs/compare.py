@@ -1,4 +1,4 @@
-"""Comparison of a run with measured positions: places, with the spread that errors of the start and of the law give."""
+"""Comparison of a run with measured positions, with the spread from errors of the start and of the law."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _SPELLINGS = {
     "orientation": "angle",
 }
 LEAST_MEMBERS = 4
-"""Runs with drawn start and law from which a covariance can be told."""
+"""Smallest number of runs with drawn start and law for a covariance."""
 MOST_NAMED = 500
 """Measured positions that a figure labels at most; more labels would cover each other."""
 
@@ -49,7 +49,7 @@ _NUMBERS = tuple(name for name in COEFFICIENTS if name != "sticking")
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Places that were measured."""
+    """Measured positions."""
 
     id: NDArray[np.int64]  # (m,): disks, by their number in the run
     time: Array  # (m,): times [time]; infinite for the end
@@ -60,7 +60,7 @@ class Measured:
 
 
 def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Measured:
-    """Read measured places: a line a disk, with columns id, x, y; t if not of the end; angle; NAME_error.
+    """Read measured positions: a line a disk, with columns id, x, y; t if not of the end; angle; NAME_error.
 
     Raises InputError with a line for each thing that is wrong.
     """
@@ -97,7 +97,7 @@ def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Me
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A run beside what was measured."""
+    """Comparison of a run with measured positions."""
 
     measured: Measured
     position: Array  # (m, 2): places in the run [length]
@@ -136,9 +136,9 @@ class Comparison:
 
     @property
     def probability(self) -> Array:
-        """Probability of a smaller deviation (m,), if the run is right: the ellipse on which the place lies.
+        """Probability of a smaller deviation (m,), if the run is right: the ellipse on which the position lies.
 
-        A few runs tell their own spread badly. Their part of the variance along the offset, r, leaves
+        A few runs give their own spread badly. Their part of the variance along the offset, r, leaves
         nu = (n - 1) / r^2 degrees of freedom (Y. Yao, Biometrika 52, 139, 1965), and in two dimensions Hotelling's
         distribution of d^2 is P = 1 - (1 + d^2 / nu)^(-(nu - 1) / 2), that of F = d^2 (nu - 1) / (2 nu) with 2 and
         nu - 1 degrees of freedom, which is 1 - exp(-d^2 / 2) for many runs.
@@ -210,7 +210,7 @@ class Comparison:
         return "\n".join((",".join(columns), *lines)) + "\n"
 
     def draw(self, paths: Sequence[Path]) -> None:
-        """Draw the run and its paths, the measured places on top, and ellipses of 95 % of the drawn runs."""
+        """Draw the run and its paths, the measured positions on top, and ellipses of 95 % of the drawn runs."""
         from matplotlib.collections import EllipseCollection
         from matplotlib.figure import Figure
 
@@ -305,7 +305,7 @@ def compare(
         start_state = from_trajectory.of_frame(first)
         times_measured = np.minimum(measured.time, times[-1])
         box, between = trajectory.box, not np.isin(times_measured, times).all()
-        unwrapped = paths  # without jumps, where a place between two frames is asked for
+        unwrapped = paths  # without jumps, if a position between two frames is needed
         if between and any(box.periodic):
             unwrapped = np.concatenate([*catalogue.unwrapped(trajectory, range(len(times)))], axis=1)
     if 0 < members < LEAST_MEMBERS:
@@ -410,7 +410,7 @@ def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> 
 
 
 def _positions(simulation: Simulation, ids: NDArray[np.int64], times: Array) -> Array:
-    """Places (m, 2) of disks at times."""
+    """Positions (m, 2) of disks at times."""
     found, order = np.empty((len(ids), 2)), np.argsort(times, kind="stable")
     each, first = np.unique(times[order], return_index=True)
     for time, rows in zip(each, np.split(order, first[1:]), strict=True):

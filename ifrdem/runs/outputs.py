@@ -1,4 +1,4 @@
-"""The files that a run writes, and whether it may."""
+"""The files that a run writes, and checks that it may write them."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Outputs:
 
     @property
     def checkpoint(self) -> Path:
-        """From what `ifrdem resume` goes on; there while the run is not done."""
+        """Path of the file from which `ifrdem resume` continues; it exists until the run is done."""
         return checkpoint_of(self.trajectory)
 
     def check(self, *, force: bool) -> None:
@@ -81,7 +81,7 @@ class Outputs:
 
 
 def trajectory_in(path: Path) -> Path:
-    """The trajectory that a path means: itself, or the only one in a folder.
+    """The trajectory of a path: itself, or the only one in a folder.
 
     Raises InputError if the folder has none, or several.
     """

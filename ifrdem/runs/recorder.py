@@ -69,7 +69,7 @@ class Ledger:
 
     @validated
     def relative_residual(self, measure: Measure) -> float | None:
-        """The same, over all energy that was there or put in."""
+        """The residual over all energy at the start and put in."""
         residual = self.residual(measure)
         assert self.first is not None
         first, now = self.first, measure
@@ -105,7 +105,7 @@ class Ledger:
         return row
 
     def to_record(self) -> dict[str, Any]:
-        """As JSON knows it, for a checkpoint."""
+        """The ledger in the form of JSON, for a checkpoint."""
         return {"first": _plain(self.first), "latest": _plain(self.latest), "frames": self.frames}
 
     @classmethod
@@ -129,7 +129,7 @@ def _measure(record: Mapping[str, Any] | None) -> Measure | None:
 
 
 class Recorder:
-    """Writes what a simulation gives as it runs; a context manager, which writes at its end what waits.
+    """Writer of the output of a running simulation; a context manager, which writes pending output at its end.
 
     `take_events` gives what happened to tracked disks since the last call (`Simulation.take_events`); `pending` are
     events that were not written yet when the run stopped; `clock` gives seconds of real time; `walls` are the names of
@@ -161,7 +161,7 @@ class Recorder:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        """Write what waits; where the run has failed, that is what is told, not what this may fail by."""
+        """Write what waits; if the run has failed, its error is raised, not one of this writing."""
         with contextlib.nullcontext() if kind is None else contextlib.suppress(InputError, TrajectoryError):
             self.write()
 
@@ -175,7 +175,7 @@ class Recorder:
         self._write_due(started)
 
     def row(self, measure: Measure) -> None:
-        """Write a row of the time series, likewise."""
+        """Write a row of the time series, now or together with some others."""
         started = time.thread_time()
         self._rows.append((measure.time, self.ledger.row(measure)))
         self._write_due(started)
@@ -188,7 +188,7 @@ class Recorder:
         self.seconds += time.thread_time() - started
 
     def write(self) -> None:
-        """Write the rows, events and frames that wait."""
+        """Write pending rows, events and frames."""
         if self._rows:
             first = self._rows[0][1]
             columns = {name: COLUMNS[name] for name in COLUMNS if name in first}
@@ -202,7 +202,7 @@ class Recorder:
         self._rows, self._parts, self._frames, self._wrote = [], [], [], self._clock()
 
     def between(self, now: float) -> None:
-        """Write events, if many wait; the run is at this time [time]."""
+        """Write events if many are pending; the run is at this time [time]."""
         self._gather()
         if sum(len(each) for each in self._pending) >= EVENTS_AT_ONCE:
             self._close_part(now)
@@ -210,7 +210,7 @@ class Recorder:
 
     @property
     def pending(self) -> Events | None:
-        """Events that wait, for a checkpoint; None if no disk is tracked."""
+        """Pending events, for a checkpoint; None if no disk is tracked."""
         if self._take is None:
             return None
         self._gather()
@@ -221,7 +221,7 @@ class Recorder:
             self._pending.append(found)
 
     def _close_part(self, now: float) -> None:
-        """Let the events until now wait to be written: one commit of the histories."""
+        """Close a part of the histories: its events, until now, are written in one commit."""
         if self._take is not None:
             self._gather()
             found = joined(self._pending) if self._pending else self._take()

@@ -1,4 +1,4 @@
-"""Going on with a run that was stopped: bitwise as if it had never been."""
+"""Resume a run that was stopped, with the bits of an uninterrupted run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..case import summary
 from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
-from ..case.objects import device_of
+from ..case.objects import choose_runtime, device_of
 from ..errors import InputError
 from ..kernels import runtime as of_kernels
 from ..mpi import SERIAL, Communicator
@@ -42,7 +42,7 @@ NO_RUN = "a checkpoint of `Simulation.save_checkpoint`: Simulation.from_checkpoi
 
 
 def find(source: str | os.PathLike[str]) -> Path:
-    """The checkpoint that a path means: itself, that of a trajectory, or the only one in a folder.
+    """The checkpoint of a path: itself, that of a trajectory, or the only one in a folder.
 
     Raises InputError if there is none, or several.
     """
@@ -79,11 +79,11 @@ def resume(
     warn: Callable[[str], None] = print,
     comm: Communicator = SERIAL,
 ) -> None:
-    """Go on with a run from its checkpoint: its trajectory gets the same frames as if it had not been stopped.
+    """Resume a run from its checkpoint: its trajectory gets the same frames as if it had not been stopped.
 
     Frames that were committed after the checkpoint are computed again and compared, bit for bit.
 
-    `source` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` goes on as
+    `source` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` resumes as
     the run began though its case file has changed since. `threads` may be another number of CPU threads than before:
     the result does not depend on it. `runtime` compiles the kernels, by default that of the environment or else, if it
     is installed, that of the checkpoint. A picture is drawn at the end, if the case wants it. Others as for `run.run`;
@@ -139,6 +139,7 @@ def resume(
     sent, writer, ledger, pending = comm.run_on_root(prepared) or (None, None, Ledger(), None)
     path, file, outputs, plan, written, in_parts = comm.bcast(sent)
     gas, case = file.gas, file.case
+    choose_runtime(case.run)  # on all ranks: so far the root has
     comm = gas.communicator(comm)
     with contextlib.ExitStack() as stack:
         if writer is not None:
@@ -171,7 +172,7 @@ def _with(case: CaseSections, **run: Any) -> CaseSections:
 
 
 def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSections:
-    """The case of a checkpoint on the runtime that is chosen for it; InputError if its bits could not go on."""
+    """The case of a checkpoint on the runtime that is chosen for it; InputError if the bits could change."""
     written = of_kernels.of_versions(record["versions"])[0]
     if name is None and not os.environ.get(of_kernels.VARIABLE) and of_kernels.version(written) is not None:
         name = written
@@ -182,7 +183,7 @@ def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSec
 
 
 def _log_other_runtime(record: Mapping[str, Any], path: Path, log: Callable[[str], None]) -> None:
-    """Say it if the run continues with another runtime, which gives the same bits."""
+    """Log that the run continues with another runtime, which gives the same bits."""
     written, here = map(of_kernels.of_versions, (record["versions"], package_versions()))
     if written != here:
         log(f"{path} was written by {' '.join(written)}; {' '.join(here)} gives the same bits on a CPU")
@@ -206,7 +207,7 @@ def _events(arrays: Mapping[str, NDArray[Any]]) -> Events | None:
 
 
 def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
-    """Refuse if the case file is there still, and says something else."""
+    """Raise InputError if the case file still exists and has changed."""
     case = Path(extra["case_path"])
     try:
         if not case.is_file():  # a pipe would be waited for

@@ -21,6 +21,7 @@ from ..case.case import IMPACT_SCAN, UNITS, CaseSections
 from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
 from ..case.gas import REPORTED_DRIFT, CaseGas
+from ..case.objects import choose_runtime
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
 from ..model.law_records import to_record
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
@@ -81,7 +82,7 @@ def run(
 
     Raises InputError if the case, the device or the outputs cannot be used. Else the trajectory keeps the frames so
     far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
-    or one before it has begun; EngineError or TrajectoryError if the engine or the disk fails.
+    or one before it has started; EngineError or TrajectoryError if the engine or the disk fails.
     """
     gas, case = file.gas, file.case
     options: dict[str, Any] = {"force": force, "max_hours": max_hours, "log": log, "warn": warn}
@@ -95,6 +96,7 @@ def run(
 
     def prepared() -> State | None:
         outputs.check(force=force)
+        choose_runtime(case.run)  # before a GPU is asked for, which imports a runtime
         estimate = RunEstimate.of(gas)
         folder = outputs.trajectory.parent
         refuse(check.refused_here(gas, estimate, folder, share=share, ranks=comm.size, sliced=drawn))
@@ -128,7 +130,7 @@ def run(
 
     def begin() -> TrajectoryWriter | None:
         if force:  # the checkpoint of the trajectory that is replaced is of no use
-            outputs.check(force=True)  # again: another run may have begun while the start was made
+            outputs.check(force=True)  # again: another run may have started while the start was made
             checkpoint.remove(outputs.checkpoint)
             parts.remove(outputs.trajectory)
         options["parameters"] = _record(file, cores, comm.size)
@@ -214,7 +216,7 @@ def run_root(
     log: Callable[[str], None],
     warn: Callable[[str], None],
 ) -> float:
-    """Run to the end, writing all that the case wants; returns collisions per second of real time.
+    """Run to the end with all output of the case; return collisions per second of real time.
 
     `max_hours` count from when the job `started` (`perf_counter`), with the making of its start.
 
@@ -290,7 +292,7 @@ def run_root(
         status.finish("interrupted", _one_line(text))
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
-        with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
+        with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is reported
             if (
                 isinstance(running.writer, AsyncWriter) or simulation.comm.size == 1
             ):  # else it takes all ranks
@@ -318,7 +320,7 @@ def run_root(
 def run_worker(
     case: CaseSections, simulation: Simulation, plan: RunPlan, writer: PartsWriter | None = None
 ) -> None:
-    """Run to the end, on a rank that writes nothing, or only its part; the first one drives."""
+    """Run to the end, on a rank that writes nothing, or only its part; the root controls the run."""
     stops = Stops(warn=lambda _text: None)
     comm = simulation.comm
 
@@ -480,7 +482,7 @@ def _draw(case: CaseSections) -> Callable[[Path, Path], object]:
 
 
 def _one_line(text: str) -> str:
-    """For the status, whose state says already that it was interrupted."""
+    """Message of an interruption for the status, whose state names the interruption already."""
     return "; ".join(text.removeprefix("interrupted: ").splitlines())
 
 

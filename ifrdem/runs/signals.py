@@ -15,7 +15,7 @@ from ..errors import Stopped, option_name
 WARNINGS: list[signal.Signals] = [
     getattr(signal, name) for name in ("SIGUSR1", "SIGUSR2") if hasattr(signal, name)
 ]
-"""Signals by which batch systems tell that a job is about to run out of time (Windows has none)."""
+"""Signals by which batch systems announce that a job is about to run out of time (Windows has none)."""
 SIGNALS: list[signal.Signals] = [signal.SIGINT, signal.SIGTERM, *WARNINGS]
 """All that a run ends in good order for. Terminals and batch systems send them to every process of a job."""
 
@@ -25,7 +25,7 @@ TIME_IS_UP = 3  # --max-hours, or the warning of a batch system; as `cli.UNFINIS
 
 
 class Stops:
-    """Listens for reasons to stop, and for the next checkpoint; a context manager.
+    """Watch for reasons to stop and for the next checkpoint; a context manager.
 
     The first of `SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
     at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
@@ -46,7 +46,7 @@ class Stops:
         self._warn = warn
         self._reason: Stopped | None = None
         self._started = time.monotonic() - elapsed
-        self._stored = -math.inf  # a run that is killed soon can go on too
+        self._stored = -math.inf  # a run that is killed soon can be resumed too
         self._limit = None if max_hours is None else 3600.0 * max_hours
         self._max_hours = max_hours
         self._every = 60.0 * every_minutes
@@ -82,7 +82,7 @@ class Stops:
         return time.monotonic() - self._stored >= self._every
 
     def stored(self) -> None:
-        """Take note that a checkpoint was written."""
+        """Note that a checkpoint was written."""
         self._stored = time.monotonic()
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:

@@ -1,4 +1,4 @@
-"""The live state of a run, in a small file beside its trajectory: NAME.status.json for NAME.h5.
+"""The live state of a run, in a small file next to its trajectory: NAME.status.json for NAME.h5.
 
 The file is written aside and renamed into place, so that a reader never sees half of it.
 """
@@ -82,12 +82,12 @@ def path_of(trajectory: str | os.PathLike[str]) -> Path:
 
 
 class Status:
-    """Writes the status file of a run beside its trajectory file.
+    """Writer of the status file of a run, next to its trajectory file.
 
     A full disk, or a folder that is gone, does not end the run: the status keeps its last content, and `trouble` says
     why.
 
-    The `name` of the run, what ends it and its device are told once. `interval` are the seconds between two writings at
+    The `name` of the run, its end and its device are given once. `interval` are the seconds between two writings at
     least, but `finish` always writes; `clock` gives seconds of real time.
     """
 
@@ -114,7 +114,7 @@ class Status:
         self._write()
 
     def update(self, **values: float | None) -> None:
-        """Take note of some numbers of the `Record`, and write them if the last time is long enough ago.
+        """Set some numbers of the `Record`, and write the file if the last writing is long enough ago.
 
         Raises TypeError if there is none of a name.
         """
@@ -146,7 +146,7 @@ class Status:
 
 
 def find(path: str | os.PathLike[str]) -> Path:
-    """The status file that a path means: itself, that of a trajectory, or the only or newest one in a folder.
+    """The status file of a path: itself, that of a trajectory, or the only or newest one in a folder.
 
     Raises InputError if there is none.
     """
@@ -195,7 +195,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def line(content: dict[str, Any]) -> str:
-    """Progress of a run in one line: what is known of it, and time left or its end."""
+    """Progress of a run in one line, with the time left or its end."""
     T, T_rot, runs = content["temperature"], content["rotational_temperature"], content["runs"]
     values = (
         ("{:5.1f} %", None if content["fraction"] is None else 100.0 * content["fraction"]),
@@ -223,7 +223,7 @@ def show(
     interval: float = 1.0,
     sleep: Callable[[float], None] = time.sleep,
 ) -> str:
-    """Print how far a run is; with `follow`, a line at each change until it ends.
+    """Print the progress of a run; with `follow`, a line at each change until it ends.
 
     `path` is as for `find`; `interval` are the seconds between two looks. Returns the run's state at last: "running",
     "done", "dead", ...
@@ -245,7 +245,7 @@ def show(
 
 
 def _lives(record: Record) -> bool:
-    """True if the process of a run is there; of a run on another machine, if its last news is recent."""
+    """True if the process of a run exists; for a run on another machine, if its last update is recent."""
     if os.name != "posix" or record.host != platform.node():
         return (datetime.now(UTC) - datetime.fromisoformat(record.updated)).total_seconds() < QUIET
     try:

@@ -1,4 +1,4 @@
-"""The engine's arrays: what lies on the device, how large it is, and how kernels get it.
+"""The engine's arrays on the device: their sizes, and how kernels get them.
 
 `kernels/layout.py` says what each array holds; they have the same names here. This module imports Taichi: import it
 only after `backend.start`.
@@ -200,7 +200,7 @@ class DeviceArrays:
         self.replace(name, new)
 
     def _make_table(self, name: str, rows: int) -> None:
-        """As `_make`, with the columns as a second axis."""
+        """Replace an array as `make` does, with the columns as a second axis."""
         self.replace(name, self.new_array(self._type_of(name), rows, TABLES[name].width))
 
     def replace(self, name: str, new: Any) -> None:
@@ -210,7 +210,7 @@ class DeviceArrays:
         setattr(self, name, new)
 
     def make_parts(self, parts: int, room: int) -> None:
-        """Room for the state of so many disks at so many times; what is there already stays.
+        """Make room for the state of so many disks at so many times; existing data stay.
 
         Times are the beginning and end of a window, and moments in it.
         """
@@ -283,14 +283,14 @@ class DeviceArrays:
         self.make("ghost_position", most)
 
     def events(self, most: int) -> None:
-        """Room for so many collisions that are written down."""
+        """Make room for so many recorded collisions of tracked disks."""
         self._check_addresses(3 * most)
         self.grid.most_events = most
         self.make("event", most)
         self.make("event_int", most)
 
     def make_pairs(self, most: int) -> None:
-        """Room for so many collisions of two disks that are written down."""
+        """Make room for so many recorded collisions of two disks."""
         self._check_addresses(most)
         self.grid.most_pairs = most
         self.make("pair_time", most)
@@ -343,14 +343,14 @@ class DeviceArrays:
 
     @property
     def least_side(self) -> float:
-        """Beyond it around a tile, the tiles around it would not have all disks [length]."""
+        """Largest distance around a tile within which the eight tiles around it have all disks [length]."""
         sides = [float(np.diff(edge).min()) for edge in self.edges]
         if self.uses.sheared:
             sides[0] /= 2.0  # rows above and below lie askew by up to half a tile
         return min(sides)
 
     def _make_sums(self) -> None:
-        """Room for what tiles add up in a window, to its end and to each moment; sums that are known stay."""
+        """Make room for the sums of tiles over a window, to its end and to each moment; present sums stay."""
         total, times = self.tiles, 1 + max(self.parts - 2, 1)
         columns, known = TOTAL.width + times * self.columns, self.total
         if len(known) == columns:
@@ -361,7 +361,7 @@ class DeviceArrays:
         self.total[: min(len(known), columns)] = known[:columns]
 
     def load(self, disks: Disks, options: EngineOptions, state: State) -> None:
-        """Divide the box, or what an open gas fills, into tiles, and begin a window from a state."""
+        """Divide the box, or the region of an open gas, into tiles, and begin a window from a state."""
         low, high = filled_region(self.box, state, self.widest)
         self.area: float = float(np.prod(high - low))
         tiling = Tiling.of(disks, high - low, self.widest, self._split, self.uses, options)
@@ -416,12 +416,12 @@ class DeviceArrays:
         from_numpy(self.walls, rows.astype(self.real))
 
     def change_wall(self, number: int, wall: Wall) -> None:
-        """Have the piston that is this wall be driven by another force; `open_walls` then sends it."""
+        """Set another force on the piston that is this wall; `open_walls` then copies it to the device."""
         rows = named(self.wall_rows, "walls")
         rows.piston.push[rows.owner == number] = named(wall.rows(), "walls").piston.push
 
     def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
-        """Go on from lists that `lists` gave, as the beginning of a window."""
+        """Load lists that `lists` gave, as the beginning of a window."""
         self.domain.load({name: found[name] for name in self._kept()}, *found["listed"].T)
 
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
@@ -437,7 +437,7 @@ class DeviceArrays:
         return dict(zip(held, self.domain.comm.by_id(self.n, ids, list(held.values())), strict=True))
 
     def _kept(self) -> list[str]:
-        """Names of the arrays of a state that this gas keeps, beside the kinds of disks, which ids tell."""
+        """Names of the arrays of a state that this gas keeps, except the kinds of disks, which follow from ids."""
         return [name for name in self.state_names() if name != "kind"]
 
     def values(self, name: str) -> NDArray[Any]:
@@ -447,7 +447,7 @@ class DeviceArrays:
         return found
 
     def watch(self, chosen: NDArray[np.bool_]) -> None:
-        """Choose the disks, by id, whose collisions are written down."""
+        """Set the disks, by id, whose collisions are recorded."""
         from_numpy(self.watched, chosen.astype(np.int32))
 
     @contextmanager
@@ -537,14 +537,14 @@ class DeviceArrays:
         return found, tile
 
     def set_lists(self, part: int, count: NDArray[np.int64]) -> None:
-        """Say how many disks each tile lists; lists begin one after another."""
+        """Set the number of disks in the list of each tile; lists follow one another."""
         with self.written("tile") as (tile,):
             lists = named(tile, "tile")
             lists.count[:, part] = count
             lists.start[:, part] = np.cumsum(count) - count
 
     def relist(self) -> None:
-        """List the disks by the tiles they are in; places stay what they are, to the last bit."""
+        """List the disks by the tiles they are in; positions stay, to the last bit."""
         held, listed, tile = self._moved()
         self.domain.list_rows(held, tile, listed)
 
@@ -604,7 +604,7 @@ class DeviceArrays:
 
     @contextmanager
     def sent(self) -> Iterator[Callable[..., Any]]:
-        """Run several kernels, by what this gives, before the host sees what became of the small arrays."""
+        """Yield a function that launches kernels; the host gets the small arrays after the last one."""
         if not self.on_gpu:
             yield self.launch
             return
@@ -636,7 +636,7 @@ class DeviceArrays:
         return found.array if isinstance(found, Named) else found
 
     def set_law(self, law_table: NDArray[np.float64], collision_law: Any) -> None:
-        """Collide by another law from here on."""
+        """Set another law for later collisions."""
         if law_table.shape != tuple(self.law.shape):
             self.replace("law", ti.ndarray(self._type, law_table.shape))
         from_numpy(self.law, law_table.astype(self.real))
@@ -645,7 +645,7 @@ class DeviceArrays:
     def set_gravity(
         self, gravity: tuple[float, float], resting_speed: float, turned_at: float = -math.inf
     ) -> None:
-        """Let disks fall otherwise from here on; all must have settled. Windows are as long as who rests may fall.
+        """Set another gravity, at a window's beginning. Windows are as long as resting disks may fall.
 
         Sleeping disks are checked again where gravity `turned_at` [time] that the window begins.
         """
@@ -666,7 +666,7 @@ class DeviceArrays:
         return self.bytes_of(*self._on_device())
 
     def bytes_of(self, *names: str) -> int:
-        """Bytes of some of them."""
+        """Bytes of some device arrays."""
         wide = {"f64": 8, "u64": 8, "i64": 8}
         return sum(
             wide.get(str(array.dtype), 4) * math.prod(array.shape) * math.prod(array.element_shape)

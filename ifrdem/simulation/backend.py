@@ -143,7 +143,7 @@ def limit_threads(most: int) -> None:
 
 
 def memory_available() -> int | None:
-    """Bytes of memory that a process could still take, or None where the system does not tell.
+    """Bytes of memory that a process could still take, or None if the system does not report it.
 
     A container's limit counts as well, less what is in use in it already.
     """
@@ -410,7 +410,7 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     settings = Running(device.name, threads, device.precision, profile)
     from ..kernels.language import program, ti
 
-    os.environ.pop(runtime.variable("ARCH"), None)  # it would be followed instead of what was asked for
+    os.environ.pop(runtime.variable("ARCH"), None)  # it would override the requested device
     good_enough = (settings, replace(settings, profile=True))
     if _running is not None and _running in good_enough and program() is not None:
         return _running

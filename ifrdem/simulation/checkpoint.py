@@ -43,7 +43,7 @@ _KIND = "ifrdem checkpoint"
 def write(
     path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any]], record: Mapping[str, Any]
 ) -> None:
-    """Write a checkpoint, arrays by name and a `record` of what JSON knows: beside its place, synced, then renamed.
+    """Write a checkpoint, arrays by name and a `record` for JSON, to a temporary file that is synced, then renamed.
 
     An existing file is replaced, with its parts. InputError if it cannot be written, or if another process is writing
     its trajectory; the old file is then kept.
@@ -169,7 +169,7 @@ def _digest(arrays: Mapping[str, NDArray[Any]], record: str) -> str:
 
 
 def check_extra(path: object, extra: object, arrays: object) -> None:
-    """Refuse what cannot go into a checkpoint, before anything is copied from the device.
+    """Refuse an `extra` that cannot be stored, before anything is copied from the device.
 
     InputError unless the path is one, `extra` a mapping of what JSON knows, and `arrays` one of arrays of numbers.
     """
@@ -200,7 +200,7 @@ def read(
 
 
 def divided(arrays: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Those that have a row for each disk; and all others."""
+    """Arrays with a row for each disk, and all others."""
     of_disks = {name: each for name, each in arrays.items() if name in OF_DISKS or name.startswith("before_")}
     return of_disks, {name: each for name, each in arrays.items() if name not in of_disks}
 
@@ -310,7 +310,7 @@ def disks_of(arrays: Mapping[str, NDArray[Any]]) -> Disks:
 
 
 def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], device: str = "cpu") -> None:
-    """Refuse a checkpoint of another version, whose bits could not go on: InputError with both versions.
+    """Refuse a checkpoint of another version, which could change bits: InputError with both versions.
 
     One of another runtime is accepted where both are known to give the same bits on the device.
     """

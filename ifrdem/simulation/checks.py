@@ -271,7 +271,7 @@ def check(
 def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
     """Refuse more disks than 32-bit indices reach, which count disks of each rank, and ids of all of them.
 
-    Latest `partners` are told as numbers of 32 bits, of which those below 0 mean walls.
+    Latest `partners` are stored as numbers of 32 bits, of which those below 0 mean walls.
     """
     if partners and n > ADDRESSABLE:
         raise InputError(

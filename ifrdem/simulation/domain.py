@@ -44,7 +44,7 @@ class Domain:
     """Number by which kernels know disk 0."""
 
     def attach(self, arrays: DeviceArrays) -> None:
-        """Take the arrays that belong to it."""
+        """Set the arrays of the engine."""
         self.arrays = arrays
 
     def first_slots(self, n: int) -> int:
@@ -94,7 +94,7 @@ class Domain:
         return found
 
     def share(self) -> None:
-        """Add up again what tiles have added up."""
+        """Sum the results of all tiles again."""
         self.arrays.launch(sum_shared, self.arrays.found.shape[0], 1)
 
     # ------------------------------------------------------------------ a window
@@ -108,7 +108,7 @@ class Domain:
     ) -> None:
         """Run the present window in all tiles, or up to `most` windows, and verify the tiles.
 
-        When `pausing`, which only a gas in one tile can, to the moment that was asked for; `resuming` from there.
+        `pausing` stops a gas in one tile at the requested moment; `resuming` continues from there.
         """
         runner.run_all(most, pausing=pausing, resuming=resuming)
 

@@ -92,7 +92,7 @@ class Relaxation:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """All that decides how a gas goes on, but for what it is made of: see `DSMC.resume`.
+    """Full state of a gas, without its disks, law and driving: see `DSMC.resume`.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ def sample(
     hits: NDArray[np.int32],
     species: NDArray[np.intp],
 ) -> dict[str, Any]:
-    """A sample: what `Relaxation` has of one time, but for that and what was put in.
+    """Quantities of `Relaxation` at one time, without the time and the energy put in.
 
     Velocities (n, 2) [length/time], spins (n,) [rad/time], collisions (n,) of each disk; `species` (n,), 0 to s - 1:
     what each is summed up with.
@@ -185,7 +185,7 @@ class DSMC(ReadOnlyAttributes):
     disks : Disks
         Two at least, none immovable. Radii may all differ.
     law : CollisionLaw or sequence of sequences of CollisionLaw
-        As for `Simulation`: an `IFRLaw`, rolling friction included, or a law of one's own.
+        As for `Simulation`: an `IFRLaw`, rolling friction included, or a custom law.
     packing_fraction : float
         Part of the area that the disks cover; it sets the area and the contact values.
     velocity : array_like (n, 2)
@@ -213,7 +213,7 @@ class DSMC(ReadOnlyAttributes):
     Warns
     -----
     EnergyWarning
-        As `Simulation`: a law of one's own that adds energy.
+        As `Simulation`: a custom law that adds energy.
 
     Notes
     -----
@@ -371,7 +371,7 @@ class DSMC(ReadOnlyAttributes):
         return np.asarray(self._language.to_numpy(self._hits), dtype=np.int32)
 
     def checkpoint(self) -> Checkpoint:
-        """The present state. Another gas of the same disks, law, seed and drive that resumes it goes on bit by bit."""
+        """The present state. Another gas of the same disks, law, seed and driving resumes it with the same bits."""
         self._check_valid()
         record = self._record()
         return Checkpoint(
@@ -380,7 +380,7 @@ class DSMC(ReadOnlyAttributes):
         )  # fmt: skip
 
     def resume(self, state: Checkpoint) -> None:
-        """Go on from a checkpoint.
+        """Resume from a checkpoint.
 
         Raises
         ------
@@ -411,13 +411,13 @@ class DSMC(ReadOnlyAttributes):
         t_end: NonNegative | None = None,
         samples: Samples = 50,
     ) -> Relaxation:
-        """Run on, and sample on the way: the present state, and then at even steps.
+        """Run, and sample the present state and later ones at even steps.
 
         Parameters
         ----------
         collisions_per_disk : float
-            End when each disk has had so many on average since the start. A sample stands right after a batch that
-            reached it, some collisions later: `Relaxation.collisions_per_disk` tells.
+            End when each disk has had so many on average since the start. A sample is taken right after a batch that
+            reached it, some collisions later: see `Relaxation.collisions_per_disk`.
         t_end : float
             End [time] instead, exactly. One of the two must be given.
         samples : int or array_like
@@ -463,7 +463,7 @@ class DSMC(ReadOnlyAttributes):
         return Relaxation(**{name: np.array([one[name] for one in found]) for name in found[0]})
 
     def _step(self, longest: float, target: float = math.inf) -> None:
-        """Let the gas go on, for `longest` [time] at most, and not for many more collisions than are `target`."""
+        """Advance the gas for `longest` [time] at most, and not for many more collisions than `target`."""
         self._check_valid()
         with backend.deferred_interrupts():  # Ctrl-C takes effect between batches
             self._valid = False
@@ -472,7 +472,7 @@ class DSMC(ReadOnlyAttributes):
 
     def _batch_of(self, longest: float, target: float) -> None:
         rate = self._rate()
-        # Of all candidates a third collides in a gas of equal disks, at most: more cannot be wanted too often.
+        # Of all candidates a third collides in a gas of equal disks, at most: larger batches are seldom needed.
         count = min(float(self._batch), max(3.0 * target, float(_LEAST)))
         duration = min(count / rate, longest)
         if self.driving is None:
@@ -513,7 +513,7 @@ class DSMC(ReadOnlyAttributes):
             )
 
     def _collide(self, duration: float, rate: float) -> float:
-        """Collide for a time [time], or until a disk is too fast for `rate`; how long it was."""
+        """Collide for a time [time], or until a disk is too fast for `rate`; return that time."""
         batch = self._batches
         self._batches += 1
         # The host's share of the random numbers of this batch: by counter too.
@@ -524,10 +524,10 @@ class DSMC(ReadOnlyAttributes):
             raise EngineError(f"t = {self.time:.9g}: {count} pairs drawn, with room for {self._room}")
         cut = self._resolve(count, batch)
         if cut < count:
-            # Until then no disk was too fast, and all that came before has been settled as it should be.
+            # Until then no disk was too fast, and all earlier candidates were resolved correctly.
             self._launch(self._kernels.restore)
             self._resolve(cut + 1, batch)
-            # The candidate is the (cut + 1)th of `count` that came at uniform times.
+            # The candidate is the (cut + 1)th of `count` at uniform times.
             duration *= float(chance.beta(cut + 1, count - cut))
             self._set(cut_for_speed=self.cut_for_speed + 1)
             count = cut + 1
@@ -539,7 +539,7 @@ class DSMC(ReadOnlyAttributes):
         return duration
 
     def _resolve(self, count: int, batch: int) -> int:
-        """Settle the first candidates of a batch; which of them first made a disk too fast, or `kernels.NONE`."""
+        """Resolve the first candidates of a batch; return the first that made a disk too fast, or `kernels.NONE`."""
         kernels, counter, key = self._kernels, self._counter, self._key(batch)
         counter[:] = (count, 0, 0, kernels.NONE)
         if count:

@@ -10,7 +10,7 @@ event-driven code produces, up to rounding. Exact ties in time fall to the small
 state depend on the gas only: places are on a grid, so that all tiles compute the same from whatever corner; windows end
 where the state at their beginning says. Any number of threads, any tiles, any halo that is verified, and the whole box
 in order give the same bits; so do frames, series, tracked disks and the ledger, which only look. A run that stops
-within a window changes no bit of what comes after: a gas in one tile pauses there, tiles tell the moments to come as
+within a window changes no bit of what comes after: a gas in one tile pauses there, tiles store planned moments as
 they pass them, and run the window again only for those that were not predicted.
 Only what something else does to the disks (a force, a change by the user) ends a window.
 
@@ -317,7 +317,7 @@ class Engine:
 
     @property
     def asleep(self) -> int:
-        """Disks that sleep."""
+        """Number of sleeping disks."""
         return self._asleep_before + self.windows.sleepers
 
     @property
@@ -363,7 +363,7 @@ class Engine:
         return kick
 
     def set_gates(self, opened: NDArray[np.bool_]) -> None:
-        """Say which walls are gone, shape (walls,)."""
+        """Set which walls are open gates, shape (walls,)."""
         self.open_gates: NDArray[np.bool_] = np.asarray(opened, dtype=bool)
         if self.arrays.uses.timed or self.arrays.uses.pistons:
             self.arrays.open_walls(self.open_gates)
@@ -385,8 +385,8 @@ class Engine:
     def free(self) -> tuple[bool, bool]:
         """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
         smooth: Collection[int] = ()
-        if self.walls and self._law is IFRLaw:
-            e_t, mu = (IFRLaw.column(self._law_table, name) for name in ("e_t", "mu"))
+        if self.walls and self._law.is_proved and {"e_t", "mu"} <= {*self._law.coefficients}:
+            e_t, mu = (self._law.column(self._law_table, name) for name in ("e_t", "mu"))
             smooth = smooth_materials(e_t, mu, self._materials)
         return free_directions(self.walls, immovable=self.n > self.kinds.n_movable, smooth=smooth)
 
@@ -410,14 +410,14 @@ class Engine:
         return losses.copy(), sums.regimes.astype(np.int64)
 
     def switch_ledger(self, on: bool) -> None:
-        """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
+        """Switch the sums of the energy ledger off or on: to time what the ledger costs."""
         with self.exclusive_update():
             self.windows.switch(self.arrays.uses.replace(tallied=on))
 
     # ------------------------------------------------------------------ changes between runs
 
     def _end_window(self) -> None:
-        """Have a window begin at the present time: what follows depends on where that is."""
+        """Begin a window at the present time: later bits depend on where windows begin."""
         if self.windows.inside:
             state = self._state()
             if self.tracking is not None:
@@ -474,12 +474,12 @@ class Engine:
         )  # fmt: skip
 
     def _wake(self) -> None:
-        """Wake all disks at the present time, between windows: what holds them is to change."""
+        """Wake all disks at the present time, between windows, before their support changes."""
         if self.options.resting_speed:
             self._restart_from(self._state(), wakes=True)
 
     def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
-        """Collide by another law from now on; arguments as for the engine."""
+        """Set another law for later collisions; arguments as for the engine."""
         law_table = np.ascontiguousarray(law_table, dtype=np.float64)
         self._check_collapse(law_table, law, self.gravity, ())
         with self.exclusive_update():
@@ -491,7 +491,7 @@ class Engine:
             self._mark_changed()
 
     def set_forces(self, forces: Sequence[Force]) -> None:
-        """Have other forces act from now on; InputError if one is none, or cannot act here."""
+        """Set other forces; InputError if one is invalid, or cannot act here."""
         from .force_steps import ForceSteps
 
         self.check_valid()
@@ -512,7 +512,7 @@ class Engine:
             self._mark_changed()
 
     def set_gravity(self, gravity: tuple[float, float]) -> None:
-        """Let disks fall otherwise from now on; InputError unless gravity is constant and can act along this."""
+        """Set another gravity; InputError unless gravity is constant and can act in this direction."""
         if isinstance(self.options.gravity, RotatingGravity):
             raise InputError(
                 f"gravity = {gravity}: cannot be set where gravity rotates ({self.options.gravity}); begin a new "
@@ -529,7 +529,7 @@ class Engine:
             self._mark_changed()
 
     def set_piston_force(self, number: int, force: float) -> None:
-        """Have another constant force act on the piston that is wall `number`; InputError if it is none."""
+        """Set another constant force on the piston that is wall `number`; InputError if it is not a piston."""
         pistons = [w for w, wall in enumerate(self.walls) if wall.piston is not None]
         if number not in pistons:
             known = ", ".join(map(str, pistons)) or "none"
@@ -545,7 +545,7 @@ class Engine:
             self._mark_changed()
 
     def apply_gravity(self) -> None:
-        """Let disks fall as gravity has turned; all must have settled."""
+        """Apply the present direction of rotating gravity, at a window's beginning."""
         self.gravity = self.turning.gravity
         self.arrays.set_gravity(self.gravity, self.options.resting_speed, self.turning.turned_at)
 
@@ -560,7 +560,7 @@ class Engine:
         self.turning.work += float(before - self._totals()[READOUT.fall])
 
     def set_velocities(self, state: State) -> None:
-        """Go on with the velocities and spins of another state (of ranks, of the slice), from the present places.
+        """Set the velocities and spins to those of another state (of ranks, of the slice); positions stay.
 
         InputError if an immovable disk would move, or they are too large or small to compute with.
         """
@@ -591,7 +591,7 @@ class Engine:
         return np.column_stack(real).astype(np.float64), image.astype(np.int32)
 
     def _mark_changed(self) -> None:
-        """Take note that a gas has been changed: what is known of its collisions and rest does not hold any more."""
+        """Note that the gas was changed: earlier results on its collisions and rest do not hold any more."""
         self._resting = 0
         self._collided_at = self.time
         self._no_future_collisions = self._all_separate(self._state())
@@ -656,7 +656,7 @@ class Engine:
         )
 
     def _nothing_happens(self) -> bool:
-        """Tell if no disk meets another one or a wall before something else sets it in motion."""
+        """True if no disk meets another one or a wall before something else sets it in motion."""
         if self._no_future_collisions or self._is_alone:
             return True
         self.windows.go_on(self.next_kick)
@@ -771,7 +771,7 @@ class Engine:
             self.release()
 
     def check_valid(self) -> None:
-        """Refuse to go on with an engine that has ended, or was interrupted half-way through a window."""
+        """Raise an error if the engine has ended, or was interrupted half-way through a window."""
         if self._released:
             raise EngineError(
                 "this simulation has ended: another one was started with another device, precision or number of "
@@ -809,7 +809,7 @@ class Engine:
     # ------------------------------------------------------------------ rest
 
     def _fly_freely(self, kick: float, t_end: float, rest_at: float, ends: float) -> None:
-        """To a `kick` [time], where a force may set disks in motion; to `t_end` if none acts, or none can.
+        """Fly without collisions to a `kick` [time], where a force may set disks in motion; else to `t_end`.
 
         Not beyond `rest_at` [time]: only a rest on the way, which says nothing of whether there is a way.
         """

@@ -1,4 +1,4 @@
-"""Operator splitting: when each force acts, and what it did to the energy.
+"""Operator splitting: times at which each force acts, and its changes of the energy.
 
 Imports the kernels, and the runtime with them: import this module only after `backend.start`.
 
@@ -82,7 +82,7 @@ class ForceSteps:
         return all(force.keeps_momentum for force in self.forces)
 
     def skip_to(self, time: float) -> None:
-        """Leave out what the forces would do until `time` [time]: nothing."""
+        """Skip the steps until `time` [time], in which the forces have no effect."""
         if math.isfinite(time):
             self.next_steps = [
                 max(k, first_after(time, step)) for k, step in zip(self.next_steps, self._steps, strict=True)

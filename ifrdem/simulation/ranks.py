@@ -6,9 +6,9 @@ tiles, and in each window copies of those of the *ring*, the neighbouring tiles 
 1. *fetch*: the lists of the ring come from their owners, as far as halos reach that are wider than usual once; where a
    tile has to run with a still wider one, whole lists come, and all tiles begin again;
 2. each rank runs its own tiles (`kernels/tiles.py`), which gather from neighbouring tiles, all of which are there;
-3. *hashes*: the hash of a disk's history and its way are known to the rank that ran the tile which the disk is in, and
-   a disk may have left the tile that lists it. So ranks first tell owners about disks of the ring that they ran, then
-   owners tell all who have a copy of their lists, with `reach` of the tiles;
+3. *hashes*: the hash of a disk's history and its displacement are known to the rank that ran the tile of the disk, and
+   a disk may have left the tile that lists it. So ranks first send those of disks of the ring that they ran to the
+   owners, which then send them to all ranks with a copy of their lists, with `reach` of the tiles;
 4. *share*: what tiles have added up (`tally`, `reach`) is added up by the owner of the first tile in each block
    of 128 numbers of tiles, tile by tile; the sums of blocks go to all, and are added up block by block;
 5. each rank verifies its own tiles; bad ones run again, and steps 3 to 5 are repeated, until no rank has a bad tile.
@@ -17,7 +17,7 @@ tiles, and in each window copies of those of the *ring*, the neighbouring tiles 
 Why it is exact. A tile reads disks of the nine tiles around it, and to be verified hashes and ways of the disks that it
 copied, its own disks, and `reach` of the tiles around it. After steps 1, 3 and 4 all of these are, bit for bit, what
 they are in a process that has all tiles. Lists are copied in their order; what is left out of them lies beyond the halo
-of each tile that gathers from them (`bands`, of which its owner tells), which are not searched. A hash
+of each tile that gathers from them (`bands`, which its owner sends), which are not searched. A hash
 is computed once, by the one rank that owns the tile in which the disk begins. So each tile finds the same, is good or
 bad as it is there, and the proof in `kernels/tiles.py` holds: it speaks of tiles, not of who runs them. The length of
 the next window follows from the sums of step 4, which are added up in the order of one process: so all
@@ -148,7 +148,7 @@ class RankDomain(Domain):
     # ------------------------------------------------------------------ who owns what
 
     def first_slots(self, n: int) -> int:
-        """One: there are as many as lists need."""
+        """One slot: later calls make as many as lists need."""
         return 1
 
     def assign(self, count: NDArray[np.number]) -> None:
@@ -166,7 +166,7 @@ class RankDomain(Domain):
     def rebalance(self) -> None:
         """Divide the tiles again where some ranks have more work: their lists go to new owners as they are.
 
-        What a tile has to do is told by its disks, and by what happened to them in the last window; MOST_EVENTS a disk
+        The cost of a tile is estimated from its disks and their events in the last window; MOST_EVENTS a disk
         at most, for after a window of the whole box one tile has them all.
         """
         part = int(self.arrays.grid.part)
@@ -259,7 +259,7 @@ class RankDomain(Domain):
         return self._rows("kinds", rows) if name == "kind" and self._of_here else rows
 
     def _receive_rows(self, name: str, at: slice | NDArray[np.integer], rows: NDArray[Any]) -> None:
-        """Write rows of the state as `state_rows` tells them; columns of kinds are added to the own table."""
+        """Write rows of the state that `state_rows` gave; columns of kinds are added to the local table."""
         if name == "kind" and self._of_here:
             new = slice(self._in_table, self._in_table + len(rows))
             self._write_rows("kinds", new, rows)
@@ -275,7 +275,7 @@ class RankDomain(Domain):
             self.arrays.make("kinds", wanted)
 
     def _make_room_in_table(self, more: int) -> None:
-        """See to it that the own table of kinds takes more rows: if not, those of disks that have gone make room."""
+        """Make room for more rows in the local table of kinds, if needed by removing those of disks that left."""
         own = self.n_here(part := int(self.arrays.grid.part))
         if self._in_table + more > min(self.arrays.kinds.shape[0], own + more + own // 2 + 64):
             slots = self.arrays.rows_of(part)[0]
@@ -298,7 +298,7 @@ class RankDomain(Domain):
         return found
 
     def make_room(self, slots: int) -> None:
-        """See to it that there are so many slots, and not many more."""
+        """Resize the arrays to so many slots, and not many more."""
         if self.arrays.room < slots or self.arrays.room > 4 * slots + 1024:
             self.arrays.make_parts(self.arrays.parts, int(SLACK * slots) + 64)
 
@@ -313,7 +313,7 @@ class RankDomain(Domain):
     def _near(
         self, q: int, tiles: NDArray[np.intp], slots: NDArray[np.intp], count: NDArray[Any]
     ) -> NDArray[Any]:
-        """Tell which disks of own tiles are in the halo of a tile of rank q."""
+        """Mask of the disks of own tiles that are in the halo of a tile of rank q."""
         part = int(self.arrays.grid.part)
         x, y = self._rows("disk", part * self.arrays.room + slots)[:, :2].T
         listed = np.repeat(np.arange(len(tiles)), count)
@@ -338,7 +338,7 @@ class RankDomain(Domain):
         return near
 
     def fetch(self, whole: bool = False) -> None:
-        """Get the lists of the ring, or what may matter of them."""
+        """Get the lists of the ring, or the parts of them within halos."""
         self.build_neighbors()
         part, names = int(self.arrays.grid.part), self.arrays.state_names()
         lists = named(self.arrays.values("tile"), "tile")
@@ -379,7 +379,7 @@ class RankDomain(Domain):
         ])  # fmt: skip
 
     def _append_lists(self, lists: Sequence[tuple[NDArray[np.intp], tuple[NDArray[Any], ...]]]) -> None:
-        """Lay lists of others behind the own ones: tiles, the lengths of their lists, and rows of the state."""
+        """Append lists of other ranks to the own ones: tiles, the lengths of their lists, and rows of the state."""
         part, at, names = int(self.arrays.grid.part), self.used, self.arrays.state_names()
         more = sum(len(rows) for _tiles, (_count, rows, *_more) in lists)
         self.make_room(at + more)
@@ -401,7 +401,7 @@ class RankDomain(Domain):
         self.arrays.displacement.fill(-1.0)
 
     def exchange_hashes(self, again: bool) -> None:
-        """Get hashes and ways of all disks in the own lists and in those of the ring; in a later round what changed."""
+        """Get hashes and displacements of all disks in own lists and in those of the ring; in later rounds changes."""
         if not again:
             self._ran = [
                 np.flatnonzero(self._rows("displacement", slots) >= 0.0) for slots in self._ghost_slots
@@ -512,7 +512,7 @@ class RankDomain(Domain):
         return found
 
     def share(self) -> None:
-        """Have all ranks know the sums of what tiles added up."""
+        """Send the sums over tiles to all ranks."""
         with self.arrays.written("tally", "reach") as rows:
             self._send_to_adders([each.reshape(self.arrays.tiles, -1) for each in rows])
         self.arrays.launch(sum_shared, len(self._own_blocks), 0)
@@ -554,7 +554,7 @@ class RankDomain(Domain):
             self._verify(runner)
 
     def run_whole_box(self, runner: TileRunner) -> None:
-        """As on one rank, each by itself."""
+        """Run the window by one thread on each rank, as on one rank."""
         with self._timed():
             self.fetch_all()
             runner.select(np.zeros(1, dtype=np.int32))
@@ -564,7 +564,7 @@ class RankDomain(Domain):
 
     @contextmanager
     def _timed(self) -> Iterator[None]:
-        """Take the time of communication: all but what tiles run (`_run_on_all`)."""
+        """Measure the time of communication: all but the runs of tiles (`_run_on_all`)."""
         began = time.perf_counter()
         yield
         self.communication.seconds += time.perf_counter() - began

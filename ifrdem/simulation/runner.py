@@ -56,7 +56,7 @@ class TileRunner:
     # ------------------------------------------------------------------ which tiles run
 
     def select(self, tiles: NDArray[np.integer]) -> None:
-        """Have these tiles run next."""
+        """Set the tiles that run next."""
         with self.arrays.written("listed") as (listed,):
             listed[: len(tiles)] = tiles
 
@@ -130,7 +130,7 @@ class TileRunner:
     # ------------------------------------------------------------------ what tiles write down
 
     def collect(self) -> None:
-        """Take what tiles that have just run have written down."""
+        """Collect the rows that the latest tiles have recorded."""
         a = self.arrays
         if a.grid.watching & k.TRACKED:
             self.events.take(a, int(a.counter.n_watched))
@@ -138,14 +138,14 @@ class TileRunner:
             self.pairs.take(a, int(a.counter.n_pairs))
 
     def clear(self) -> None:
-        """Forget what tiles have written down, where all run and write it again."""
+        """Drop all recorded rows, before all tiles run again."""
         if self.arrays.grid.watching & k.TRACKED:
             self.events.clear()
         if self.arrays.grid.watching & k.PAIRS:
             self.pairs.clear()
 
     def _drop(self, tiles: NDArray[np.int32]) -> None:
-        """Forget what these tiles have written down."""
+        """Drop the recorded rows of these tiles."""
         if self.arrays.grid.watching & k.TRACKED:
             self.events.drop(tiles)
         if self.arrays.grid.watching & k.PAIRS:
@@ -188,7 +188,7 @@ class TileRunner:
                 self.rests |= bool(a.counter.resting)
                 return
             if a.counter.n_windows > 1:
-                # Windows before this one are good: go on from here.
+                # Windows before this one are good: continue from here.
                 sums = a.sums.copy()
                 self.statistics.windows += int(a.counter.n_windows) - 1
                 clock = a.clock.copy()

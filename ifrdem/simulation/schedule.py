@@ -1,4 +1,4 @@
-"""Times at which a run writes something: evenly, at intervals of time or of collisions, or ever more rarely.
+"""Times of output of a run: at even or logarithmic intervals of time or of collisions.
 
 And those of the steps of forces and of gravity that turns.
 """
@@ -33,11 +33,11 @@ class RunPoint(NamedTuple):
     collisions: float = math.inf
 
     def reached(self, time: float, collisions: float) -> bool:
-        """True if a run that is at this time, after so many collisions, has come to it."""
+        """True if a run at this time, after so many collisions, has reached the point."""
         return time >= self.time or collisions >= self.collisions
 
     def earlier(self, other: RunPoint) -> RunPoint:
-        """The point that is reached when either is."""
+        """The point that is reached when either of two is."""
         return RunPoint(min(self.time, other.time), min(self.collisions, other.collisions))
 
 
@@ -148,7 +148,7 @@ class Trigger:
             raise InputError(f"log_from = {self.log_from}: must be a part of the run, above 0 and below 1")
 
     def count(self, *, duration: float, collisions_per_disk: float) -> int:
-        """About how many times in a run of such a length, after its beginning."""
+        """Approximate number of outputs in a run of this length, after its beginning."""
         if self.number is not None:
             return self.number
         whole = duration / self.interval if self.interval else collisions_per_disk / (self.collisions or 1.0)
@@ -162,7 +162,7 @@ AT_END = Trigger(number=1)
 class RunPlan:
     """Plan of a run: its beginning and end, frames and series, and what of it is done.
 
-    Points are computed from their number and the run's beginning alone: a run that goes on later finds the same.
+    Points are computed from their number and the run's beginning alone: a resumed run has the same.
 
     Attributes
     ----------
@@ -211,12 +211,12 @@ class RunPlan:
             raise InputError(f"{trigger}: {many:.4g} times in this run; at most {MOST} are possible")
 
     def to_record(self) -> dict[str, Any]:
-        """As JSON knows it, for a checkpoint; triggers are those of the case."""
+        """The plan in the form of JSON, for a checkpoint; triggers are those of the case."""
         return {name: getattr(self, name) for name in ("n", "begin", "end", "next_frame", "next_row")}
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any], frames: Trigger, series: Trigger | None) -> RunPlan:
-        """Go on from what `to_record` gave."""
+        """The plan of a record that `to_record` gave."""
         begin, end = (RunPoint(*record[name]) for name in ("begin", "end"))
         return cls(record["n"], begin, end, frames, series, record["next_frame"], record["next_row"])
 
@@ -249,7 +249,7 @@ class RunPlan:
         return self._after(part * int(end.collisions - begin.collisions))
 
     def _after(self, collisions: Fraction) -> RunPoint:
-        """After so many collisions from the beginning, or at the run's end."""
+        """The point after so many collisions from the beginning, or the run's end."""
         total = self.begin.collisions + math.ceil(collisions)
         return RunPoint(self.end.time, min(total, self.end.collisions))
 

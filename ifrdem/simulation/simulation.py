@@ -31,6 +31,7 @@ from ..model.walls import Wall, WallSums, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked
+from ..tools.callers import outside_level
 from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
 
 
 BAR_STEPS = 100
-"""Pauses of a run that shows a bar, unless its series asks for others."""
+"""Pauses of a run that shows a bar, unless its series sets others."""
 
 Called = TypeVar("Called")
 
@@ -88,7 +89,7 @@ def _check_slices(counts: list[int]) -> None:
 
 
 class _Stopped(Exception):
-    """The end of a run that `Simulation.stop` has asked for."""
+    """The end of a run by `Simulation.stop`."""
 
 
 class Simulation(ReadOnlyAttributes, DisksRepr):
@@ -104,10 +105,10 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         In a sheared box there can be no walls and no immovable disks; forces act on peculiar velocities, relative to
         the flow, and see places in the lab.
     law : CollisionLaw or sequence of sequences of CollisionLaw
-        One law for all pairs, or a symmetric table `[material][material]`: an `IFRLaw`, or a law of one's own.
+        One law for all pairs, or a symmetric table `[material][material]`: an `IFRLaw`, or a custom law.
     state : State
         Start: positions [length], velocities [length/time], spins [rad/time]. In a sheared box velocities are those
-        in the lab, such as `initial.maxwellian(...) + box.flow(position)`, and its `time` tells how far the images
+        in the lab, such as `initial.maxwellian(...) + box.flow(position)`, and its `time` determines how far the images
         above and below have moved.
     walls : sequence of Wall
         Lines, segments, containers and posts, at rest or moving. Where a wall stands at a side of the box, it is hit
@@ -146,14 +147,14 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
     Raises
     ------
     InputError
-        If disks overlap at the start, the law could add energy for the disks present (a law of one's own: would let
+        If disks overlap at the start, the law could add energy for the disks present (a custom law: would let
         them through each other), the box is too small, arrays do not fit, a force cannot act, the remedy for
         collapse is incomplete, or the device is not there.
 
     Warns
     -----
     EnergyWarning
-        If a law of one's own adds energy in some of 4096 random collisions. `run` warns again if it has.
+        If a custom law adds energy in some of 4096 random collisions. `run` warns again if it has.
     SlowRunWarning
         From `run`, after half a minute: the next collision, or the end, is far away at the present pace.
     WallWarning
@@ -297,7 +298,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_law(self, law: Annotated[CollisionLaw | Sequence[Sequence[CollisionLaw]], LATER]) -> None:
-        """Collide by another law from now on: one for all pairs, or a table, as for a new simulation.
+        """Set another law for later collisions: one for all pairs, or a table, as for a new simulation.
 
         Raises
         ------
@@ -317,7 +318,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_forces(self, forces: Annotated[Sequence[Force], LATER]) -> None:
-        """Have other forces act from now on, instead of the present ones; an empty list for none.
+        """Replace the forces; an empty list for none.
 
         `energy_inputs` are then those of the new forces; `energy_input` still has what the old ones put in.
 
@@ -332,7 +333,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_gravity(self, gravity: tuple[float, float]) -> None:
-        """Let disks fall by another acceleration [length/time^2] from now on.
+        """Set another gravity [length/time^2].
 
         The change of potential energy counts as `energy_input`.
 
@@ -348,7 +349,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_piston_force(self, wall: Annotated[int, Integer(0)], force: Real) -> None:
-        """Have another constant force [mass length/time^2] act on a piston from now on; `wall` is its number.
+        """Set another constant force [mass length/time^2] on a piston; `wall` is its number.
 
         Raises
         ------
@@ -439,7 +440,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @property
     def walls(self) -> tuple[Wall, ...]:
-        """Walls beside those at the sides of the box."""
+        """Walls other than those at the sides of the box."""
         return tuple(self._engine.walls[: self._engine.given_walls])
 
     @property
@@ -463,7 +464,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @property
     def asleep(self) -> int:
-        """Disks that sleep (`resting_speed`)."""
+        """Number of sleeping disks (`resting_speed`)."""
         return self._engine.asleep
 
     @property
@@ -522,7 +523,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
     def shear_work(self) -> float:
         """Energy that the flow of a sheared box has given to peculiar motion up to the latest `state` [energy].
 
-        Its mean power is -shear_rate P_xy Lx Ly: it tells the shear stress, collisions included.
+        Its mean power is -shear_rate P_xy Lx Ly: it gives the shear stress, collisions included.
         """
         return self._engine.flow_work
 
@@ -606,7 +607,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         )
 
     def load_checkpoint(self, path: str | os.PathLike[str] = "") -> dict[str, Any]:
-        """Go on from where `save_checkpoint` was called, bitwise as if nothing had been between; returns `extra`.
+        """Return to the state at which `save_checkpoint` was called, with the same bits; returns `extra`.
 
         This simulation must have been made of the same disks, box, laws, walls, forces, seed and precision, from any
         start.
@@ -764,7 +765,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         RunWarning
             If the end is reached already, so that nothing moves.
         NoMoreCollisions
-            If collisions are asked for and no disk can meet another one any more.
+            If the end is a number of collisions and no disk can meet another one any more.
         InelasticCollapse
             If collisions pile up without end, or a disk comes to rest on a wall: `collapse` says what helps.
         EngineError
@@ -789,7 +790,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         series_callbacks: Iterable[SeriesCallback] = (),
         progress: Annotated[Progress | bool | None, LATER] = None,
     ) -> None:
-        """Run on from the present state: `run` with an end that counts from this call.
+        """Run with an end that counts from this call; else as `run`.
 
         Parameters
         ----------
@@ -869,14 +870,14 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         self._pinches_checked = True
 
     def switch_ledger(self, on: bool) -> None:
-        """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.
+        """Switch the energy ledger off or on; its sums then cover only the time with it.
 
         It is there to time what the ledger costs.
 
         Raises
         ------
         InputError
-            If the simulation was made without a ledger, or tells what each disk loses, which needs it.
+            If the simulation was made without a ledger, or records what each disk loses, which needs it.
         """
         if not self.has_ledger:
             raise InputError('the ledger is not recorded; make the simulation with record=["energy"]')
@@ -898,7 +899,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
         Frame callbacks that want no more than what a file in single precision has, with the fields `stored`, get frames
         as `StoredState` where the engine looks back, which is faster.
-        The plan is kept up to date: after an exception it tells what is due next.
+        The plan is kept up to date: after an exception it has what is due next.
         """
         frame_callbacks, series_callbacks = (
             _callables("frame_callbacks", frame_callbacks),
@@ -973,7 +974,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                     progress(self.time, self.collisions)
                 slow = pace.trouble(self.time, self.collisions, self._engine.free_time)
                 if slow is not None and self.comm.is_root:
-                    warnings.warn(slow, SlowRunWarning, stacklevel=4)
+                    warnings.warn(slow, SlowRunWarning, stacklevel=outside_level())
                 if plan.series is not None and row.reached(self.time, self.collisions):
                     plan.next_row = plan.first_not_reached(rows, plan.next_row, self.time, self.collisions)
                     if sampling:
@@ -995,7 +996,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             warnings.warn(
                 f"t = {self.time:.6g}: collisions have added energy, {gained:.6g} in all: the law is not passive",
                 EnergyWarning,
-                stacklevel=3,
+                stacklevel=outside_level(),
             )
 
     def collide_until(self, t_end: float) -> CollisionTimes:

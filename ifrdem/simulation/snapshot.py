@@ -1,7 +1,7 @@
-"""All that decides an engine's future, to the last bit; and how it is put back.
+"""The complete state of an engine, to the last bit: copy and restore it.
 
-A state in the order of disks (`State`) tells a gas to rounding: the engine measures places from its tiles' corners,
-and a run that stopped within a window goes on from its beginning.
+A state in the order of disks (`State`) gives a gas to rounding: the engine measures positions from its tiles' corners,
+and a run that stopped within a window resumes from its beginning.
 Imports Taichi: import this module only after `backend.start`.
 """
 

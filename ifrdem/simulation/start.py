@@ -82,7 +82,7 @@ class StartSlice:
         return cls(here, begin, kinds, disks if comm.has_all else kinds)
 
     def history(self, comm: Communicator) -> dict[str, Any]:
-        """Fields of the state that tell what happened to disks before: those that the gas does not update stay."""
+        """Fields of the state on the history of disks: those that the gas does not update stay."""
         state = self.state
         found: dict[str, Any] = {
             "wall_collisions": state.wall_collisions, "latest_collision": state.latest_collision,

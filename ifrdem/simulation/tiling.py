@@ -34,20 +34,20 @@ ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells
 
 
 def tile_parameters(phi: float) -> tuple[float, int]:
-    """Collisions of a disk in a window, and disks of a tile: what took least time at a packing fraction phi."""
+    """Fastest measured parameters at a packing fraction phi: collisions of a disk in a window, disks of a tile."""
     collisions = np.interp(phi, [0.0, 0.1, 0.3, 0.6], [0.5, 0.7, 1.3, 1.5])
     return float(collisions), 5000
 
 
 def disks_per_cell(phi: float) -> float:
-    """Of thin gases, whose cells are wider: what took least time; the thinner, the more cells a disk passes."""
+    """Fastest measured number of disks in a cell: more in dilute gases, whose disks cross more cells."""
     return float(np.clip(0.38 * (0.1 / max(phi, 1e-300)) ** 0.3, 0.3, 3.0))
 
 
 def split_of(radius: NDArray[np.float64]) -> float | None:
-    """The largest radius of disks in small cells, where it pays to have large cells for the others: of two layers.
+    """The largest radius of disks in small cells, if a second layer of large cells for the others is faster.
 
-    The widest gap between radii parts them, if that is a factor 2 at least.
+    The two groups are separated by the widest gap between radii, if that is a factor 2 at least.
     """
     known = np.unique(radius)
     if len(known) < 2:

@@ -1,4 +1,4 @@
-"""Every collision of tracked disks: what the engine's log says, made into what a physicist asks for."""
+"""Every collision of tracked disks, in physical quantities, from the engine's log."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..model.walls import Wall
 KICK = -1
 """In place of a partner: a force changed the disk's velocity or spin."""
 UNKNOWN, ELASTIC = -1, 9
-"""In place of a `law.Regime`: a law of one's own or a thermal wall; elastic by a remedy for collapse."""
+"""In place of a `law.Regime`: a custom law or a thermal wall; elastic by a remedy for collapse."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Events:
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def where(self, chosen: NDArray[np.bool_]) -> Events:
-        """The chosen rows."""
+        """Events of the selected rows."""
         return Events(*(column[chosen] for column in self.columns().values()))
 
 
@@ -166,7 +166,7 @@ class Tracking:
         return found.where(now)
 
     def drop_after(self, time: float) -> None:
-        """Forget what comes after a time [time]: another window begins there."""
+        """Drop events after a time [time]: another window begins there."""
         self._found = [found.where(found.time <= time) for found in self._found]
 
     def gather(self, window_begin: float, real: NDArray[Any], whole: NDArray[Any], box: Box) -> None:

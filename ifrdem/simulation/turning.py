@@ -1,4 +1,4 @@
-"""Gravity that turns, in exact small steps: the world as a slowly turning drum sees it.
+"""Rotating gravity, in exact small steps: gravity in the frame of a slowly rotating drum.
 
 In the frame of a drum that turns by -Omega, its walls are at rest and gravity turns by Omega. Between steps gravity is
 constant, so that disks fly along parabolas and every collision is exact. Step k = 0, 1, ... is at (k + 1/2) delta /
@@ -8,7 +8,7 @@ never more than delta / 2 from the true one, and the right one on average: the e
 Energy. A step changes the potential energy -sum m g.x by -sum m (g' - g).x, which counts as put in. It is the work of
 the drum, seen from its frame: where the energy of the disks does not change on average, collisions dissipate as much.
 
-What such a frame has beside this, and what is left out: centrifugal acceleration, Omega^2 R at most (over g, the
+Such a frame has two more accelerations, which are left out: the centrifugal one, Omega^2 R at most (over g, the
 *Froude number*), and Coriolis acceleration 2 Omega v. In steady flow a layer of thickness h carries the flux
 Omega R^2 / 2, so v = Omega R^2 / 2 h, and that is Omega^2 R^2 / h: the Froude number times R / h. Both vanish as
 Omega^2.

@@ -1,4 +1,4 @@
-"""Rows that the tiles of a window have written down."""
+"""Rows that the tiles of a window have recorded."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class WindowLog:
         self._parts: list[tuple[NDArray[Any], NDArray[Any]]] = []
 
     def clear(self) -> None:
-        """Forget all rows."""
+        """Drop all rows."""
         self._parts = []
 
     def take(self, arrays: DeviceArrays, count: int) -> None:
@@ -35,7 +35,7 @@ class WindowLog:
             self._parts.append((real, whole))
 
     def drop(self, tiles: NDArray[np.int32]) -> None:
-        """Forget the rows of these tiles."""
+        """Drop the rows of these tiles."""
         self._parts = [
             (real[keep], whole[keep])
             for real, whole in self._parts

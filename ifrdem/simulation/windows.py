@@ -1,4 +1,4 @@
-"""Windows from the host: how long they are, what they add up, and where a run stops within one.
+"""Windows from the host: their lengths and sums, and stops of a run within one.
 
 Imports Taichi: import this module only after `backend.start`.
 """
@@ -53,7 +53,7 @@ class Windows:
         arrays.clock.begin = arrays.clock.end = time
         self._completed = False  # the window has been run to its end
         self._ready = False  # the present window has an end, and has not been run
-        # It has been run to the moment that was told; the scratch space holds the rest of it.
+        # It has been run to the requested moment; the scratch space holds the rest of it.
         self._paused = False
         self._recorded = 0  # what has been written down of the present window
         self._moments: list[Moment] = []  # that have been written
@@ -81,22 +81,22 @@ class Windows:
 
     @property
     def end(self) -> float:
-        """Its end [time]; its beginning, as long as it has none."""
+        """End of the present window [time]; its beginning until the window is planned."""
         return float(self.arrays.clock.end)
 
     @property
     def fastest(self) -> float:
-        """The largest speed of a disk at its beginning."""
+        """The largest speed of a disk at the window's beginning."""
         return float(self.arrays.clock.fastest)
 
     @property
     def inside(self) -> bool:
-        """The present time lies within a window, which has to be kept."""
+        """True if the present time lies within a window, which has to be kept."""
         return self._completed and (self._paused or self.begin < self.now < self.end)
 
     @property
     def rests(self) -> bool:
-        """A disk came to rest on a wall."""
+        """True if a disk came to rest on a wall."""
         return self.runner.rests
 
     @property
@@ -110,7 +110,7 @@ class Windows:
         return int(self.sums[TALLY.elastics])
 
     def switch(self, uses: k.Uses) -> None:
-        """Go on with what else is added up, or less: the motion stays the same."""
+        """Add up more or fewer quantities from now on: the motion stays the same."""
         inside, sums = self.inside, self.sums
         self.arrays.uses = uses
         if inside:
@@ -142,11 +142,11 @@ class Windows:
 
     @property
     def time_origin(self) -> float:
-        """From when on times that the present state holds count [time]."""
+        """Origin of the times in the present state [time]."""
         return self.end if self._completed and self.now == self.end else self.begin
 
     def commit(self) -> None:
-        """Have a window begin at the present time, which is no moment within one."""
+        """Begin a window at the present time, which is no moment within one."""
         part = self.part
         self._done = self.sums
         if self._completed and self.now == self.end:
@@ -161,14 +161,14 @@ class Windows:
         self._begin_at(time)
 
     def _begin_at(self, time: float) -> None:
-        """Have a window begin at a time [time], of which nothing else is known."""
+        """Begin a window at a time [time]; its end is not planned yet."""
         self.now = self.arrays.clock.begin = self.arrays.clock.end = time
         self._times = None
         self._completed = self._ready = self._paused = False
         self._moments, self._moment_now = [], 0.0
 
     def snapshot(self) -> dict[str, NDArray[np.float64]]:
-        """All that it knows, between windows or within one."""
+        """State of the windows, between two of them or within one."""
         a = self.arrays
         length = [
             self.begin,
@@ -181,7 +181,7 @@ class Windows:
         return {"window": np.array([*length, a.clock.square_unit]), "sums": self._done.copy()}
 
     def restore(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
-        """Go on from what `snapshot` gave."""
+        """Restore what `snapshot` gave."""
         a = self.arrays
         begin, end, now, moment, ready, a.clock.fastest, a.clock.square_unit = found["window"].tolist()
         self._begin_at(begin)
@@ -245,7 +245,7 @@ class Windows:
         watching: int,
         next_points: Callable[[], Iterable[tuple[float, float]]],
     ) -> None:
-        """Go on `until` a time or so many collisions in all, whatever is first, or to the end of a window.
+        """Advance `until` a time or so many collisions in all, whichever is first, or to the end of a window.
 
         The first one that ends at or after a `pause`, of the same kind, or the last of `most` windows. `next_points`
         gives those of later calls; what lies in the same window is computed with it.
@@ -288,7 +288,7 @@ class Windows:
                 self.snapshot_at(self._moment_now)
 
     def _nears_count(self) -> bool:
-        """Tell if the present window may have a collision whose number was asked for, and make room for them all."""
+        """True if the present window may have a collision of a requested number; makes room for them all."""
         a, done = self.arrays, self._done[TALLY.collisions]
         most = 1.5 * max(float(a.clock.in_window), self._last_collisions) + 100.0
         if not any(done < count <= done + most for _, count in self._requested):
@@ -299,7 +299,7 @@ class Windows:
         return True
 
     def plan_snapshots(self, begin: float, first: float | None = None) -> list[float]:
-        """Moments of the present window, after `begin` [time], that have been asked for, and the `first` one of all.
+        """Requested moments of the present window, after `begin` [time], and the `first` one of all.
 
         In order, the first ones for which there is room. Of collisions only where their times are known.
         """
@@ -317,7 +317,7 @@ class Windows:
         return moments[: a.make_moments(len(moments))] if moments else []
 
     def snapshot_at(self, moment: float) -> int:
-        """See to it that the state at a moment of the window is there: as which."""
+        """Provide the state at a moment of the window; return its part."""
         for m, each in enumerate(self._moments):
             if each.time == moment:
                 return m
@@ -427,5 +427,5 @@ class Windows:
         return self.arrays.total[first : first + self.arrays.columns].copy()
 
     def _most(self, column: int) -> float:
-        """The largest of all tiles."""
+        """The largest values of all tiles."""
         return float(self.arrays.total[column])

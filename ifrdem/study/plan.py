@@ -35,6 +35,7 @@ FIXED = {
     "run.seed": "the seeds of the study ([ensemble] seeds) vary it",
     "run.name": "runs of a study are named by themselves",
     "run.threads": "the results do not depend on it; the number of workers says how many runs go side by side",
+    "run.runtime": "the processes of a study have one runtime",
     "run.units": "one study has one system of units",
     "run.t_end": "every run has the same end: a longer run holds the shorter ones",
     "run.collisions_per_disk": "every run has the same end: a longer run holds the shorter ones",
@@ -328,7 +329,7 @@ def axis_of(text: str) -> dict[str, Any]:
 
 
 def _toml(value: str, other: Any) -> Any:
-    """A value as TOML has it; `other` if it is none."""
+    """A value in the form of TOML; `other` for None."""
     try:
         return other if "\n" in value else tomllib.loads(f"v = {value}")["v"]
     except ValueError:

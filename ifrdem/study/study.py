@@ -275,8 +275,8 @@ class Study:
         failed: dict[str, str] = {}
         of_run, of_study = "the run stops after this window, with a checkpoint", "the study stops"
         stops = Stops(warn=lambda text: warn(text.replace(of_run, of_study)))
-        cluster = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
-        status = Status(cluster, name=self.plan.name)
+        path = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
+        status = Status(path, name=self.plan.name)
         progress = StudyProgress(len(tasks), [task.weight for task in missing], status)
         work = self._work(missing, self._cluster(workers, scheduler), log)
         try:
@@ -314,14 +314,14 @@ class Study:
     @contextlib.contextmanager
     def _locked(self, *, shared: bool) -> Iterator[None]:
         """Lock the study against other processes; parts of it (`shared`) may run at the same time."""
-        cluster = self.folder / LOCK
+        path = self.folder / LOCK
         try:
-            file = cluster.open("ab")
+            file = path.open("ab")
         except OSError as error:
-            raise InputError(f"{cluster}: cannot be written: {error.strerror}") from error
+            raise InputError(f"{path}: cannot be written: {error.strerror}") from error
         with file:
             try:
-                files.lock(file.fileno(), cluster, shared=shared)
+                files.lock(file.fileno(), path, shared=shared)
             except BlockingIOError as error:
                 raise InputError(
                     f"{self.output}: another process is running this study: {error.strerror}"
@@ -385,7 +385,7 @@ class Study:
         return f"{self.plan.label(task.index[:-1])}, seed {self.plan.seeds[task.index[-1]]}"
 
     def _cluster(self, workers: int | None, scheduler: str | None) -> ClusterSection:
-        """Place of the runs, by the file and by what is asked for here."""
+        """Where the runs take place, by the file and these arguments."""
         if workers is not None and scheduler is not None:
             names = option_name("--workers", "workers"), option_name("--scheduler", "scheduler")
             raise InputError(f"{names[0]}: cannot be combined with {names[1]}, which has its own workers")

@@ -114,7 +114,7 @@ class Task:
         from ..trajectory.reader import Trajectory
 
         def silent(_text: str) -> None:
-            """Runs of a study print nothing."""
+            """Silence the output of a run of a study."""
 
         file = self.file(threads)
         outputs = Outputs.plan(file.case, f"{self.folder}/{self.key}", picture=False)

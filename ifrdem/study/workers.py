@@ -32,7 +32,7 @@ COMMANDS = {"slurm": "sbatch", "pbs": "qsub", "sge": "qsub", "lsf": "bsub"}
 
 
 def in_process(tasks: Sequence[Task], threads: int) -> Done:
-    """One run after another in this process."""
+    """Do the runs one after another in this process."""
     for task in tasks:
         yield task, task.perform(threads)
 
@@ -130,11 +130,11 @@ def dask(
             raise InputError(f"{where}: {reason}") from None
 
         class IgnoreInterrupts(distributed.WorkerPlugin):
-            """Workers ignore Ctrl-C."""
+            """Plugin of Dask by which workers ignore Ctrl-C."""
 
             def setup(self, worker: Any) -> None:
                 if threading.current_thread() is threading.main_thread():
-                    # The matter of the one that asks for the runs.
+                    # Ctrl-C is for the process that started the workers.
                     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
         client.register_plugin(IgnoreInterrupts())

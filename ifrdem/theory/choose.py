@@ -59,8 +59,8 @@ def prediction(
     ----------
     disks : Disks
         Of one species if mass, radius, k and material agree; `mixtures.MOST_SPECIES` at most.
-    law : IFRLaw or sequence of sequences of IFRLaw
-        One for all, or a table `[material][material]`.
+    law : IFRLaw, Walton or Viscoelastic, or sequence of sequences of them
+        One for all, or a table `[material][material]`; in a sheared gas one whose e_n is a constant.
     packing_fraction, shear_rate : float
         Part of the area that the disks cover, and du_x/dy of a mean flow [1/time].
     T0, T_rot0, times : float or array_like (s,), and array_like (steps,)
@@ -98,7 +98,7 @@ def prediction(
         return Prediction("cooling", *found.mean(mixture), found)
     inertia = mixture.mass * mixture.radius**2 / mixture.k
     driving = [Driving.of(forces, float(m), float(i)) for m, i in zip(mixture.mass, inertia, strict=True)]
-    known = [driving for driving in driving if driving is not None]
+    known = [each for each in driving if each is not None]
     if len(known) < len(driving):
         kinds = ", ".join(str(force.get("kind")) for force in forces)
         raise InputError(

@@ -39,7 +39,7 @@ class Driving:
 
     @classmethod
     def of(cls, forces: Iterable[Mapping[str, Any]], mass: float, inertia: float) -> Driving | None:
-        """The drive of the forces of a case (`ForceSection`) on equal disks; None where a force is not linear.
+        """The driving of the forces of a case (`ForceSection`) on equal disks; None where a force is not linear.
 
         Each force is a mapping of its keys, None for a key that is not given; mass and inertia are those of a disk.
         """

@@ -51,7 +51,7 @@ _STEPS = 2000  # of a course: what is interpolated between two of them is off by
 
 
 class ShearModes(NamedTuple):
-    """Time at which shear modes hold a part of the energy of a cooling gas, since it was homogeneous and thermal.
+    """Time, since the gas was homogeneous and thermal, at which shear modes hold a part of its energy.
 
     Infinite if they do not within 1e5 collisions per disk, or before T is 1e-200 T0.
     """
@@ -113,7 +113,7 @@ def shear_viscosity(
 
 
 def _losses(law: ClosedLaw, k: float, theta: float) -> tuple[float, float]:
-    """z and l."""
+    """Rates z and l."""
     z = -float(changes_per_collision(theta, law, k)[0])
     ell = relaxation(theta, law, k)
     if z >= 2.0 * ell:

@@ -1,4 +1,4 @@
-"""Command lines."""
+"""Command lines of scripts: options from the arguments of a function, messages that never fail."""
 
 from __future__ import annotations
 

@@ -21,13 +21,13 @@ except ImportError:  # not on Windows
     fcntl = None  # type: ignore[assignment]
 
 CHECKPOINT = ".checkpoint.h5"
-"""Ending of the file from which a run goes on, beside its trajectory."""
+"""Ending of the checkpoint of a run, next to its trajectory."""
 VIEWS = (".vtkhdf", ".nc")
 """Endings of the files that let other programs read a trajectory (`views.py`)."""
 NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
 """Name of an axis without values in NetCDF-4 files, in their own notation."""
 STATUS = ".status.json"
-"""Ending of the file with the live state of a run, beside its trajectory."""
+"""Ending of the file with the live state of a run, next to its trajectory."""
 _MOST_STATUS = 1 << 20  # bytes of a status file that are read at most
 
 # Device and inode of each file that this process has locked to write it.
@@ -50,7 +50,7 @@ def lock(descriptor: int, path: str | os.PathLike[str], *, shared: bool = False)
 
 
 def unlock(descriptor: int) -> None:
-    """Forget the lock of a descriptor that is about to be closed."""
+    """Drop the lock of a descriptor that is about to be closed."""
     _locked.discard(_key(descriptor))
 
 
@@ -155,7 +155,7 @@ def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
 
 
 def create(path: Path) -> Path:
-    """Create an empty file beside a place, which nothing that is there can be or lead to; returns its path.
+    """Create an empty file next to a path, under a name that no file or link has; returns its path.
 
     Raises OSError if it cannot be created.
     """
@@ -176,7 +176,7 @@ def replacing(path: Path) -> Iterator[Path]:
     new = create(path)
     try:
         yield new
-        if use := being_written(path):  # a run may have begun meanwhile
+        if use := being_written(path):  # a run may have started meanwhile
             raise _in_use(use)
         os.replace(new, path)
     finally:
@@ -236,7 +236,7 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str | None = N
 
 
 def write_aside(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` write a file beside its place, and rename it into place: it appears whole or not at all.
+    """Let `write` write a temporary file next to `path`, and rename it: the file appears whole or not at all.
 
     Raises InputError if the place is a folder, a device or a pipe, which nothing must take the place of, or cannot be
     written.
@@ -256,7 +256,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def not_a_file(path: Path) -> str | None:
-    """Reason why something that is there can be no output; None for files and where nothing is."""
+    """Reason why an existing path cannot be an output; None for files and free paths."""
     if path.is_dir():
         return f"output {path}: is a folder"
     if path.exists() and not path.is_file():

@@ -60,7 +60,7 @@ class ResultPlot:
     """Result of an analysis, which can be drawn."""
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw what was found.
+        """Draw the result.
 
         Parameters
         ----------

@@ -42,7 +42,7 @@ class Worker:
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> None:
         """Begin a call; the function is of the top level of a module, as for `pickle`."""
-        with contextlib.suppress(OSError):  # of a process that has died: `result` tells
+        with contextlib.suppress(OSError):  # of a process that has died: `result` raises
             self.line.send((function, arguments))
 
     def result(self) -> Any:
@@ -54,7 +54,7 @@ class Worker:
             return ProcessDied(f"its process {how_it_ended(self._process.exitcode)}")
 
     def end(self) -> None:
-        """End the process, whatever it does."""
+        """End the process, also during a call."""
         self._process.kill()
         self._process.join()
         self.line.close()
@@ -74,7 +74,7 @@ def _without_interrupts() -> Iterator[None]:
 
 
 def _serve(line: Any) -> None:
-    """The process."""
+    """Run a process: make calls and send results until the connection ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(EOFError, OSError):  # of a parent that has gone
@@ -92,7 +92,7 @@ def _end_with_parent() -> None:
 
 
 def how_it_ended(status: int | None) -> str:
-    """End of a process that broke its line off; its exit status is None if it had to be killed for it."""
+    """End of a process whose connection broke; its exit status is None if it had to be killed."""
     if status is None:
         return "closed its line and had to be killed"
     if status < 0:

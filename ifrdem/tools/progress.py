@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TextIO
 
 BAR = "{percentage:5.1f} %|{bar}| {desc}"
 FRAME = 14
-"""Columns that the bar line needs beside its text, at least."""
+"""Columns that the bar line needs in addition to its text, at least."""
 
 DELAY = 0.5
 """Seconds between looks at the compiler, and those after which the bar of a short run appears."""
@@ -99,7 +99,7 @@ class Progress:
         self.close()
 
     def __call__(self, time: float, collisions: int) -> None:
-        """Take note of the simulated time [time] and the number of collisions so far."""
+        """Set the simulated time [time] and the number of collisions so far."""
         self._latest = Mark(self._clock(), time, collisions)
         self._compiling.set()
         if self._first is None:
@@ -132,7 +132,7 @@ class Progress:
         return self._rate_since(self._first) if self._first is not None else 0.0
 
     def close(self) -> None:
-        """Show the last state and let go of the terminal."""
+        """Show the last state and release the terminal."""
         self._compiling.set()
         if self._bar is not None:
             if self._stays and not (self._brief and self._clock() - self._started < DELAY):
@@ -143,7 +143,7 @@ class Progress:
             self._line()
 
     def _show_compilation(self, kernels: Callable[[], int]) -> None:
-        """Say every half second how many kernels are compiled, until the first window is over."""
+        """Show every half second the number of compiled kernels, until the first window is over."""
         before, bar = kernels(), self._bar
         while not self._compiling.wait(DELAY):
             count = kernels() - before
@@ -158,7 +158,7 @@ class Progress:
         return f"ETA {clock_face(self.seconds_left)}", f"{rate:.3g}", f"{per_disk:.2f}", time
 
     def _fitting(self) -> str:
-        """As much as the terminal has room for; all in a notebook."""
+        """The text, shortened to the width of the terminal; whole in a notebook."""
         left, rate, per_disk, time = self._texts(self.collisions_per_second)
         parts = [left, f"{rate} collisions/s", f"{per_disk} per disk", time]
         while self._columns and len(parts) > 1 and len(", ".join(parts)) + FRAME > self._columns:
@@ -195,7 +195,7 @@ class Stage:
         self._name, self._interval, self._clock, self._printed = name, interval, clock, clock()
 
     def __call__(self, part: float) -> None:
-        """Take note that this part is done, 0 to 1."""
+        """Set the part that is done, 0 to 1."""
         now = self._clock()
         if part < 1.0 and now - self._printed >= self._interval:
             self._printed = now
@@ -203,7 +203,7 @@ class Stage:
 
 
 def _columns(stream: TextIO) -> int:
-    """Columns of a terminal: what the environment says, or else the terminal; 0 if neither knows."""
+    """Columns of a terminal, from the environment or else the terminal; 0 if unknown."""
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal() and int(columns) > 0:
         return int(columns)
@@ -220,7 +220,7 @@ def in_notebook() -> bool:
 
 
 def output_is_interactive(stream: TextIO | None = None) -> bool:
-    """True where a person looks: a terminal or a notebook."""
+    """True if the output is a terminal or a notebook."""
     return in_notebook() or (sys.stderr if stream is None else stream).isatty()
 
 

@@ -31,6 +31,6 @@ class ReadOnlyAttributes:
         raise AttributeRefused(f"{kind} has no attribute {name!r}{nearest(name, known)}")
 
     def _set(self, **values: Any) -> None:
-        """Set public attributes: for the class itself."""
+        """Set public attributes, in methods of the class."""
         for name, value in values.items():
             object.__setattr__(self, name, value)

@@ -21,7 +21,7 @@ class Brief:
 
 
 def brief(value: Any) -> str:
-    """An array as "(300,) from 0.1 to 2"; containers of arrays by what they hold; anything else as it is."""
+    """An array as "(300,) from 0.1 to 2"; containers of arrays by their items; anything else by its repr."""
     if isinstance(value, np.ndarray):
         return _array(value)
     if isinstance(value, dict):

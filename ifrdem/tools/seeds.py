@@ -1,4 +1,4 @@
-"""Random numbers: one seed for a run, and a stream of its own for every purpose and species.
+"""Random numbers: one seed for a run, and a separate stream for every purpose and species.
 
 The same seed for positions and velocities must not tie the two together, nor that of one species to another.
 """
@@ -35,7 +35,7 @@ def stream(seed: int, purpose: int, number: int = 0) -> np.random.Generator:
 def drawn(
     seed: int, purpose: int, ids: range, draw: Callable[[np.random.Generator, int], NDArray[Any]]
 ) -> NDArray[Any]:
-    """Random rows of some ids: those that they have in whatever range of ids is drawn.
+    """Random rows of some ids: the same for an id in any range of ids.
 
     `draw(random, count)` draws rows of so many ids, one after another. Each block of ids (`BLOCK`) has a stream
     of its own, the first one that of `stream`.
@@ -48,7 +48,7 @@ def drawn(
 
 
 def permuted(seed: int, purpose: int, n: int, ids: range) -> NDArray[np.int64]:
-    """Numbers of some of n things, ids, in a random order of all: those that they have in whatever range is asked for.
+    """Numbers of some ids in a random order of n things: the same for an id whatever range it is requested in.
 
     Of more than a block (`BLOCK`), a Feistel network of eight rounds permutes the numbers of so many bits (M.
     Luby, C. Rackoff, doi:10.1137/0217022), again and again until one is below n (J. Black, P. Rogaway,

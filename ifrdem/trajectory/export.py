@@ -180,7 +180,7 @@ def _gsd(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:
 
 
 def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
-    """A frame in HOOMD's schema: the box about the origin, Lz = 0 and dimensions = 2."""
+    """A frame in HOOMD-blue's schema: the box about the origin, Lz = 0 and dimensions = 2."""
     frame, disks, box = trajectory[index], trajectory.disks, trajectory.box
     n = disks.n
     flat = np.zeros((n, 3), dtype=np.float32)
@@ -195,10 +195,10 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
         lengths, tilt = np.array([side, side]), 0.0
     else:
         middle, lengths, tilt = 0.5 * np.asarray(box.lengths), np.asarray(frame.box[:2]), frame.box[3]
-    path = position - middle
+    centred = position - middle
     if tilt:  # into HOOMD's parallelogram
-        path[:, 0] -= lengths[0] * np.round((path[:, 0] - tilt * path[:, 1]) / lengths[0])
-    flat[:, :2] = path
+        centred[:, 0] -= lengths[0] * np.round((centred[:, 0] - tilt * centred[:, 1]) / lengths[0])
+    flat[:, :2] = centred
     snapshot.configuration.box = [*lengths, 0.0, tilt, 0.0, 0.0]
     particles = snapshot.particles
     particles.N, particles.position = n, flat

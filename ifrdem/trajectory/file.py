@@ -203,7 +203,7 @@ class OutputFile:
     def create(
         cls, given: str | os.PathLike[str], fill: Callable[[h5py.File], None], *, force: bool
     ) -> OutputFile:
-        """A new file; `fill` writes what stands in it before its first commit.
+        """A new file; `fill` writes its content before its first commit.
 
         Raises InputError if the path exists and `force` is not given, a process writes it, or the file cannot be made.
         Nothing remains then.
@@ -246,7 +246,7 @@ class OutputFile:
 
     @classmethod
     def reopen(cls, given: str | os.PathLike[str]) -> OutputFile:
-        """A file that is there, to be written further; no other process can write it meanwhile.
+        """An existing file, opened for further writing; no other process can write it meanwhile.
 
         Raises InputError if it is not there, not HDF5, damaged, or open elsewhere.
         """
@@ -383,18 +383,18 @@ def on_pages(size: int) -> int:
 
 def views_of(trajectory: str | os.PathLike[str]) -> list[Path]:
     """Views of a trajectory in its folder: files without data of their own, under the names of views."""
-    position = Path(trajectory)
-    name = position.name.removesuffix(".h5")
-    return [one for each in files.VIEWS if _is_view(one := position.with_name(name + each))]
+    path = Path(trajectory)
+    name = path.name.removesuffix(".h5")
+    return [one for each in files.VIEWS if _is_view(one := path.with_name(name + each))]
 
 
-def check_views(places: Iterable[Path]) -> None:
+def check_views(paths: Iterable[Path]) -> None:
     """Refuse to write views where other files stand, such as the results of a study: InputError names them."""
     refuse(
         [
-            f"output {position}: is no view of a trajectory, and is not replaced: move it, or write elsewhere"
-            for position in places
-            if position.is_file() and not _is_view(position)
+            f"output {path}: is no view of a trajectory, and is not replaced: move it, or write elsewhere"
+            for path in paths
+            if path.is_file() and not _is_view(path)
         ]
     )
 

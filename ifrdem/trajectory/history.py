@@ -1,4 +1,4 @@
-"""The whole history of a tracked disk: its collisions, and where it was at any time between them."""
+"""The whole history of a tracked disk: its collisions, and its position at any time between them."""
 
 from __future__ import annotations
 

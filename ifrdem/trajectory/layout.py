@@ -286,7 +286,7 @@ def _create_field(
 
 
 def views_of(parts: Parts | None) -> Mapping[str, Collection[tuple[str, str]]]:
-    """Virtual datasets that there may be in a file, and what each shows: files and datasets."""
+    """Virtual datasets that a file may have, and their sources: files and datasets."""
     if parts is None:
         return VIEWS
     sources = {f"{PARTICLES}/{name}": f"/{PARTICLES}/{name}" for name in STATIC}
@@ -396,7 +396,7 @@ def load_compression(file: h5py.File, path: str) -> None:
 
 
 def version_of(file: h5py.File) -> tuple[int, ...]:
-    """Layout of a file, (0, 0) if it says none."""
+    """Layout version of a file, (0, 0) if it has none."""
     module = file.get("h5md/modules/ifrdem")
     version = () if module is None else module.attrs.get("version", ())
     return tuple(int(part) for part in version) or (0, 0)

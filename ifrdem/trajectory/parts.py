@@ -1,7 +1,7 @@
 """Parts of a trajectory: NAME.h5, and files NAME.parts/0000.h5, 0001.h5, ..., with the fields of some disks each.
 
 A gas on several ranks of MPI is written by all of them. Each part is a trajectory of its own, of the disks with
-consecutive numbers that one rank had when the file was begun. NAME.h5 has what belongs to all disks (box, record,
+consecutive numbers that one rank had when the file was created. NAME.h5 has what belongs to all disks (box, record,
 series, observables, times and steps of frames); its datasets with a row for each disk are virtual ones of HDF5, which
 show the rows of the parts, by relative names: NAME.h5 and the folder are moved together. Where a part is missing, HDF5
 gives nan for floats and -2147483648 for counts.
@@ -106,7 +106,7 @@ class Parts:
         return f"part {self.name(number)} (disks {self.first[number]} to {self.first[number + 1] - 1})"
 
     def write(self, file: h5py.File) -> None:
-        """Write them down in NAME.h5."""
+        """Write the description of the parts into NAME.h5."""
         group = file.create_group(GROUP)
         # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
         group.attrs["folder"], group.attrs["run"] = np.bytes_(self.folder.encode()), np.bytes_(self.run)
@@ -236,7 +236,7 @@ class Part:
     first: int
 
     def write(self, file: h5py.File) -> None:
-        """Write it down in the part."""
+        """Write the mark into the part."""
         group = file.create_group(PART)
         group.attrs["run"] = np.bytes_(self.run)
         group.attrs["number"], group.attrs["first"] = np.int64(self.number), np.int64(self.first)
@@ -280,7 +280,7 @@ def data_files(
 
 
 def are_in(path: str | os.PathLike[str]) -> bool:
-    """True if a file that can be opened says that it is in parts."""
+    """True if a file can be opened and its data are in parts."""
     try:
         with h5py.File(path, "r") as file:
             return GROUP in file

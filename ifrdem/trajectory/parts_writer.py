@@ -31,7 +31,7 @@ from .writer import DEFAULT_FIELDS, TrajectoryWriter
 
 @dataclass(frozen=True)
 class Shares:
-    """A frame as the parts get it that a rank writes: the state of each one's disks, by its number."""
+    """A frame for the parts that a rank writes: the state of the disks of each part, by its number."""
 
     time: float
     n: int  # disks of all of them
@@ -39,7 +39,7 @@ class Shares:
 
 
 class PartsWriter:
-    """Writes a trajectory in parts, in threads of its own as `AsyncWriter`, of which it has the methods.
+    """Writer of a trajectory in parts, in separate threads, with the methods of `AsyncWriter`.
 
     Each of P ranks writes its part, with the disks that it has (r n // P and following of n), as a trajectory of its
     own; the first one also writes NAME.h5. A frame counts when NAME.h5 has it: it gets there in `commit`, when all
@@ -180,7 +180,7 @@ class PartsWriter:
         return cls(parts, here, head, fields, ranks, output_path)
 
     def shares(self, state: State) -> Shares:
-        """A state of this rank's disks as the parts get it that this rank writes; called by all ranks."""
+        """Shares, for the parts that this rank writes, of a state of this rank's disks; called by all ranks."""
         columns = {name: getattr(state, name) for name in sorted(self._attributes)}
         states = {}
         with self._comm:
@@ -208,7 +208,7 @@ class PartsWriter:
                 self._waiting.append((SimpleNamespace(n=self.parts.n, time=shares.time), observables))
 
     def commit(self) -> None:
-        """Let the frames count that are whole in all parts; called by all ranks."""
+        """Commit the frames that are whole in all parts; called by all ranks."""
         done = min((int(queue.written_counts["frames"]) for queue in self._own.values()), default=sys.maxsize)
         done = min(self._comm.allgather(done))
         if self._head is not None and done > self._counted:
@@ -217,12 +217,12 @@ class PartsWriter:
             self._head.write_frames(frames)
 
     def raise_error(self) -> None:
-        """Raise what has gone wrong in a thread of this rank."""
+        """Raise the error of a thread of this rank."""
         for queue in self._queues:
             queue.raise_error()
 
     def flush(self) -> None:
-        """Wait until all that was given is committed; called by all ranks, which raise what one has to."""
+        """Wait until all given frames are committed; called by all ranks, which all raise the error of one."""
 
         def own() -> None:
             for queue in self._own.values():

@@ -62,7 +62,7 @@ SPIN = "angular_velocity"
 
 
 class Frame(ReadOnlyAttributes, DisksRepr):
-    """One frame of a trajectory; each array is read when asked for. Floats are float64 whatever is stored.
+    """One frame of a trajectory; each array is read on access. Floats are float64 whatever is stored.
 
     Every stored field is there by its name, as `frame["velocity"]` and as `frame.velocity`; "spin" is another name of
     "angular_velocity".
@@ -194,7 +194,7 @@ class Frame(ReadOnlyAttributes, DisksRepr):
 
 
 class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
-    """Quantities by name: arrays over a time of their own, shape (rows, ...), read when asked for.
+    """Quantities by name: arrays over separate times, shape (rows, ...), read on access.
 
     A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`,
     `series["walls_work/wall 0 line"]`; by the name of a group of walls, their sum: `series["walls_work/paddle"]`.
@@ -306,7 +306,7 @@ class DiskPath:
 
 
 class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
-    """A trajectory file as a sequence of frames, read lazily: memory holds what was asked for.
+    """A trajectory file as a sequence of frames, read lazily: memory holds what was accessed.
 
     Only committed frames count. A file that a run is still writing can be read; what it adds after opening is seen
     after `refresh`. Files of layout 1.0 lack series and histories.
@@ -321,7 +321,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     n : int
         Number of disks.
     disks : Disks
-        The constant properties of the n disks; of more than a million, read when first asked for.
+        The constant properties of the n disks; of more than a million, read at the first access.
     box : Box
         The box.
     walls : tuple of Wall
@@ -645,7 +645,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         return self._frames
 
     def __repr__(self) -> str:
-        """The file, and how much is in it."""
+        """The file and its numbers of frames and disks."""
         span = ""
         if self._frames:
             span = f" from t = {self.times[0]:.6g} to {self.with_unit(f'{self.times[-1]:.6g}', 'time')}"
@@ -754,7 +754,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         )
 
     def history(self, disk: int) -> History:
-        """Every collision of a tracked disk, and where it was at any time between them.
+        """Every collision of a tracked disk, and its position at any time between them.
 
         Raises InputError if there is no such disk, or it is not tracked (the message says which are), or the file is
         damaged.
@@ -778,7 +778,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def to_pandas(
         self, which: Literal["series", "observables", "frame"] = "series", index: int = -1
     ) -> pandas.DataFrame:
-        """A table: `series` or `observables` by time, or the disks of the frame `index` by id; vectors as _x, _y.
+        """A pandas table: `series` or `observables` by time, or disks of the frame `index` by id; vectors as _x, _y.
 
         Raises InputError if `which` is another word, there is no such frame, or pandas is not installed.
         """

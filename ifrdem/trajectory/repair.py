@@ -46,10 +46,10 @@ def repair(path: Path, output: Path, *, log: Callable[[str], object] = print) ->
     Parameters
     ----------
     path : Path
-        The file; it is not changed unless it is `path_of`.
-    place : Path
+        The file; it is not changed unless it is `output`.
+    output : Path
         Where to write: whole or not at all. `path` itself replaces it; a link or another name of it is refused.
-    say : callable
+    log : callable
         Called with lines of text on the damage.
     """
     check_file(path)

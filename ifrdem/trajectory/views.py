@@ -101,10 +101,10 @@ def _view(
     dataset = f"/{layouts.PARTICLES}/{source}" + (f"/{layouts.FIELDS[source].dataset}" if field else "")
     layout = h5py.VirtualLayout(shape=shape, dtype=dtype)
     vector = tail == (2,)
-    for view_path, disks in _data_files(trajectory):
+    for data_file, disks in _data_files(trajectory):
         count = disks.stop - disks.start
         held = (frames, count, *tail) if field else (count,)
-        origin = h5py.VirtualSource(as_source(view_path), dataset, shape=held, dtype=dtype)
+        origin = h5py.VirtualSource(as_source(data_file), dataset, shape=held, dtype=dtype)
         rows: tuple[Any, ...] = (slice(None), disks) if field else (disks,)
         if count == n:
             rows = (Ellipsis,)
@@ -128,7 +128,7 @@ def _data_files(trajectory: Trajectory) -> Iterator[tuple[str, slice]]:
 
 
 def _number(group: h5py.Group, name: str, count: int, dtype: DTypeLike = np.int64) -> None:
-    """Write 0, 1, ..., block by block: all of them may be more than the memory holds."""
+    """Write the ids 0, 1, ..., block by block: all of them may exceed the memory."""
     whole = group.create_dataset(name, (count,), dtype)
     for each in distribution.blocks(range(count)):
         whole[each.start : each.stop] = np.arange(each.start, each.stop)
@@ -221,8 +221,7 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
         if name == "dissipated":  # six numbers a disk, for which the convention has no axis
             continue
         tail = (3,) if len(trajectory.shape(name)) == 3 else ()
-        view_path = names.get(name, name)
-        view = _view(file, view_path, trajectory, name, (frames, n, *tail))
+        view = _view(file, names.get(name, name), trajectory, name, (frames, n, *tail))
         unit = units.get({"position": "length"}.get(name, ""))
         attach(view, "frame", "atom", *(("spatial",) if tail else ()), unit=unit)
     for zeros in file[ZEROS].values():

@@ -160,7 +160,8 @@ class TrajectoryWriter(ReadOnlyAttributes):
 
         What a kill left uncommitted is dropped. What was committed after the checkpoint stays: the run computes it
         again, and gives it again; it is compared with the file bit for bit. The run had written so many `frames`,
-        `series_rows` and `events` of histories at the checkpoint; all else is as the file was begun with.
+        `series_rows` and `events` of histories at the checkpoint; all other arguments are those of the
+        file's creation.
 
         Raises InputError if there is no such file, it is open elsewhere, it was created with other arguments, or it
         holds less than the checkpoint had seen. The file is as it was then.

@@ -1,4 +1,4 @@
-"""Content of the viewer's page: a trajectory as JSON, and as arrays of few bits a number."""
+"""Content of the viewer's page: a trajectory as JSON, and as arrays of small integers."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def levels(values: Array, kind: str) -> tuple[NDArray[np.uint8], list[float]]:
 
 
 class Content:
-    """A trajectory as the page shows it.
+    """A trajectory in the form of the page.
 
     Raises InputError if the file holds no positions.
     """
@@ -112,7 +112,7 @@ class Content:
 
     @property
     def gas(self) -> str:
-        """A name of this file with these disks: another one may have come into its place."""
+        """A name of this file with these disks, to detect that another one has replaced it."""
         state = self.trajectory.path.stat()
         return f"{state.st_dev:x}.{state.st_ino:x}.{zlib.crc32(self.trajectory.disks.radius.tobytes()):x}"
 

@@ -26,7 +26,7 @@ from .content import MOST_DISKS, Content, pack
 MOST_EVENTS = 20_000
 """Collisions of tracked disks that a file holds, shared evenly."""
 NOTEBOOK_DISKS, NOTEBOOK_FRAMES = 1_000_000, 100
-"""Disks times frames, and frames, that a notebook shows unless asked for others: some 10 MB."""
+"""Disks times frames, and frames, that a notebook shows by default: some 10 MB."""
 MOST_FRAMES, MOST_HEIGHT = 2**31, 100_000
 WHOLE_EVERY = 32
 """Frames of a file of which the first does not need the one before it."""
@@ -140,7 +140,7 @@ class view:
         self._page = page(opened, [opened[i].index for i in numbers])
 
     def _repr_html_(self) -> str:
-        """A frame of its own, in which scripts run apart from the notebook."""
+        """A separate frame, in which scripts run apart from the notebook."""
         return (
             f'<iframe sandbox="allow-scripts" srcdoc="{html.escape(self._page)}" '
             f'style="width: 100%; height: {self._height}px; border: 0"></iframe>'

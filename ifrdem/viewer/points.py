@@ -24,7 +24,7 @@ class StudyPoints:
 
     Parameters
     ----------
-    place : Path
+    path : Path
         The results NAME.nc, or the folder NAME.runs next to them.
 
     Raises

@@ -29,7 +29,7 @@ TEXT, JSON, BYTES = "text/plain; charset=utf-8", "application/json", "applicatio
 
 
 class Server(ThreadingHTTPServer):
-    """Serves the page and what it shows, at an address of this machine that holds a random token.
+    """Server of the page and its data, at an address of this machine with a random token.
 
     Requests without the token, or for another host's name (as by DNS rebinding), are refused with status 403.
 
@@ -62,14 +62,14 @@ class Server(ThreadingHTTPServer):
         return f"http://127.0.0.1:{self.server_port}/{self.token}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Pass over browsers that go away in the middle of an answer."""
+        """Ignore browsers that close the connection during an answer."""
         if not isinstance(sys.exception(), ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 
     def answer(self, name: str, query: Mapping[str, str]) -> tuple[str, bytes] | None:
         """Type and bytes of an answer, by the last part of its path; None if there is nothing of that name.
 
-        Raises InputError if the query asks for what there is not.
+        Raises InputError if the query names something that does not exist.
         """
         if name == "":
             return "text/html; charset=utf-8", self.page

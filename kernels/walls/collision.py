@@ -129,7 +129,7 @@ def write_collision(
     i, w, owner, t, tile, before: ti.template(), after: ti.template(), gained, regime, contact: ti.template(),
     region: ti.template(), gas: ti.template(),
 ):  # fmt: skip
-    """Write down a collision with wall w, if the disk in slot i is watched. The wall's velocity is that in the lab."""
+    """Record a collision with wall w, if the disk in slot i is tracked. The wall's velocity is that in the lab."""
     row = watched_row(i, t, tile, region, gas)
     if row >= 0:
         wall, kind = gas.walls[w], kind_of(i, gas)

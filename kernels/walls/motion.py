@@ -145,7 +145,7 @@ def wall_turn(w, time, gas: ti.template()):
 
 @ti.func
 def turned_back(w, x, y, s, angle, gas: ti.template()):
-    """Position (x, y) as wall w, displaced by s, saw it before it turned by an angle."""
+    """Position (x, y) in the frame of wall w, displaced by s and rotated by an angle."""
     wall = gas.walls[w]
     cx = wall.turn.x + wall.motion.x * s
     cy = wall.turn.y + wall.motion.y * s

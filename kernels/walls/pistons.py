@@ -49,7 +49,7 @@ def fastest_piston(gas: ti.template()):
 
 @ti.func
 def set_piston(w, t, s, speed, gas: ti.template()):
-    """Let piston w go on from a displacement with a speed at a time of the window; note when it meets a stop."""
+    """Set displacement and speed of piston w at a time of the window, and the time at which it meets a stop."""
     piston = gas.walls[w].piston
     piston.displacement, piston.speed, piston.since = s, speed, t
     push, rate = push_of(w, gas), piston.rate

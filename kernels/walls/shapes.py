@@ -10,10 +10,11 @@ rho). All are met by the same steps. Bounds reach to the end of the window, not 
 depends on the order in which walls are looked at, and steps, whose last bits depend on their bounds, would too.
 
 Arcs. A disk of radius R touches the inside of an arc of radius A from within the circle rho = A - R, the outside from
-beyond rho = A + R, at an angle of the arc; it touches the ends as posts of radius 0. A centre that passes the circle
-beside the arc is followed on its other side until it comes back. Between the two circles it cannot get behind the arc:
-there, at the first angle of the arc, it would be nearer than R to its end. The angles of the arc are widened by 6e-8:
-at the seam circle and end touch each other, and a circle that is taken so far is R (6e-8)^2 / 2 = 2e-15 R off.
+beyond rho = A + R, at an angle of the arc; it touches the ends as posts of radius 0. A centre that crosses the circle
+outside the angles of the arc is followed on its other side until it comes back. Between the two circles it cannot get
+behind the arc: there, at the first angle of the arc, it would be nearer than R to its end. The angles of the arc are
+widened by 6e-8: at the seam circle and end touch each other, and a circle that is taken so far is
+R (6e-8)^2 / 2 = 2e-15 R off.
 
 A shape is a line of `SHAPES`. The functions in it, of wall w and a position (x, y) as a wall that has not turned sees
 it, are
@@ -70,7 +71,7 @@ def nearest_of_segment(w, x, y, s, gas: ti.template()):
 
 @ti.func
 def nearest_of_circle(w, x, y, s, gas: ti.template()):
-    """Of the outside of a circle."""
+    """Vector and distance from the nearest point of the outside of a circle."""
     dx, dy = from_origin(w, x, y, s, gas)
     r = ti.sqrt(dx * dx + dy * dy)
     return dx / r, dy / r, r - gas.walls[w].radius
@@ -78,7 +79,7 @@ def nearest_of_circle(w, x, y, s, gas: ti.template()):
 
 @ti.func
 def nearest_inside_circle(w, x, y, s, gas: ti.template()):
-    """Of the inside of a circle: the vector points inwards."""
+    """Vector and distance from the nearest point of the inside of a circle: the vector points inwards."""
     dx, dy = from_origin(w, x, y, s, gas)
     r = ti.sqrt(dx * dx + dy * dy)
     nx, ny = -(dx / r), -(dy / r)
@@ -116,7 +117,7 @@ def largest_speed_of(relative: ti.template(), gas: ti.template()):
 
 @ti.func
 def gap_of_line(w, relative: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
-    """Its curvature is that by gravity, exactly, and by the wall's motion."""
+    """Gap to a line: its curvature is that by gravity, exactly, and by the wall's motion."""
     wall = gas.walls[w]
     gx, gy, ux, uy = gas.scale.gx, gas.scale.gy, wall.motion.x, wall.motion.y
     curve = gx * nx + gy * ny - ti.abs(ux * nx + uy * ny) * relative.bound
@@ -132,7 +133,7 @@ def gap_of_line(w, relative: ti.template(), nx, ny, distance, radius, behind, ga
 
 @ti.func
 def gap_of_convex(w, relative: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
-    """Of a piece from which the distance is a convex function of the position."""
+    """Gap to a piece from which the distance is a convex function of the position."""
     slope = nx * relative.vx + ny * relative.vy
     return gap_as(
         distance - radius,
@@ -228,7 +229,7 @@ def arc_side_is_not_nearest(w, nx, ny, distance, gas: ti.template()):
 
 @ti.func
 def box_of_line(x, y, qx, qy):
-    """Without an end along an axis that it is parallel to."""
+    """Bounding box of a line: without an end along an axis that it is parallel to."""
     low_x, high_x, low_y, high_y = x, x, y, y
     if qx != 0.0:
         low_y, high_y = -FAR + 0.0 * x, FAR + 0.0 * x
@@ -300,7 +301,7 @@ def shapes_of(uses: Any) -> tuple[ShapeFunctions, ...]:
 
 
 def arcs_of(uses: Any) -> tuple[ShapeFunctions, ...]:
-    """Those of them of which only a part of the circle is there."""
+    """Shapes of `shapes_of` that are a part of a circle only."""
     return tuple(shape for shape in shapes_of(uses) if shape.distance is not None)
 
 

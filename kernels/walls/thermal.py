@@ -6,7 +6,7 @@ v_n > 0. The factors separate. Along the wall v_t stays Gaussian with variance T
 the normal component has the density (m v_n / T) exp(-m v_n^2 / 2 T), Rayleigh's. Its part above v_n is
 exp(-m v_n^2 / 2 T): set equal to a uniform u, v_n = sqrt(-2 (T/m) ln u). A gas of the same temperature sends to the
 wall just what it gets back, and stays what it is. R. Tehver et al., Phys. Rev. E 57, R17 (1998),
-doi:10.1103/PhysRevE.57.R17, tell what goes wrong with other densities.
+doi:10.1103/PhysRevE.57.R17, show what goes wrong with other densities.
 """
 
 from ..language import ti

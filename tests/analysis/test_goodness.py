@@ -1,4 +1,4 @@
-"""Fits to a cooling gas say whether their law holds: waves that it leaves are told from noise and from scatter."""
+"""Fits to a cooling gas say whether their law holds: systematic residuals differ from noise and scatter."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def test_sums_over_correlated_noise_are_those_of_its_matrix() -> None:
     assert np.trace(M, 1) / np.trace(M) == pytest.approx(rest[:-1] @ rest[1:] / (rest @ rest), abs=2e-6)
 
 
-def test_a_gas_that_leaves_haffs_law_is_told_and_gets_no_errors() -> None:
-    """T ~ t^-2 that becomes t^-1 late, as in clusters: beside noise of a tenth of the difference."""
+def test_a_gas_that_leaves_haffs_law_is_reported_and_gets_no_errors() -> None:
+    """T ~ t^-2 that becomes t^-1 late, as in clusters, with noise of a tenth of the difference."""
     t = np.linspace(0.0, 400.0, 300)
     T = haff(t) * (1.0 + t / 80.0)
     found = analysis.haff_fit(t, T * np.exp(0.02 * noise(1, 300, 0.5)))
@@ -63,7 +63,7 @@ def test_a_gas_that_leaves_haffs_law_is_told_and_gets_no_errors() -> None:
     assert early.describes
 
 
-def test_rough_disks_that_begin_without_spins_have_no_haff_law_before_theta_settles() -> None:
+def test_rough_disks_without_initial_spins_have_no_haff_law_before_theta_is_steady() -> None:
     """By kinetic theory: while spins are excited, T falls by more than its t_H at constant theta says."""
     law = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.5)
     t = np.linspace(0.0, 200.0, 400)
@@ -112,7 +112,7 @@ def test_the_slow_scatter_of_few_disks_that_cool_by_haffs_law_is_no_misfit() -> 
     assert np.sqrt(np.mean(misfits**2)) < 1.0 / np.sqrt(300.0)
 
 
-def test_two_lags_of_the_ratio_of_temperatures_are_told_from_one() -> None:
+def test_two_lags_of_the_ratio_of_temperatures_are_distinguished_from_one() -> None:
     x = np.linspace(0.0, 40.0, 200)
     one = 0.9 - 0.8 * np.exp(-x / 3.0)
     two = 0.9 - 0.4 * np.exp(-x / 1.5) - 0.4 * np.exp(-x / 12.0)
@@ -125,7 +125,7 @@ def test_two_lags_of_the_ratio_of_temperatures_are_told_from_one() -> None:
     assert analysis.ratio_fit(x, two + 0.005 * noise(3, 200, 0.5), disks=100).describes
 
 
-def test_too_few_points_tell_nothing_of_a_misfit() -> None:
+def test_too_few_points_show_no_misfit() -> None:
     t = np.linspace(0.0, 20.0, 4)
     found = analysis.haff_fit(t, haff(t) * (1.0 + 0.3 * np.sin(t)))
     assert found.describes

@@ -79,7 +79,7 @@ def test_density_follows_the_sonine_expansion_of_an_exactly_sampled_distribution
     assert np.sqrt(np.mean(gauss**2)) > 10.0
 
 
-def test_errors_of_sonine_coefficients_know_that_frames_of_the_same_disks_repeat_themselves() -> None:
+def test_errors_of_sonine_coefficients_include_the_correlation_of_frames() -> None:
     v, omega = maxwellian(4, 5000)
     once = analysis.velocity_distribution(v, omega).sonine
     again = analysis.velocity_distribution([v] * 10, [omega] * 10).sonine
@@ -167,7 +167,7 @@ def test_paths_that_are_too_coarse_are_refused_and_images_are_asked_for() -> Non
 
 
 @pytest.mark.parametrize("width", [0.0, 4.0])
-def test_shear_wave_has_its_thermal_temperature_and_what_the_wave_adds_within_a_place(width: float) -> None:
+def test_shear_wave_has_its_thermal_temperature_and_that_of_the_flow_within_a_cell(width: float) -> None:
     """v = A sin(q y) x^ + thermal, T = 1, m = 2. Averaging over a place takes from the wave and gives to T.
 
     A Gaussian of width w leaves A exp(-q^2 w^2 / 2) of the wave, and T gets m (<u^2> - <u>^2) / 2 with
@@ -236,7 +236,7 @@ def test_fields_of_paths_outside_the_box_are_those_of_what_is_inside() -> None:
         analysis.coarse_grain(np.array([[1.0, -0.5], [1.0, 7.0]]), np.ones((2, 2)), box=sheared, cells=(2, 2))
 
 
-def test_fields_beside_walls_are_not_thinned() -> None:
+def test_fields_next_to_walls_are_not_thinned() -> None:
     box = Box((50.0, 50.0), periodic=(False, True))
     x = np.random.default_rng(7).random((100_000, 2)) * 50.0
     found = analysis.coarse_grain(x, np.zeros_like(x), box=box, cells=(50, 50), width=2.0)
@@ -359,7 +359,7 @@ def test_few_collisions_get_few_bins_and_errors_that_cover_empty_ones() -> None:
     assert len(analysis.impacts(np.full(100, 0.3), bins=12).psi) == 12
 
 
-def test_angles_that_are_uniform_instead_are_told_apart() -> None:
+def test_uniform_angles_are_distinguished() -> None:
     found = analysis.impacts(np.random.default_rng(1).random(2000) * np.pi / 2.0)
     assert found.p_value < 1e-6
     with pytest.raises(InputError, match="from 0 to pi / 2"):
@@ -384,7 +384,7 @@ def test_correlation_time_of_a_markov_chain_is_known() -> None:
         assert found == pytest.approx(expected, rel=0.12)
 
 
-def test_fit_of_haffs_law_finds_what_made_it_and_its_errors_know_of_correlations() -> None:
+def test_fit_of_haffs_law_recovers_its_parameters_with_errors_that_include_correlations() -> None:
     """60 runs with correlated noise: deviations over errors scatter by about 1, and would by 3 if taken independent."""
     t = np.linspace(2.0, 40.0, 400)
     exact = 3.0 / (1.0 + (t - 2.0) / 5.0) ** 2
@@ -429,7 +429,7 @@ def test_fit_of_the_ratio_finds_end_and_lag() -> None:
 def test_a_ratio_that_begins_at_its_end_by_chance_has_the_lag_of_least_squares_in_any_unit(
     unit: float,
 ) -> None:
-    """No value is nearer to the end than the first one, so that none tells the fit where to look for the lag.
+    """No value is nearer to the end than the first one, so that none is a first guess of the lag.
 
     At a given lag the law is linear in its other two parameters: of a fine grid of lags the best is the answer.
     """
@@ -442,7 +442,7 @@ def test_a_ratio_that_begins_at_its_end_by_chance_has_the_lag_of_least_squares_i
     assert analysis.ratio_fit(unit * x, theta).lag / unit == pytest.approx(grid[np.argmin(left)], rel=0.006)
 
 
-def test_swapped_times_and_paths_are_told_apart() -> None:
+def test_swapped_times_and_paths_are_refused() -> None:
     times, paths = np.arange(5.0), np.zeros((5, 7, 2))
     for function, name in (
         (analysis.mean_square_displacement, "paths"),

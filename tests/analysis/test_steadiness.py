@@ -63,7 +63,7 @@ def heavy(v: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
     return v if frame < 15 else v * np.linalg.norm(v, axis=1)[:, None]
 
 
-def test_a_steady_gas_has_no_mark_and_one_that_changes_has_one_with_what_changed(
+def test_a_steady_gas_has_no_mark_and_a_changing_one_names_the_quantities(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -124,7 +124,7 @@ def test_structure_factor_of_an_ideal_gas_is_one_within_its_error(repeated: bool
     assert np.mean(deviation**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 80.0))
     assert np.max(np.abs(deviation)) < 4.0
     # A mode's S is distributed exponentially: errors themselves are S / sqrt(modes), over sqrt(frames) if independent.
-    # Scatter of M modes tells them to within sqrt(2 / M) or sqrt(8 / M) over 2, a sixth at most for M > 40; of 80, 2 %.
+    # Scatter of M modes gives them to within sqrt(2 / M) or sqrt(8 / M) over 2, 1/6 at most for M > 40; of 80, 2 %.
     expected = 1.0 / np.sqrt(found.modes * (1 if repeated else 12))
     assert np.mean(found.S_error[used] / expected[used]) == pytest.approx(1.0, abs=0.06)
 
@@ -269,7 +269,7 @@ def test_order_inside_walls_sees_no_images() -> None:
 
 
 def test_a_row_between_walls_has_its_neighbours_along_it() -> None:
-    """Six nearest of a zigzag row by all distances: images across the walls beside it or beyond its ends are nearer."""
+    """Six nearest of a zigzag row by all distances: images across the walls along it or beyond its ends are nearer."""
     row = np.column_stack((np.arange(20) * 1.2 + 1.0, 0.5 + 0.2 * (np.arange(20) % 2)))
     found = analysis.hexatic(row, Box((25.0, 1.2), periodic=(False, False)))
     apart = row - row[:, None]

@@ -64,7 +64,7 @@ def test_what_no_run_could_compute_is_refused(
     assert not (tmp_path / "case.h5").exists()
 
 
-def test_check_says_what_run_refuses_on_this_machine(
+def test_check_reports_what_run_would_refuse_on_this_machine(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "case.toml"

@@ -243,7 +243,7 @@ def test_one_disk_alone_cannot_be_run_to_a_number_of_collisions() -> None:
     assert mistakes(*alone, "run.collisions_per_disk=", "run.t_end=1.0") == []
 
 
-def test_one_disk_alone_is_expected_to_collide_with_nobody() -> None:
+def test_one_disk_alone_has_no_expected_collisions() -> None:
     gas = CaseGas.from_case(
         case_of(
             SMALL,
@@ -280,7 +280,7 @@ def test_every_mistake_is_reported_at_once(tmp_path: Path) -> None:
         assert all(line.endswith("[set on the command line]") for line in lines if "box = " not in line)
 
 
-def test_a_run_judges_its_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_validates_its_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From reading it to the first frame: a start file is read and pairs are judged once."""
     done: list[str] = []
 
@@ -301,7 +301,7 @@ def test_a_run_judges_its_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert sorted(done) == ["read", "verdicts"]
 
 
-def test_mistakes_of_one_section_are_all_found_beside_a_wrong_combination_of_keys() -> None:
+def test_mistakes_of_one_section_and_a_wrong_combination_of_keys_are_all_found() -> None:
     found = mistakes("run.t_end=-1.0", "run.seed=x", "run.colour=red")
     assert [line.split()[0].rstrip(":") for line in found] == ["run", "run.seed", "run.t_end", "run.colour"]
 
@@ -389,7 +389,7 @@ def test_override_that_leads_nowhere_is_refused(assignment: str, says: str) -> N
 # --- laws and energy --------------------------------------------------------------------------------------
 
 
-def test_admissibility_is_judged_with_the_k_of_the_species() -> None:
+def test_admissibility_depends_on_the_k_of_the_species() -> None:
     # Percussion centre: strict for e_t <= (1 - kbar)/2, so e_t = 0 is right for hoops (k = 1), not for disks.
     # At e_n = 1 no loss along the line of centres can save it: a (1 - e_n) = 0 is less than
     # (e_s^2 - 1) (1 + e_n) mu^2/c^2.
@@ -499,7 +499,7 @@ def test_coins_of_two_kinds_take_the_papers_pair_and_no_other() -> None:
 # --- the start --------------------------------------------------------------------------------------------
 
 
-def test_start_has_the_wanted_speeds_no_momentum_and_no_overlap() -> None:
+def test_start_has_the_given_speeds_no_momentum_and_no_overlap() -> None:
     case = case_of(TWO + PAIR, "species[1].spin_rms=4.0")
     gas = CaseGas.from_case(case)
     state = gas.start()
@@ -558,7 +558,7 @@ def start_case(tmp_path: Path, rows: str, *, number: int = 2) -> list[str]:
     ]
 
 
-def test_a_csv_file_for_positions_is_told_its_key(tmp_path: Path) -> None:
+def test_a_csv_file_for_positions_is_refused_with_the_right_key(tmp_path: Path) -> None:
     (found,) = mistakes("start.positions=start.csv", folder=tmp_path)
     assert found.endswith('; a CSV file is named by file = "start.csv"')
 
@@ -714,7 +714,7 @@ def test_estimate_of_the_main_job() -> None:
 
 
 def test_estimate_counts_the_kicks_of_tracked_disks() -> None:
-    """100 disks, 500 steps to the end: 50,000 events of 177 bytes, beside those of collisions."""
+    """100 disks, 500 steps to the end: 50,000 events of 177 bytes, in addition to those of collisions."""
     text = SMALL.replace("collisions_per_disk = 5.0", "t_end = 1.0") + "[output]\nhistories_all = true\n"
     sizes = []
     for step in (1.0, 2e-3):
@@ -723,7 +723,7 @@ def test_estimate_counts_the_kicks_of_tracked_disks() -> None:
     assert sizes[1] - sizes[0] == pytest.approx(177 * 100 * 499, rel=0.05)
 
 
-def test_expected_end_is_where_theory_has_the_wanted_collisions() -> None:
+def test_expected_end_is_where_theory_has_the_given_collisions() -> None:
     case = case_of()
     gas = CaseGas.from_case(case)
     estimate = RunEstimate.of(gas)
@@ -759,7 +759,7 @@ def test_mixture_run_to_a_time_gets_a_bound_only_if_it_cools(changes: list[str],
     assert estimate.collisions == pytest.approx(0.5 * 0.1 * numbers @ rates, rel=1e-12)
 
 
-def test_models_forbid_what_they_do_not_know() -> None:
+def test_models_forbid_unknown_keys() -> None:
     with pytest.raises(ValidationError, match="Extra inputs"):
         SpeciesSection.model_validate({"name": "a", "number": 1, "coin": "1 pta", "colour": "red"})
     with pytest.raises(ValidationError, match="missing: e_n"):
@@ -814,7 +814,7 @@ def test_keys_of_the_command_line_are_those_of_cases(tmp_path):
         assert len(str(caught.value)) < 200
 
 
-def test_many_mistakes_are_told_by_the_first_twenty_and_their_number(tmp_path):
+def test_of_many_mistakes_twenty_and_their_number_are_listed(tmp_path):
     path = tmp_path / "case.toml"
     path.write_text(SMALL + "[[species]]\nfoo = 1\n" * 1000)
     with pytest.raises(InputError) as caught:
@@ -848,7 +848,7 @@ def test_numbers_whose_products_overflow_are_refused_by_key_and_range(tmp_path, 
     assert ("units" in line) == (says == UNITS)
 
 
-def test_an_own_error_beside_a_wrong_choice_is_told_too(tmp_path):
+def test_a_second_error_next_to_a_wrong_choice_is_reported_too(tmp_path):
     path = tmp_path / "case.toml"
     path.write_text(SMALL)
     with pytest.raises(InputError) as caught:

@@ -84,7 +84,7 @@ def test_estimates_of_a_gas_in_motion_are_those_of_the_gas_at_rest(tmp_path: Pat
     assert rest.notices == []
 
 
-def test_between_walls_and_beside_a_medium_speeds_and_temperatures_say_what_they_are(tmp_path: Path) -> None:
+def test_with_walls_or_a_medium_the_frame_of_speeds_and_temperatures_is_stated(tmp_path: Path) -> None:
     """Smooth walls leave the drift along them; rough ones stop it, and its energy becomes heat."""
     text = moving(tmp_path, (20.0, 0.0))
     box = text.replace("[[material]]", 'periodic = [true, false]\nmaterial = "smooth"\n[[material]]', 1)
@@ -112,7 +112,7 @@ def test_between_walls_and_beside_a_medium_speeds_and_temperatures_say_what_they
 def test_a_start_with_a_single_disk_of_a_species_has_no_momentum(shear: str) -> None:
     """Alone it can have its speed, or no momentum: of 20 disks of mass 1 and one of mass 100 it had 100 of 120.
 
-    The energy, relative to the flow, is the one asked for: 20 + 50.
+    The energy, relative to the flow, is the given one: 20 + 50.
     """
     text = (
         PLAIN.replace("number = 200", "number = 20").replace("[[material]]", f"{shear}[[material]]", 1)

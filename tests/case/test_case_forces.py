@@ -1,4 +1,4 @@
-"""Forces in case files: what they may say, what is refused, what `check` and `run` make of them, and their picture."""
+"""Forces in case files: allowed keys, refusals, `check`, `run`, and their picture."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def test_every_kind_of_force_reaches_its_class() -> None:
         assert (one.step, one.values) == (other.step, other.values)
 
 
-def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     case = tmp_path / "kicked.toml"
     case.write_text(DRIVEN)
     assert main(["check", str(case), "--set", "species[0].speed_rms=2.0"]) == 0
@@ -187,7 +187,7 @@ def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.Cap
         ),
     ],
 )
-def test_collisions_are_estimated_where_theory_knows_the_drive(overrides: list[str], known: bool) -> None:
+def test_collisions_are_estimated_for_drives_that_theory_covers(overrides: list[str], known: bool) -> None:
     case = CaseSections.model_validate(changed(*overrides))
     estimate = RunEstimate.of(CaseGas.from_case(case))
     assert np.isfinite(estimate.collisions) == known

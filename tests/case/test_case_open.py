@@ -42,7 +42,7 @@ def test_coins_on_a_table_come_to_rest_and_are_drawn(
         taken = trajectory.observables["dissipated_energy"][-1] - trajectory.observables["energy_input"][-1]
         assert taken == pytest.approx(trajectory.observables["energy"][0], rel=1e-12)
         assert np.ptp(last.position) > np.ptp(first.position)
-        run.driven("coins_on_table.h5", "other.png")  # any picture copes with an open box
+        run.driven("coins_on_table.h5", "other.png")  # every picture can draw an open box
     energies, moving, paths, *_ = drawn["figure"].axes
     assert energies.get_yscale() == "log"
     assert moving.lines[0].get_ydata()[0] == 60
@@ -94,7 +94,7 @@ def test_an_open_box_starts_from_a_file_with_any_places(tmp_path: Path) -> None:
         case_file.read(path, changes)
 
 
-def test_check_says_where_an_open_gas_starts(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_names_the_region_where_an_open_gas_starts(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["check", str(CASE)]) == 0
     shown = capsys.readouterr().out
     assert "400 disks in an open box, SI units" in shown

@@ -92,7 +92,7 @@ def test_tracked_disks_are_a_list_a_sample_a_region_or_all(folder):
     assert len(output(folder, "histories_all=true").tracked(200, rng, position)) == 200
 
 
-def test_histories_are_kept_where_any_key_asks_for_them(folder):
+def test_any_of_the_keys_of_histories_stores_them(folder):
     assert not output(folder).tracks
     assert not output(folder, "histories_all=false").tracks
     for each in ("all=true", "sample=5", "region=[0.0, 0.0, 9.0, 9.0]"):
@@ -257,7 +257,7 @@ def test_the_estimate_counts_frames_rows_and_tracked_disks(folder):
         ),
     ],
 )
-def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
+def test_the_size_of_a_file_agrees_with_its_estimate(folder, overrides):
     """Within 5 % where frames are large; of many small ones, indices of chunks take up to a fifth of the file."""
     file = case_file.read(folder / "gas.toml", overrides)
     case, output = file.case, file.case.output
@@ -299,7 +299,7 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
         (1e-6, 10_000, 1, 125.0 / 1.18),  # 125 times that at 0.1
     ],
 )
-def test_the_time_foretold_is_within_a_third_of_the_measured(phi, n, threads, seconds):
+def test_the_estimated_time_is_within_a_third_of_the_measured(phi, n, threads, seconds):
     assert run_seconds(1e6, n, phi, threads) == pytest.approx(seconds, rel=0.33)
 
 
@@ -319,7 +319,7 @@ force = [{ kind = "rescale", step = 1e-3, temperature = 0.5 }, { kind = "drag", 
     rows = {row.quantity: row.value for row in report.report(gas, estimate).rows}
     assert rows["run time (force steps, windows, frames and output)"].startswith(
         "about 6."
-    )  # no theory tells the collisions
+    )  # no theory gives the collisions
 
 
 @pytest.mark.parametrize(
@@ -333,7 +333,7 @@ def test_the_time_of_shipped_cases_is_within_a_factor_of_2(name: str, seconds: f
     assert 0.5 * seconds < RunEstimate.of(gas).seconds(gas, 1) < 2.0 * seconds
 
 
-def test_check_tells_the_time_and_why_a_thin_gas_is_slow(folder):
+def test_check_estimates_the_time_and_says_why_a_thin_gas_is_slow(folder):
     def told(*overrides: str) -> str:
         case = case_file.read(folder / "gas.toml", overrides).case
         gas = CaseGas.from_case(case)
@@ -359,7 +359,7 @@ def test_many_disks_on_ranks_are_written_in_parts_unless_the_case_says_otherwise
     assert OutputSection().parts == "auto"
 
 
-def test_check_tells_of_parts(folder, capsys):
+def test_check_names_the_parts(folder, capsys):
     path = str(folder / "gas.toml")
     assert cli.main(["check", path]) == 0
     assert ".parts" not in capsys.readouterr().out
@@ -373,7 +373,7 @@ def test_check_tells_of_parts(folder, capsys):
         assert f"output.parts {said}" in capsys.readouterr().err
 
 
-def test_the_time_of_a_run_names_the_compilation_beside_it(folder, capsys):
+def test_the_estimated_time_names_the_compilation_separately(folder, capsys):
     assert cli.main(["check", str(folder / "gas.toml")]) == 0
     shown = capsys.readouterr().out
     assert "  run time (collisions, windows, frames and output) " in shown

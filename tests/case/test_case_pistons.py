@@ -1,4 +1,4 @@
-"""Pistons in case files: refusals, frames and series, a run that goes on, and what is drawn."""
+"""Pistons in case files: refusals, frames and series, a resumed run, and figures."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_wrong_pistons_are_named(
     assert "Traceback" not in told
 
 
-def test_frames_and_series_tell_where_the_piston_is(tmp_path: Path) -> None:
+def test_frames_and_series_have_the_position_of_the_piston(tmp_path: Path) -> None:
     (tmp_path / "lid.toml").write_text(CASE)
     assert main(["run", str(tmp_path / "lid.toml"), "-o", f"{tmp_path}/", "--quiet"]) == 0
     with Trajectory(tmp_path / "lid.h5") as file:
@@ -122,7 +122,7 @@ def test_frames_and_series_tell_where_the_piston_is(tmp_path: Path) -> None:
         assert found["series_piston_energy"].dims == ("series_time", "piston")
 
 
-def test_a_stopped_run_with_a_piston_goes_on_to_the_same_file(
+def test_a_stopped_run_with_a_piston_resumes_to_the_same_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("whole", "cut"):

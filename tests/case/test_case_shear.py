@@ -110,7 +110,7 @@ def test_a_frame_of_a_sheared_box_starts_only_a_run_with_the_same_flow_and_clock
         assert re.search(rf'start.positions = "flow.h5": {says}', capsys.readouterr().err), change
 
 
-def test_check_says_what_a_sheared_gas_will_do(flow: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_predicts_a_sheared_gas(flow: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "flow.toml"]) == 0
     shown = capsys.readouterr().out
     assert ", sheared at the rate 0.8, reduced units" in shown

@@ -212,7 +212,7 @@ def test_a_wrong_wall_is_named_with_what_is_allowed(overrides: list[str], key: s
         ('shape = "post"\ncenter = [5.0, 5.0]\nradius = 1.0\nmoves_from = 2.0\nmoves_until = 1.0', "later than"),
     ],
 )  # fmt: skip
-def test_shapes_that_are_none_are_refused_with_their_place(
+def test_invalid_shapes_are_refused_with_their_position_in_the_list(
     wall: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "open.csv").write_text("x,y\n1, 1\n4, 1\n4, 4\n1, 4\n")
@@ -386,7 +386,7 @@ def test_check_refuses_rest_where_the_run_would() -> None:
         CaseGas.from_case(CaseSections.model_validate(changed("run.collapse=rest", "run.resting_speed=0.25")))
 
 
-def test_gravity_that_turns_reaches_the_engine_and_check_says_how_fast(
+def test_rotating_gravity_reaches_the_engine_and_check_gives_its_rate(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given: dict[str, object] = {}
@@ -429,7 +429,7 @@ def test_gravity_that_cannot_turn_is_refused(
     assert told in capsys.readouterr().err
 
 
-def test_check_names_walls_upon_which_nobody_rests(
+def test_check_names_walls_on_which_no_disk_can_rest(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "case.toml").write_text(SHAKEN)
@@ -438,7 +438,7 @@ def test_check_names_walls_upon_which_nobody_rests(
     assert "moves, and supports no disks" in capsys.readouterr().err
 
 
-def test_check_says_what_walls_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_describes_the_motion_of_walls(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "shaken.toml"
     path.write_text(SHAKEN)
     assert main(["check", str(path)]) == 0
@@ -561,7 +561,7 @@ def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     assert collisions == pytest.approx(estimate.collisions, rel=0.15)
 
 
-def test_a_run_goes_on_from_a_frame_between_walls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_continues_from_a_frame_between_walls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Positions in single precision: disks that touched a wall are moved off it."""
     monkeypatch.chdir(tmp_path)
     Path("elastic.toml").write_text(ELASTIC)

@@ -150,7 +150,7 @@ def fault(place: Path, text: str, settings: list[str]) -> str | None:
             redirect_stderr(complained),
             warnings.catch_warnings(),
         ):
-            warnings.simplefilter("always", TheoryWarning)  # a user is told it in a line
+            warnings.simplefilter("always", TheoryWarning)  # a user gets a message of one line
             status = main(["check", str(place), *settings])
     except (Exception, SystemExit) as error:
         return f"{type(error).__name__}: {error}"

@@ -97,5 +97,20 @@ def test_two_laws_in_one_case_are_refused(case: Path, capsys: pytest.CaptureFixt
         '[[species]]\nname = "b"\nnumber = 10\nmaterial = "b"\nmass = 1.0\nradius = 0.5\nspeed_rms = 1.0\n'
     )
     case.write_text(text, encoding="utf-8")
-    assert cli.main(["run", str(case), "-o", str(case.with_name("gas.h5"))]) == 2
-    assert "laws of 2 classes" in capsys.readouterr().err
+    assert cli.main(["check", str(case)]) == 2
+    assert (
+        "material[1]: laws of 2 classes, Walton (material[0]), IFRLaw (material[1])"
+        in capsys.readouterr().err
+    )
+
+
+def test_check_refuses_disks_that_rest_by_a_law_other_than_ifr(
+    case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    under_gravity = (
+        "box.gravity=[0.0,-1.0]", "box.periodic=[true,false]", 'box.material="a"', 'run.collapse="rest"',
+        "run.resting_speed=1e-3",
+    )  # fmt: skip
+    assert cli.main(["check", str(case), *(word for each in under_gravity for word in ("--set", each))]) == 2
+    assert 'run.collapse = "rest": ' in (error := capsys.readouterr().err)
+    assert "the law is a Walton" in error

@@ -77,7 +77,7 @@ def test_every_missing_pair_is_named_once() -> None:
     ]
 
 
-def test_a_pair_that_stands_twice_is_a_conflict_in_either_order() -> None:
+def test_a_pair_given_twice_is_a_conflict_in_either_order() -> None:
     (found,) = mistakes(case([*EVERY, ("c", "b")]))
     assert found == f'pair[10].materials = ["c", "b"]: the materials of pair[{EVERY.index(("b", "c"))}] too'
 
@@ -104,7 +104,7 @@ def test_a_pair_of_coins_is_given_by_their_names() -> None:
     assert gas.laws[0][1].table_row() == gas.laws[1][0].table_row() == (0.8, -0.9, 0.2, 0.0, 0.0)
 
 
-def test_simulation_judges_the_extreme_masses_of_a_mixture() -> None:
+def test_simulation_checks_the_extreme_masses_of_a_mixture() -> None:
     # As in test_radii: with e_n = 1, e_t = -0.25, a mean k above 1.5 can add energy. Disks with k = 1 and k = 2 have
     # that where those with k = 1 are the heavier ones: some of the 300 are, equal masses are not enough to see it.
     n = 300

@@ -1,4 +1,4 @@
-"""The needs of a case on ranks of MPI, told without a start."""
+"""Needs of a case on ranks of MPI, estimated without a start."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_no_array_of_all_disks_goes_to_other_ranks() -> None:
     assert len(pickle.dumps(gas)) == sent < 20_000
 
 
-def test_a_case_of_1e9_disks_is_judged_without_an_array_of_them() -> None:
+def test_a_case_of_1e9_disks_is_checked_without_an_array_of_them() -> None:
     gas, _, estimate, peak = large()
     assert gas.n == 10**9
     assert peak < 30e6  # an array of a byte for each disk would be 1e9
@@ -89,7 +89,7 @@ def test_a_case_of_1e9_disks_is_judged_without_an_array_of_them() -> None:
 
 
 @pytest.mark.parametrize("distribution", ['"uniform",low=0.4,high=0.6', '"gaussian",mean=0.5,deviation=0.05'])
-def test_a_case_with_a_radius_for_each_disk_is_judged_without_an_array_of_them(distribution: str) -> None:
+def test_a_case_with_a_radius_for_each_disk_is_checked_without_an_array_of_them(distribution: str) -> None:
     """8e6 disks: an array of a number for each would be 64 MB; one of a block is 2 MB."""
     drawn = f"species[0].radii={{distribution={distribution}}}"
     tracemalloc.start()

@@ -19,7 +19,7 @@ from ifrdem.errors import InputError
 CASES = Path(__file__).parents[2] / "cases"
 
 
-def test_every_case_of_the_folder_is_listed_with_what_it_shows(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_shipped_case_is_listed_with_its_title(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["cases"]) == 0
     lines = capsys.readouterr().out.splitlines()
     names = sorted(path.stem for path in CASES.glob("*.toml"))
@@ -84,7 +84,7 @@ def test_new_prefers_the_template_where_both_have_a_name() -> None:
         shipped.new("cases/coolin")
 
 
-def test_the_mixture_shows_what_its_comment_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_mixture_behaves_as_its_comment_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Smaller and shorter: the largest disks keep the higher temperature, in the number of disks' 10 % errors."""
     monkeypatch.chdir(tmp_path)
     changes = ["species[0].number=2000", "output.frames=1"]

@@ -129,7 +129,7 @@ def table(path: Path) -> dict[str, np.ndarray]:
     return {name: np.array([row[i] for row in rows[1:]]) for i, name in enumerate(rows[0])}
 
 
-def test_analyse_prints_and_writes_what_the_file_allows_and_says_what_it_does_not(
+def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -235,7 +235,7 @@ def test_analyses_of_another_run_and_foreign_files_in_the_folder_are_not_mixed_o
     assert Path("out/run.json").read_text() == "{}"
 
 
-def test_a_gas_that_does_not_cool_by_haffs_law_is_said_not_to_and_gets_no_errors(
+def test_a_gas_that_does_not_cool_by_haffs_law_is_reported_and_gets_no_errors(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """T = 1.5 (1 - exp(t - 6) ...): a gas whose cooling breaks off, and theta that turns round."""
@@ -269,7 +269,7 @@ def test_a_gas_that_does_not_cool_by_haffs_law_is_said_not_to_and_gets_no_errors
     assert "nan" not in said
 
 
-def test_pressure_and_diffusion_of_a_gas_that_cools_are_said_to_be_those_of_no_steady_state(
+def test_pressure_and_diffusion_of_a_cooling_gas_warn_that_it_is_not_stationary(
     tmp_path: Path,
 ) -> None:
     path = write(tmp_path / "run.h5")
@@ -294,7 +294,7 @@ def test_pressure_and_diffusion_of_a_gas_that_cools_are_said_to_be_those_of_no_s
         assert np.isfinite(found.rows[0].value)
 
 
-def test_a_gas_whose_file_tells_no_temperature_is_judged_by_its_velocities(tmp_path: Path) -> None:
+def test_without_stored_temperatures_velocities_decide(tmp_path: Path) -> None:
     """Free disks whose speeds fall like 1 / (1 + t): T = <v^2> / 2 by 25 from t = 0 to 4."""
     rng, disks = np.random.default_rng(5), Disks(N, mass=1.0, radius=0.2)
     begin, velocity = rng.random((N, 2)) * 30.0, rng.normal(size=(N, 2))
@@ -315,7 +315,7 @@ def test_a_gas_whose_file_tells_no_temperature_is_judged_by_its_velocities(tmp_p
             assert any("temperatures nor velocities" in note for note in found.notes)
 
 
-def test_error_of_a_pressure_knows_cooling_from_scatter(tmp_path: Path) -> None:
+def test_error_of_a_pressure_distinguishes_cooling_from_scatter(tmp_path: Path) -> None:
     """2000 equal impulses at a rate that goes as T, of Poisson: 1 / sqrt(2000) of the collisional part.
 
     Without T in the blocks their fall by 25 counts as scatter: some 50 %.
@@ -398,7 +398,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
     assert found.regimes["sliding"][1] == pytest.approx(np.sqrt(0.05 * 0.95 / 8000))
     assert "of all 8000 collisions of two disks" in " ".join(outcome_.notes)
     assert "regimes of 8000 collisions" in said
-    # A law of one's own tells no regimes, and its counts mean nothing.
+    # A custom law has no regimes, and its counts mean nothing.
     with h5py.File(path, "r+") as file:
         file["histories/events/regime"][...] = -1
     with Trajectory(path) as trajectory:
@@ -487,7 +487,7 @@ def test_legends_hide_no_curve_and_axes_end_where_the_data_do(what: str, tmp_pat
         ("a.pdf", "a.pdf", b"%PDF"),
     ],
 )
-def test_the_ending_of_a_picture_says_its_format_and_png_is_put_behind_a_name_without(
+def test_the_ending_of_a_picture_gives_its_format_and_png_is_the_default(
     given: str, made: str, begin: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
@@ -589,7 +589,7 @@ def test_missing_fields_are_named_with_the_key_that_stores_them(tmp_path: Path) 
         assert 'no "image" in the file' in " ".join(catalogue.ANALYSES["msd"].of(trajectory, None).notes)
 
 
-def test_missing_observables_are_told_from_fields_and_said_how_to_write(
+def test_missing_observables_are_named_with_the_key_that_stores_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The field `collisions` of the disks is no observable; what the message gives as code works."""
@@ -620,7 +620,7 @@ def test_driven_gases_get_no_haff_law_and_walls_no_contact_value(tmp_path: Path)
         assert "no contact value" in catalogue.ANALYSES["rdf"].of(trajectory, None).notes[0]
 
 
-def test_species_are_told_apart_and_immovable_disks_left_out(tmp_path: Path) -> None:
+def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) -> None:
     radius = np.where(np.arange(N) % 2, 0.2, 0.4)
     mass = np.where(np.arange(N) % 2, 1.0, 8.0)
     mass[0] = np.inf

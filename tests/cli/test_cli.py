@@ -186,7 +186,7 @@ def test_new_writes_a_template_that_check_likes(folder: Path, capsys: pytest.Cap
     assert "mixture" in (folder / "cooling.toml").read_text(encoding="utf-8")
 
 
-def test_check_prints_what_to_expect(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_prints_estimates(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "tiny.toml"]) == 0
     shown = capsys.readouterr().out
     rows = {
@@ -324,7 +324,7 @@ def test_refused_run_with_force_keeps_the_old_files(folder: Path, capsys: pytest
 # --- a whole run ------------------------------------------------------------------------------------------
 
 
-def test_run_writes_trajectory_and_picture_and_says_what_it_did(
+def test_run_writes_trajectory_and_picture_and_a_summary(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["run", "tiny.toml"]) == 0
@@ -493,7 +493,7 @@ def test_interrupted_run_keeps_the_frames_so_far(
     assert "holds the 3 frames so far" in status["message"]
 
 
-def test_the_line_to_go_on_works_from_the_users_folder_whatever_the_path(
+def test_the_resume_command_shown_works_from_the_users_folder(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (folder / "my runs").mkdir()

@@ -48,7 +48,7 @@ def commands() -> list[str]:
     return [name for name in app if not name.startswith("-")]
 
 
-def test_a_quiet_run_says_nothing_and_a_verbose_one_names_device_cache_and_time(
+def test_a_quiet_run_prints_nothing_and_a_verbose_one_names_device_cache_and_time(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for words in (["--quiet", "run", "tiny.toml"], ["run", "tiny.toml", "-q", "--force"]):
@@ -114,7 +114,7 @@ def test_python_m_shows_the_same_help_as_the_command(capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_knows_commands_and_options(shell: str) -> None:
+def test_completion_offers_commands_and_options(shell: str) -> None:
     script = app.generate_completion(shell=shell)
     for word in (*commands(), "no-picture", "in-place", "write-material"):
         assert word in script

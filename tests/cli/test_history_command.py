@@ -50,7 +50,7 @@ def test_history_shows_a_summary_and_the_latest_collisions(run, capsys):
     assert not any("kick" in line for line in lines[1:])
 
 
-def test_units_of_the_columns_stand_under_their_names_and_reduced_files_have_none(run, capsys):
+def test_units_are_printed_under_the_names_of_columns_and_reduced_files_have_none(run, capsys):
     assert main(["history", str(run), "--id", "7"]) == 0
     names, units, first = capsys.readouterr().out.splitlines()[2:5]
     ends = {unit: units.index(unit) + len(unit) for unit in ("(s)", "(rad)", "(rad/s)")}
@@ -70,7 +70,7 @@ def test_units_of_the_columns_stand_under_their_names_and_reduced_files_have_non
     assert lines[3] == first
 
 
-def test_history_says_that_it_shows_the_latest_of_more(run, monkeypatch, capsys):
+def test_history_reports_that_it_shows_only_the_latest_rows(run, monkeypatch, capsys):
     monkeypatch.setattr("ifrdem.cli.trajectory.SHOWN", 3)
     assert main(["history", str(run), "--id", "7"]) == 0
     lines = capsys.readouterr().out.splitlines()

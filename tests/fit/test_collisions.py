@@ -1,4 +1,4 @@
-"""Fits of whole collisions: any frame of reference, gaps, errors in everything, outliers, laws told apart."""
+"""Fits of whole collisions: any frame of reference, gaps, errors in everything, outliers, choice between laws."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_noise_in_everything_gives_chi_square_and_honest_errors() -> None:
     assert 0.4 < np.sqrt(np.mean(pulls**2)) < 1.7
 
 
-def test_errors_are_told_by_the_residuals() -> None:
+def test_errors_are_estimated_from_the_residuals() -> None:
     data = seen(40)
     told = fitted(replace(data, errors=dict.fromkeys(data.errors, np.nan)))
     assert told.errors["velocities"] == pytest.approx(
@@ -105,7 +105,7 @@ def test_errors_are_told_by_the_residuals() -> None:
     assert not np.isfinite(told.probability)
 
 
-def test_any_subset_of_columns_is_enough_if_it_tells_the_coefficients() -> None:
+def test_any_subset_of_columns_that_determines_the_coefficients_is_enough() -> None:
     data = seen(20)
     fewer = {
         name: value
@@ -176,7 +176,7 @@ class Mine(laws.Walton):
     coefficients = ("e_n", "beta_0", "mu")
 
 
-def test_laws_are_told_apart_by_likelihood_and_by_collisions_not_seen() -> None:
+def test_laws_are_distinguished_by_likelihood_and_by_unseen_collisions() -> None:
     data = seen(8)
     found = fit.fit(data, model=["ifr-percussion", "brach", "smooth"], cross_validate=True, profile=False)
     assert found.best == "ifr-percussion"
@@ -190,7 +190,7 @@ def test_laws_are_told_apart_by_likelihood_and_by_collisions_not_seen() -> None:
     assert held.law.free == ("e_n", "mu")
 
 
-def test_law_of_ones_own_is_fitted_as_the_law_it_repeats() -> None:
+def test_a_custom_law_is_fitted_like_the_law_that_it_repeats() -> None:
     """Without its angle of transition the least distance is missed near the kink, never undercut."""
     options = {"fix": {"beta_0": 0.4}, "profile": False}
     walton = fit.fit(seen(10), model=["walton"], **options).laws["walton"]
@@ -209,7 +209,7 @@ def test_law_that_gives_no_numbers_is_refused() -> None:
         fit.fit(seen(5), model=[], own=[own(Broken)])
 
 
-def test_expected_information_is_what_further_impacts_bring() -> None:
+def test_expected_information_is_that_of_further_impacts() -> None:
     """Ten impacts more at 40 degrees, simulated without noise and fitted together, have the expected errors."""
     data = seen(25)
     found = fit.fit(data, model=["ifr-percussion"], profile=False)

@@ -1,4 +1,4 @@
-"""Fits of synthetic impacts: what is recovered, how sure it is, and what is said when the data cannot tell."""
+"""Fits of synthetic impacts: coefficients, their errors, and warnings about data that do not determine them."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ def test_bootstrap_agrees_with_the_profile_and_repeats_itself() -> None:
 
 
 @BOTH
-def test_two_angles_tell_the_kinds_of_sticking_apart(sticking: str) -> None:
+def test_two_angles_distinguish_the_kinds_of_sticking(sticking: str) -> None:
     found = fit.fit(impacts(sticking=sticking, noise=7), M=1.0, profile=False)
     assert found.decided
     assert found.best == NAME[sticking]
@@ -209,7 +209,7 @@ def test_two_angles_tell_the_kinds_of_sticking_apart(sticking: str) -> None:
     assert right.probability > 0.01 > wrong.probability
 
 
-def test_delta_2_alone_cannot_tell_them_and_the_fit_says_so() -> None:
+def test_delta_2_alone_cannot_distinguish_them_and_the_fit_says_so() -> None:
     """S = c/(1+e_n) + B, B = (1+e_t)/(3(1+e_n)) and mu fix the curve: with c = 1/3 for 1/2, 1 + e_n is 2/3 as large."""
     found = fit.fit(impacts(names=("delta_2",), noise=8), M=1.0, profile=False)
     a, b = (found.laws[name] for name in ("ifr-percussion", "ifr-contact"))
@@ -223,7 +223,7 @@ def test_delta_2_alone_cannot_tell_them_and_the_fit_says_so() -> None:
     assert b.estimates["mu"].value == pytest.approx(a.estimates["mu"].value, abs=1e-6)
 
 
-# -- What the data cannot tell -------------------------------------------------------------------------------
+# -- Data that do not determine the law -----------------------------------------------------------------------
 
 
 def warned(found: fit.Fit, text: str, sticking: str = "percussion_center") -> bool:
@@ -237,8 +237,8 @@ def test_no_sliding_impact_leaves_mu_open_above() -> None:
     assert warned(found, "no impact slides: mu is not determined")
     assert mu.high_open
     assert found.laws["ifr-percussion"].count() == {"sliding": 0, "sticking": 20}
-    # Sliding without friction moves the disks alike with e_t + 3/2 (Eqs. 19, 23): no data below the transition can
-    # tell. That solution lies outside of the intervals, and the fit has to say that it is there.
+    # Sliding without friction moves the disks alike with e_t + 3/2 (Eqs. 19, 23): no data below the transition
+    # distinguish them. That solution lies outside of the intervals, and the fit has to report it.
     assert warned(found, "another solution")
     assert warned(found, "e_t = 0.62, mu = 0,")
 

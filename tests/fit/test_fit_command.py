@@ -39,12 +39,12 @@ def refused(arguments: list[str], folder: Path, capsys: pytest.CaptureFixture[st
     return [line.removeprefix("ifrdem: ") for line in lines]
 
 
-def test_example_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_example_is_printed_unchanged(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["fit", "--example"]) == 0
     assert capsys.readouterr().out == fit.example()
 
 
-def test_fit_writes_what_was_asked_for(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fit_writes_the_requested_files(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     more = ["--write-material", "coins.toml", "--material-name", "al"]
     assert main([*FIT_EXAMPLE, "--json", "fit.json", "--model", "ifr-percussion", *more]) == 0
     shown = capsys.readouterr().out

@@ -177,7 +177,7 @@ def test_distances_are_the_least_over_all_true_angles(sticking: str) -> None:
 def test_distance_from_a_straight_line_is_the_effective_variance() -> None:
     """For one quantity and small errors chi2 = sum (y - f)^2 / (s_y^2 + f'^2 s_psi^2), up to the curve's bend."""
     data = synthetic(("delta_2",), 0.01, n=40, seed=2)
-    away = np.abs(np.tan(np.radians(data.psi)) - 2.0 * 0.21 * 1.87) > 0.02  # not beside the corner
+    away = np.abs(np.tan(np.radians(data.psi)) - 2.0 * 0.21 * 1.87) > 0.02  # not next to the corner
     data = Data(
         psi=data.psi[away],
         measured={"delta_2": data.measured["delta_2"][away]},

@@ -43,7 +43,7 @@ GASES = {
     "a flow, and kicks": "box = { lengths = [12.0, 12.0], shear_rate = 0.7 }\n"
     'force = [{ kind = "random_force", step = 0.2, power = 0.1 }]',
 }  # fmt: skip
-"""Cases with things that depend on the clock or on the number of collisions, or have a state besides the disks."""
+"""Cases that depend on the clock or on the number of collisions, or have a state in addition to the disks."""
 
 
 def set_(*changes: str) -> list[str]:
@@ -107,7 +107,7 @@ def old(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_clock_of_the_frame_goes_on_or_a_new_one_begins(
+def test_the_clock_of_the_frame_continues_or_a_new_one_begins(
     old: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with Trajectory(old / "whole.h5") as whole:
@@ -208,7 +208,9 @@ def frame_of(
         file.write(state, more)  # type: ignore[arg-type]
 
 
-def test_a_frame_in_single_precision_is_put_right_where_the_floor_stands_then(tmp_path: Path) -> None:
+def test_a_frame_in_single_precision_is_corrected_at_the_current_position_of_the_floor(
+    tmp_path: Path,
+) -> None:
     """Disks rest on the floor at t = 0.5, at 1 + 0.5 sin(0.4 pi): single precision rounds it down by 2e-8."""
     floor = 1.0 + 0.5 * np.sin(2.0 * np.pi * 0.4 * 0.5)
     assert np.float32(floor + 0.5) < floor + 0.5
@@ -244,7 +246,7 @@ def test_an_overlap_with_the_floor_gets_the_hint_that_helps(
     assert [each for each in hints if each in str(found.value)] == [hint] * bool(hint)
 
 
-def test_gates_and_pistons_of_a_frame_are_where_it_says(tmp_path: Path) -> None:
+def test_gates_and_pistons_start_where_the_frame_has_them(tmp_path: Path) -> None:
     """Two disks with ten collisions each, that is ten in all: the gate that waits for four is open."""
     walls, two = GASES["a shaken floor and gates"], ["species[0].number=2", "start.positions=old.h5"]
     frame_of(tmp_path / "old.h5", [[2.0, 3.0], [6.0, 8.1]], 2.0)

@@ -140,7 +140,7 @@ def test_rounding_of_single_precision_is_undone(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_cannot_start_is_named_with_what_is_there(
+def test_starts_that_lack_something_are_refused_with_what_the_file_has(
     tmp_path: Path, overrides: list[str], key: str, says: str
 ) -> None:
     trajectory(tmp_path)

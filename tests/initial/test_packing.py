@@ -79,7 +79,7 @@ def test_a_packing_is_disordered() -> None:
     assert abs(np.mean(np.exp(6j * angle))) < 0.25
 
 
-def test_what_does_not_fit_is_refused_with_what_does() -> None:
+def test_a_packing_fraction_that_cannot_be_reached_is_refused_with_the_one_reached() -> None:
     radius = bidisperse(300)
     box = Box.from_packing_fraction(radius, 0.88)
     with pytest.raises(InputError, match=r"packing fraction = 0\.8800: growth ended at 0\.\d+") as failure:
@@ -148,7 +148,7 @@ def test_a_case_starts_by_growth_and_refuses_by_key() -> None:
         CaseGas.from_case(case).start()
 
 
-def test_a_long_stage_says_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_long_stage_reports_progress(capsys: pytest.CaptureFixture[str]) -> None:
     now = iter([0.0, 4.0, 6.0, 8.0, 11.5])
     stage = Stage("growth", clock=lambda: next(now))
     for part in (0.1, 0.2, 0.3, 0.4):

@@ -96,7 +96,7 @@ def test_random_positions_above_saturation_are_refused() -> None:
         random_positions(Box.from_packing_fraction(radius, 0.57), radius, seed=1)
 
 
-def test_random_positions_that_cannot_be_completed_say_how_far_they_came() -> None:
+def test_random_positions_that_fail_report_the_fraction_placed() -> None:
     radius = np.full(300, 0.5)
     with pytest.raises(InputError, match="hexagonal") as failure:
         random_positions(Box.from_packing_fraction(radius, 0.55), radius, seed=1)
@@ -241,7 +241,7 @@ def test_positions_that_are_no_positions_are_refused(radius, position, message: 
 
 
 @pytest.mark.parametrize("n", [2, 3, 1000])
-def test_maxwellian_has_no_momentum_and_the_wanted_temperature(n: int) -> None:
+def test_maxwellian_has_no_momentum_and_the_given_temperature(n: int) -> None:
     mass = np.linspace(1.0, 3.0, n)
     velocity = maxwellian(mass, temperature=2.5, seed=1)
     speed = np.sqrt(np.mean(np.sum(velocity**2, axis=1)))
@@ -250,7 +250,7 @@ def test_maxwellian_has_no_momentum_and_the_wanted_temperature(n: int) -> None:
     assert np.mean(0.5 * mass * np.sum(velocity**2, axis=1)) == pytest.approx(2.5, rel=1e-14)
 
 
-def test_maxwellian_has_the_wanted_rms_speed() -> None:
+def test_maxwellian_has_the_given_rms_speed() -> None:
     velocity = maxwellian(np.full(1000, 1.19e-3), speed_rms=1.5, seed=1)
     assert math.sqrt(np.mean(np.sum(velocity**2, axis=1))) == pytest.approx(1.5, rel=1e-14)
 
@@ -285,7 +285,7 @@ def test_maxwellian_needs_one_size(options: dict[str, float]) -> None:
         maxwellian(np.ones(4), seed=1, **options)
 
 
-def test_gaussian_spins_have_the_wanted_rms_value() -> None:
+def test_gaussian_spins_have_the_given_rms_value() -> None:
     spin = gaussian_spins(500, spin_rms=40.0, seed=2)
     assert math.sqrt(np.mean(spin**2)) == pytest.approx(40.0, rel=1e-14)
     assert abs(np.mean(spin)) < 4.0 * 40.0 / math.sqrt(500)

@@ -158,7 +158,7 @@ def test_species_with_one_distribution_draw_apart_and_another_seed_others() -> N
     assert not np.intersect1d(radius, CaseGas.from_case(CaseSections.model_validate(raw)).disks.radius).size
 
 
-def test_a_coefficient_pair_is_judged_for_the_extreme_masses_of_both_species() -> None:
+def test_a_coefficient_pair_is_checked_for_the_extreme_masses_of_both_species() -> None:
     # e_n = 1, e_t = -0.25, percussion centre: admissible up to e_s = e_t + (1 + k)/2 = 1, so for a mean k <= 1.5
     # (k alone enters at e_n = 1). Hoops (k = 1) with disks (k = 2): k = (m_1 2 + m_2 1)/(m_1 + m_2) of hoops m_1 and
     # disks m_2, which is 1.5 for equal masses and more where the hoop is the heavier one.

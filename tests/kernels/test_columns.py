@@ -44,7 +44,7 @@ def test_a_row_alone_gives_numbers() -> None:
     assert np.flatnonzero(clock.array).tolist() == [columns.CLOCK.end]
 
 
-def test_a_name_that_is_none_is_an_error_that_lists_the_columns() -> None:
+def test_an_unknown_name_is_an_error_that_lists_the_columns() -> None:
     row = columns.blank("clock")
     for ask in (lambda: row.ends, lambda: setattr(row, "ends", 1.0), lambda: columns.CLOCK.ends):
         with pytest.raises(AttributeError, match=r"no column 'ends'; columns are begin, end, stop"):
@@ -70,7 +70,7 @@ def test_no_name_of_a_column_is_that_of_something_else(table: Columns) -> None:
     assert not taken & set(names_of(table))
 
 
-def test_bytes_of_disks_are_what_their_columns_take() -> None:
+def test_bytes_of_disks_are_those_of_their_columns() -> None:
     """Of a plain disk by hand: three parts of 5 reals and 4 integers, 4 + 2 integers of its history, 14 of ghosts.
 
     Of one that may rest: three parts of a state and 4 contacts of an id and 4 forces, 3 integers, 3 reals, the forces

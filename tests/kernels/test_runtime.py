@@ -13,6 +13,7 @@ import ifrdem
 from ifrdem import InputError
 from ifrdem.kernels import runtime
 from ifrdem.model.law import compiled
+from ifrdem.simulation import backend
 from ifrdem.tools.versions import package_versions
 
 BOTH = all(runtime.version(name) is not None for name in runtime.NAMES)
@@ -77,6 +78,23 @@ def test_bits_are_the_same_on_a_cpu_where_both_were_compared() -> None:
     assert runtime.have_same_bits(new, new, "cuda")
 
 
+@pytest.mark.usefixtures("unloaded")
+def test_a_run_chooses_its_runtime_before_it_looks_for_a_gpu(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To look for one imports a runtime, which then stays that of the process."""
+    found = []
+
+    def check(_device: object) -> None:
+        found.append(runtime.chosen())
+        raise InputError("no GPU")
+
+    monkeypatch.setattr(backend, "check", check)
+    with pytest.raises(InputError, match="no GPU"):
+        ifrdem.Case.read("clusters", set={"run.runtime": "quadrants"}).run_to(tmp_path)
+    assert found == ["quadrants"]
+
+
 def test_a_law_in_the_language_of_the_other_runtime_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     other = next(name for name in runtime.NAMES if name != runtime.chosen())
     monkeypatch.setitem(globals(), "language", type(sys)(other))
@@ -115,7 +133,7 @@ print(runtime.chosen(), gas.collisions, hash)
 
 
 @both
-def test_a_checkpoint_goes_on_to_the_bit_on_the_other_runtime(tmp_path: Path) -> None:
+def test_a_checkpoint_resumes_bitwise_on_the_other_runtime(tmp_path: Path) -> None:
     def done(name: str, *arguments: str) -> list[str]:
         run = subprocess.run(
             [sys.executable, "-c", STATE, *arguments],

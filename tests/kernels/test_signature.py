@@ -40,7 +40,7 @@ def test_small_arrays_go_to_one_board_and_back() -> None:
     assert board.tolist() == np.arange(2.0, 12.0).tolist()
 
 
-def test_variables_around_a_kernel_are_known_in_it() -> None:
+def test_a_kernel_can_use_variables_of_the_enclosing_scope() -> None:
     backend.start()
     from support.kernels.records import shifting
 

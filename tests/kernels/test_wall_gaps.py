@@ -163,7 +163,7 @@ def test_gap_slope_bound_and_root_of_every_shape(name: str, motion: str) -> None
     assert touched > 5
 
 
-def test_an_image_of_a_wall_is_told_from_its_number() -> None:
+def test_an_image_of_a_wall_follows_from_its_number() -> None:
     backend.start("cpu")
     from ifrdem.kernels.walls.images import as_partner, boxes_of, from_partner, image_of, wall_of
 

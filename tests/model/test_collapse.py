@@ -82,7 +82,7 @@ def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
     assert [one[1:] for one in other] != [one[1:] for one in expected]  # the rule mattered
 
 
-def test_a_stored_state_knows_when_its_disks_collided_last() -> None:
+def test_a_stored_state_has_the_latest_collision_times() -> None:
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.65)
 
@@ -128,7 +128,7 @@ def test_a_collision_soon_after_another_is_elastic(contact_time: float, elastic:
     """Disk 0 hits disk 1 at t = 1, which hits disk 2 with what it got, (1 + e_n) / 2 = 3/4, at t = 2.5: 1.5 later.
 
     The run is cut in between, so that the time must be kept from one window to the next; at a late time, so that
-    single precision could not tell.
+    single precision could not resolve.
     """
     disks = equal_disks(3)
     x = 10.0 + np.array([0.0, 2.0, 4.125])
@@ -208,7 +208,7 @@ def test_a_column_of_disks_comes_to_rest_on_a_floor() -> None:
     "law", [IFRLaw(e_n=0.4, e_t=-1.0, mu=0.0), IFRLaw(e_n=0.4, e_t=-0.5, mu=0.3)], ids=["smooth", "rough"]
 )
 @pytest.mark.parametrize("collapse", [None, ContactTime(1e-3), VelocityCutoff(1e-3)], ids=str)
-def test_a_gas_that_collapses_ends_or_says_so(collapse: Collapse | None, law: IFRLaw) -> None:
+def test_a_gas_that_collapses_ends_or_reports_it(collapse: Collapse | None, law: IFRLaw) -> None:
     """e_n = 0.4 at phi = 0.6, 200 collisions a disk. The mean free time is 0.09, the thermal speed 1."""
     disks = equal_disks(300)
     box, state = equilibrated(disks, 0.6)

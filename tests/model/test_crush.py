@@ -86,11 +86,11 @@ def test_walls_that_come_too_near_are_named(walls: list[Wall], gap: float, time:
         [Wall.segment((5.0, 5.0), (8.0, 5.0), turn=TURN), Wall.post((9.0, 9.0), 0.8)],
     ],
 )
-def test_walls_that_crush_nobody_are_not(walls: list[Wall]) -> None:
+def test_walls_that_crush_no_disk_are_not_reported(walls: list[Wall]) -> None:
     assert list(crushes(walls, BOX, 0.5, 0.0, 0.8)) == []
 
 
-def test_a_simulation_and_a_check_tell_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_simulation_and_a_check_report_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     walls = [
         Wall.segment((2.0, 5.0), (6.0, 5.0), motion=DOWN, group="piston"),
         Wall.segment((3.0, 4.0), (5.0, 4.0)),
@@ -102,7 +102,7 @@ def test_a_simulation_and_a_check_tell_of_it(tmp_path: Path, capsys: pytest.Capt
         ifrdem.WallWarning, match="piston 0 segment and wall 1 segment approach .* to 0.25 at t = 0.75"
     ):
         run.run(t_end=0.8)
-    run.run(t_end=0.81)  # told once
+    run.run(t_end=0.81)  # reported once
     path = tmp_path / "piston.toml"
     path.write_text(PISTON)
     assert main(["check", str(path)]) == 0

@@ -33,7 +33,7 @@ def test_kinds_do_not_depend_on_how_disks_are_divided(n: int) -> None:
         assert [each.tobytes() for each in found] == [each.tobytes() for each in rows]
 
 
-def test_extremes_tell_what_all_kinds_would() -> None:
+def test_extremes_of_kinds_give_the_verdict_of_all_kinds() -> None:
     """Ends of all that units are judged by, masses of each material and k, and the gap between radii."""
     from ifrdem.simulation.tiling import split_of
 

@@ -47,7 +47,7 @@ def test_quadratic_drag_is_exact_in_velocity(rate: float) -> None:
     np.testing.assert_allclose(end.velocity[0] * math.hypot(1.0, 0.5), np.array([1.0, 0.5]) / u, rtol=1e-13)
 
 
-def test_a_force_of_ones_own_that_depends_on_velocity_is_of_second_order() -> None:
+def test_a_custom_force_that_depends_on_velocity_is_of_second_order() -> None:
     """The velocity turns at the rate c w = 0.6: a circle of radius |v| / 0.6."""
     errors = []
     for step in (0.25, 0.125, 0.0625):
@@ -68,7 +68,7 @@ def test_a_force_that_depends_on_place_is_of_second_order() -> None:
     assert 1.9 < slope(errors) < 2.1
 
 
-def test_a_force_knows_the_time() -> None:
+def test_a_force_gets_the_time() -> None:
     """Far from the middle, dv = -pull D cos(w t) dt with D = 1e6: the sum over midpoints, steps 0.1 from t = 3.7 on."""
     force = Trap(0.1, stiffness=1e-6, x=20.0 - 1e6, y=20.0, frequency=1.5)
     end = one_disk([force], 5.0, time=3.7)

@@ -25,7 +25,7 @@ def counted(free_area: FreeArea, inset: float = 0.0, points: int = 400_000) -> f
     return float(np.mean(free_area.gap(at, np.full(points, inset)) >= 0.0)) * free_area.box.area
 
 
-def test_areas_that_geometry_knows() -> None:
+def test_free_areas_agree_with_plane_geometry() -> None:
     box = Box((4.0, 3.0), WALLED)
     assert FreeArea(box).area() == pytest.approx(12.0, rel=1e-14)
     assert FreeArea(box).area(0.5) == pytest.approx(3.0 * 2.0, rel=1e-14)
@@ -38,7 +38,7 @@ def test_areas_that_geometry_knows() -> None:
     assert FreeArea(box, (Wall.post((2.0, 1.5), 0.5),)).area() == pytest.approx(
         12.0 - 0.25 * math.pi, rel=1e-13
     )
-    # Half of a container, beside a floor through its middle.
+    # Half of a container, above a floor through its middle.
     floor = Wall.line((0.0, 1.5), (0.0, 1.0))
     assert FreeArea(box, (circle, floor)).area() == pytest.approx(0.5 * math.pi * 1.44, rel=1e-13)
     # A lens of two circles of radius 1 whose centres are 1 apart: 2 pi / 3 - sqrt(3) / 2.
@@ -70,7 +70,7 @@ CROWDED = FreeArea(
 
 
 @pytest.mark.parametrize("inset", [0.0, 0.3])
-def test_area_of_a_crowded_room_is_what_random_points_count(inset: float) -> None:
+def test_free_area_among_many_walls_agrees_with_random_points(inset: float) -> None:
     free_area = FreeArea(CROWDED.box, tuple(wall for wall in CROWDED.walls if wall.shape != "segment"))
     assert free_area.area(inset) == pytest.approx(
         counted(free_area, inset), rel=5e-3
@@ -85,7 +85,7 @@ def test_strips_add_up_to_the_room() -> None:
         assert np.sum(strips) == pytest.approx(CROWDED.area(), rel=1e-12)
 
 
-def test_walls_are_as_long_as_geometry_says() -> None:
+def test_lengths_of_walls_agree_with_plane_geometry() -> None:
     box = Box((4.0, 3.0), MIXED)
     assert FreeArea(box).wall_length() == pytest.approx(
         8.0, rel=1e-13
@@ -98,7 +98,7 @@ def test_walls_are_as_long_as_geometry_says() -> None:
 def test_bounds_are_those_of_what_disks_can_reach() -> None:
     low, high = FreeArea(Box((4.0, 3.0), WALLED), (Wall.container((2.0, 1.5), 1.2),)).bounds()
     np.testing.assert_allclose([*low, *high], [0.8, 0.3, 3.2, 2.7], rtol=1e-12)
-    # In a periodic direction the room goes on, so centres may be at its sides too.
+    # In a periodic direction the free area continues, so centres may be at its sides too.
     low, high = FreeArea(Box((4.0, 3.0), MIXED), (Wall.line((0.0, 0.5), (0.0, 1.0)),)).spans(np.array([0.1]))
     np.testing.assert_allclose([*low[0], *high[0]], [0.0, 0.6, 4.0, 2.9], rtol=1e-12)
 
@@ -141,7 +141,7 @@ def test_starts_keep_disks_off_walls(way: str, phi: float, name: str) -> None:
         assert np.min(free_area.gap(position, radius)) < 0.1
 
 
-def test_disks_of_many_sizes_keep_their_own_distance() -> None:
+def test_small_disks_get_nearer_to_walls_than_large_ones() -> None:
     free_area = ROOMS["drum"]
     radius = np.random.default_rng(1).uniform(0.1, 0.4, 120)
     for way in ("random", "growth"):
@@ -180,7 +180,7 @@ def test_too_many_disks_are_refused_with_what_was_reached() -> None:
         )
 
 
-def test_growth_says_how_dense_it_became_between_walls() -> None:
+def test_growth_that_fails_between_walls_reports_the_density_reached() -> None:
     free_area = FreeArea(Box((6.0, 6.0), WALLED))
     radius = np.full(41, 0.5)  # of 36 on a square lattice and some 39 at best
     with pytest.raises(InputError, match=r"packing fraction = 0\.894.: growth ended at 0\.[67]\d"):
@@ -197,7 +197,7 @@ def test_rounded_positions_are_moved_off_walls() -> None:
     np.testing.assert_allclose(moved, position, atol=3e-7)
 
 
-def test_a_packing_fraction_says_of_what_area_it_is() -> None:
+def test_messages_name_the_area_of_a_packing_fraction() -> None:
     box, lid = Box((4.0, 3.0), MIXED), Wall.segment((0.0, 1.0), (4.0, 1.0), opens_at=2.0)
     assert FreeArea(Box((4.0, 3.0))).name == ""
     assert FreeArea(box).name == " of the free area"

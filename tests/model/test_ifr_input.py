@@ -112,7 +112,7 @@ def test_equal_k_is_exact_for_any_masses():
         law.check(2.0, 2.0, m_i=0.1, m_j=m_j)
 
 
-def test_check_warns_where_only_the_total_saves():
+def test_check_warns_where_only_the_total_energy_budget_holds():
     law = IFRLaw(e_n=0.8, e_t=-0.3, mu=0.1, k=1.0)  # strict for k <= 1.6
     with pytest.warns(EnergyWarning, match="outweighs") as caught:
         law.check(2.0, 2.0)

@@ -74,7 +74,7 @@ def test_kernel_and_numpy_have_one_restitution(g_n: float) -> None:
     assert e_n == pytest.approx(VISCOELASTIC.restitution(g_n, mass=1.0, radius=0.5), abs=1e-12)
 
 
-def test_restitution_at_a_speed_is_the_one_asked_for() -> None:
+def test_restitution_at_a_speed_is_the_given_one() -> None:
     for e_n in (0.05, 0.5, 0.99, 1.0):
         law = laws.Viscoelastic.of_restitution(e_n, g_n=3.0, mass=2e-3, radius=0.01, Y=1e7)
         assert law.restitution(3.0, mass=2e-3, radius=0.01) == pytest.approx(e_n, abs=1e-12)
@@ -189,5 +189,16 @@ def test_coefficients_are_attributes_and_equal_laws_are_equal() -> None:
     assert WALTON.beta_0 == 0.4
     assert laws.Walton(e_n=0.9, beta_0=0.4, mu=0.2) == WALTON
     assert laws.rough_disks(0.9, beta=0.5) == laws.IFRLaw(e_n=0.9, e_t=0.5, mu=0.0)
+    assert laws.smooth_disks(0.9).contact_point == 0.0
     with pytest.raises(AttributeError, match="did you mean 'beta_0'"):
         WALTON.beta  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "law", [laws.smooth_disks(0.9), laws.Viscoelastic(A=1e-3, Y=1.0)], ids=["ifr", "viscoelastic"]
+)
+def test_along_walls_without_friction_a_drift_is_no_heat(law: laws.CollisionLaw) -> None:
+    """Two disks of mass 1 whose mean velocity along the channel is 1/2: 1/4 of energy is their drift's."""
+    disks, channel = ifrdem.Disks(2, mass=1.0, radius=0.5), ifrdem.Box((10.0, 10.0), (True, False))
+    start = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
+    assert ifrdem.Simulation(disks, channel, law, start).measure().drift_energy == 0.25

@@ -55,7 +55,7 @@ def test_curves_are_within_the_tolerance(tolerance: float) -> None:
     assert distance_to(found, ellipse) <= tolerance
 
 
-def test_a_drawing_stands_upright_on_the_lower_edge_of_its_view_box(tmp_path: Path) -> None:
+def test_a_drawing_is_upright_on_the_lower_edge_of_its_view_box(tmp_path: Path) -> None:
     path = tmp_path / "a.svg"
     path.write_text(
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="1 2 10 20"><path d="M 1 22 h 4 v -3 z"/></svg>'
@@ -86,7 +86,7 @@ def test_crossing_sides_are_found_also_where_a_corner_touches_a_side() -> None:
     Wall.polygon(np.column_stack((np.cos(angle), np.sin(angle))))
 
 
-def test_smooth_curves_go_on_with_the_mirror_image_of_the_handle_before() -> None:
+def test_smooth_curves_continue_with_the_mirrored_previous_handle() -> None:
     """SVG 2, 9.3.6 and 9.3.7: S and T after C and Q, and after other commands from where they stand."""
     for short, long in (
         ("M 0 0 C 1 3 4 -2 3 1 S 5 5 6 0", "M 0 0 C 1 3 4 -2 3 1 C 2 4 5 5 6 0"),

@@ -176,7 +176,7 @@ def test_states_that_were_changed_are_looked_at_again() -> None:
 
 
 class Spring(forces.Force):
-    """A force of one's own, with an attribute of its own."""
+    """A custom force with an additional attribute."""
 
     def __init__(self, stiffness: float) -> None:
         super().__init__(0.1)
@@ -284,7 +284,7 @@ def test_a_refused_attribute_names_what_to_use_instead(things: dict[str, Any]) -
         one.time = 3.0
 
 
-def test_what_is_said_to_be_assignable_is() -> None:
+def test_documented_assignable_attributes_are_assignable() -> None:
     drag = forces.Drag(0.1, rate=1.0)
     drag.rate = 2.0
     assert drag.values == {"rate": 2.0, "quadratic": 0.0, "spin_rate": 0.0}

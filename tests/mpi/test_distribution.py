@@ -18,7 +18,7 @@ MISSING = "a disk is on no rank, or on two: please report this"
 
 @mpi.needed
 @pytest.mark.parametrize("ranks", [2, 3])
-def test_slices_are_dealt_out_and_put_together_again(ranks: int) -> None:
+def test_slices_are_scattered_and_gathered_again(ranks: int) -> None:
     """Rows from anywhere, from and to the first rank; sums, digests and starts are those of one process, to the bit."""
     done = mpi.on(ranks, sys.executable, "-m", "mpi4py", SCRIPT)
     assert done.returncode == 0, done.stderr

@@ -37,7 +37,7 @@ def inside(scene: movie.Scene) -> tuple[slice, slice]:
 
 
 def colour_at(picture: np.ndarray, scene: movie.Scene, x: float, y: float) -> np.ndarray:
-    """Colour of the picture at a place of the box."""
+    """Colour of the picture at a position in the box."""
     rows, columns = inside(scene)
     column = columns.start + x / 30.0 * (columns.stop - columns.start)
     row = rows.stop - y / 20.0 * (rows.stop - rows.start)
@@ -167,7 +167,7 @@ def test_the_file_plays_with_as_many_pictures_as_frames(tmp_path, colour, capsys
     assert len(shown) == 5
     with Trajectory(path) as trajectory:
         scene = movie.Scene(trajectory, range(1, 6), (320, 300), colour)
-        # what compression leaves of the picture: a mean difference of some grey levels
+        # compression changes the picture by a mean difference of some grey levels
         assert np.abs(scene.draw(3).astype(int) - shown[2]).mean() < 6.0
     assert sorted(os.listdir(tmp_path)) == ["run.h5", "run.mp4"]
     del pictures
@@ -210,7 +210,7 @@ def test_disks_have_the_temperature_of_their_peculiar_velocity(tmp_path):
 
 
 @pytest.mark.parametrize("lengths", [(0.8, 0.5), (0.3, 2.0), (30.0, 20.0)])
-def test_a_movie_is_no_larger_than_the_box_and_what_stands_around_it(tmp_path, lengths):
+def test_a_movie_is_no_larger_than_the_box_and_its_margins(tmp_path, lengths):
     """Margins are narrow on all four sides, and nothing is cut: the outermost pixels are background."""
     scale = min(lengths)
     with TrajectoryWriter(
@@ -233,7 +233,7 @@ def test_a_movie_is_no_larger_than_the_box_and_what_stands_around_it(tmp_path, l
     assert max(*low, *high) < 40  # pixels
 
 
-def test_titles_stay_on_small_pictures_and_the_time_stands_below_the_name(tmp_path):
+def test_titles_fit_on_small_pictures_with_the_time_below_the_name(tmp_path):
     two_disks(tmp_path / "run.h5", parameters={"name": "a name that is far too long for a picture"})
     with Trajectory(tmp_path / "run.h5") as trajectory:
         scene = movie.Scene(trajectory, range(3), (320, 300))

@@ -1,4 +1,4 @@
-"""Pictures of objects: axes hold what the objects hold, and notebooks get tables and thumbnails."""
+"""Pictures of objects: axes show the data of the objects, and notebooks get tables and thumbnails."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_a_picture_without_spins_has_no_bar(tmp_path: Path) -> None:
         assert not run.plot("disks").child_axes
 
 
-def test_frames_that_lack_the_field_of_a_colour_say_so(tmp_path: Path) -> None:
+def test_frames_without_the_field_of_a_colour_are_refused(tmp_path: Path) -> None:
     layout_files.write(tmp_path / "bare.h5", fields=("position",))
     with Trajectory(tmp_path / "bare.h5") as run:
         with pytest.raises(InputError, match="no field 'angular_velocity'"):
@@ -211,9 +211,7 @@ def test_an_argument_of_another_name_is_refused_with_the_nearest(
     ("units", "said"),
     [({}, "$x$"), ({"length": "reduced"}, "$x$ (reduced units)"), ({"length": "m"}, "$x$ (m)")],
 )
-def test_units_are_told_as_far_as_the_file_states_them(
-    tmp_path: Path, units: dict[str, str], said: str
-) -> None:
+def test_units_are_shown_if_the_file_states_them(tmp_path: Path, units: dict[str, str], said: str) -> None:
     state = State([[1.0, 1.0]], [[1.0, 0.0]], [0.0])
     with TrajectoryWriter(tmp_path / "one.h5", Disks(1, 1.0, 0.2), Box((4.0, 4.0)), units=units) as writer:
         writer.write(state)
@@ -344,7 +342,7 @@ def test_a_plateau_above_one_is_explained(clustered: bool) -> None:
     assert ("above 1, as the density varies (clusters)" in said) == clustered
 
 
-def test_doubts_stand_below_the_picture(tmp_path: Path) -> None:
+def test_warnings_are_shown_below_the_picture(tmp_path: Path) -> None:
     with Trajectory(
         write(tmp_path / "run.h5")
     ) as run:  # cools, so that no pressure or displacement is steady
@@ -391,7 +389,7 @@ def test_a_study_shows_its_keys_and_whether_it_has_results(tmp_path: Path) -> No
 
 
 def test_the_table_s_axis_ends_when_all_are_at_rest_and_its_legend_hides_no_curve(tmp_path: Path) -> None:
-    """Speeds and spins fall to 0 at t = 3; the file goes on to t = 9."""
+    """Speeds and spins fall to 0 at t = 3; the file ends at t = 9."""
     with TrajectoryWriter(tmp_path / "table.h5", Disks(3, 1.0, 0.2), Box.open(), units={}) as writer:
         for t in np.arange(10.0):
             v = max(3.0 - t, 0.0)
@@ -423,7 +421,7 @@ def test_pictures_of_disks_are_as_large_as_the_box_and_cut_nothing(
     assert needed.y1 <= size[1]
     assert needed.height > 0.8 * size[1]
     bar = figure.axes[0].child_axes[0]
-    # right beside the axes: nearer than a tenth of the figure
+    # right next to the axes: nearer than a tenth of the figure
     assert 0.0 < bar.get_window_extent().x0 - figure.axes[0].get_window_extent().x1 < 0.1 * figure.bbox.width
 
 
@@ -439,7 +437,7 @@ def test_disks_of_which_none_turns_show_their_materials(spin: float, materials: 
     assert disks.default_color(view) == expected
 
 
-def test_disks_can_be_coloured_by_who_sleeps(tmp_path: Path) -> None:
+def test_disks_can_be_coloured_by_asleep(tmp_path: Path) -> None:
     state = State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), np.zeros(2), asleep=[0, 1])
     with TrajectoryWriter(
         tmp_path / "a.h5", Disks(2, 1.0, 0.5), Box((8.0, 8.0)), fields=("position", "asleep")

@@ -50,7 +50,7 @@ def test_place_and_speed_of_each_piston_are_drawn_against_time(tmp_path: Path) -
         assert curves["pistons (kinetic and potential)"].axes.get_ylim()[0] < -12.0  # not cut off at 0
 
 
-def test_a_file_without_piston_says_which_key_makes_one(tmp_path: Path) -> None:
+def test_a_file_without_a_piston_names_the_key_that_makes_one(tmp_path: Path) -> None:
     with (
         Trajectory(write(tmp_path / "a.h5", [FLOOR])) as run,
         pytest.raises(InputError, match=r"a wall with piston = \{ mass = \.\.\. \} in \[\[wall\]\]"),

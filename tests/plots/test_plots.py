@@ -1,4 +1,4 @@
-"""The picture of a cooling gas: what is drawn is what the file and the theory say."""
+"""The picture of a cooling gas: curves agree with the file and with the theory."""
 
 from __future__ import annotations
 
@@ -104,8 +104,8 @@ def test_theory_of_smooth_disks_is_haffs_law_in_the_same_colour(tmp_path: Path, 
     assert "kinetic theory (homogeneous gas)" in texts(drawn[0])
 
 
-def test_laws_are_judged_by_the_disks_that_have_them(tmp_path: Path, drawn: list[Figure]) -> None:
-    """e_n = 1 asks for e_t + (1 + k) / 2 <= 1 of the percussion-centre law: -0.3 is right for hoops, k = 1, only."""
+def test_laws_are_checked_for_the_disks_that_have_them(tmp_path: Path, drawn: list[Figure]) -> None:
+    """e_n = 1 requires e_t + (1 + k) / 2 <= 1 of the percussion-centre law: -0.3 is right for hoops, k = 1, only."""
     law = {**SMOOTH, "e_n": 1.0, "e_t": -0.3, "mu": 0.2, "k": 1.0}
     write(tmp_path / "a.h5", law=law, k=1.0)
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
@@ -172,7 +172,7 @@ def test_theory_of_a_mixture_begins_at_the_temperatures_of_its_species(
         ({"law": None}, "no law in the file"),
     ],
 )
-def test_picture_says_so_where_the_theory_does_not_hold(
+def test_picture_reports_where_the_theory_does_not_hold(
     tmp_path: Path, drawn: list[Figure], changes: dict[str, object], reason: str
 ) -> None:
     write(tmp_path / "a.h5", **changes)  # type: ignore[arg-type]
@@ -251,7 +251,7 @@ def test_time_labels_of_short_runs_are_apart(tmp_path: Path, drawn: list[Figure]
     assert_labels_are_apart(drawn[0].axes[1])
 
 
-def test_no_time_labels_stand_between_the_panels(tmp_path: Path, drawn: list[Figure]) -> None:
+def test_there_are_no_time_labels_between_the_panels(tmp_path: Path, drawn: list[Figure]) -> None:
     write(tmp_path / "a.h5")
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     drawn[0].draw_without_rendering()

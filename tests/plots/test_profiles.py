@@ -1,4 +1,4 @@
-"""Profiles across a gas between walls, and their picture: what is drawn is what was put into the file."""
+"""Profiles across a gas between walls, and their picture: curves agree with the data written to the file."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def test_a_file_without_velocities_has_no_profile_and_a_picture(tmp_path: Path, 
     assert "packing fraction $" not in texts(drawn[0])
 
 
-def test_what_profiles_lack_is_said_and_gases_at_rest_have_temperature_0(tmp_path: Path) -> None:
+def test_missing_profiles_are_reported_and_gases_at_rest_have_temperature_0(tmp_path: Path) -> None:
     disks, box = Disks(40, 1.0, 0.5), Box((WIDTH, HEIGHT), (True, False))
     position = np.random.default_rng(1).random((40, 2)) * (WIDTH, HEIGHT)
     still = State(position, np.zeros((40, 2)), np.zeros(40))

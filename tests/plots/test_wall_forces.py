@@ -1,4 +1,4 @@
-"""Picture of what walls take from the disks."""
+"""Picture of the momentum and energy that walls take from the disks."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_each_torque_is_about_the_centre_that_the_label_says(
         assert pictures.figure(run, "walls").axes[1].get_ylabel() == says
 
 
-def test_a_file_without_sums_of_walls_says_which_key_they_take(tmp_path: Path) -> None:
+def test_a_file_without_sums_of_walls_names_the_key_that_stores_them(tmp_path: Path) -> None:
     with (
         Trajectory(write(tmp_path / "a.h5", sums=False)) as run,
         pytest.raises(InputError, match=r"requires output\.wall_sums = true"),

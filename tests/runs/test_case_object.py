@@ -79,14 +79,14 @@ def test_messages_of_python_calls_name_arguments_of_python(
 
 
 @pytest.mark.parametrize("name", shipped.names())
-def test_a_case_as_text_is_that_case(name: str) -> None:
+def test_a_case_given_as_text_is_the_same_case(name: str) -> None:
     case = ifrdem.Case.read(name)
     raw = tomllib.loads(case.to_toml())
     assert raw == tomllib.loads(shipped.find(name).read_text(encoding="utf-8"))
     assert ifrdem.Case(**raw).run == case.run
 
 
-def test_what_is_changed_in_python_is_kept_as_overrides() -> None:
+def test_changes_in_python_are_kept_as_overrides() -> None:
     case = ifrdem.Case.read("cooling", set=["run.seed=4"])
     case.species[0].number = 77
     case.run.threads = 1
@@ -163,7 +163,7 @@ def test_mistakes_of_several_keys_are_found_before_anything_is_made(tmp_path: Pa
         case.check()
 
 
-def test_check_says_what_the_command_says(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_in_python_gives_the_text_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "drum"]) == 0
     shown = capsys.readouterr()
     report = ifrdem.Case.read("drum").check()
@@ -218,7 +218,7 @@ def test_sections_that_were_not_given_can_be_changed_in_place() -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_nonsense_that_is_put_into_a_list_is_found() -> None:
+def test_invalid_items_assigned_into_a_list_are_refused() -> None:
     read = ifrdem.Case.read("cooling", set=SMALL)
     made = ifrdem.Case(**read.model_dump(exclude_unset=True, exclude_none=True))
     for one in (read, made):
@@ -261,7 +261,7 @@ def test_arguments_are_checked_before_anything_is_written(tmp_path: Path) -> Non
     assert not list(tmp_path.iterdir())
 
 
-def test_changes_that_are_none_are_refused() -> None:
+def test_invalid_changes_are_refused() -> None:
     wrong: Any
     for wrong in ("run.seed=3", ["run.seed"], {"run.seed]": 3}, None, 3, [1], {"run.seed": object()}):
         with pytest.raises(ifrdem.InputError, match="set"):

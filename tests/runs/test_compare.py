@@ -1,4 +1,4 @@
-"""Runs held against measured places."""
+"""Runs compared with measured positions."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_places_distances_and_spread_are_those_of_the_mechanics(
 
 @pytest.mark.parametrize("error", [0.0, 1.0])
 @pytest.mark.parametrize("members", [5, 50])
-def test_ellipses_hold_the_part_of_the_places_that_they_say(members: int, error: float) -> None:
+def test_ellipses_contain_the_stated_share_of_positions(members: int, error: float) -> None:
     """The truth is one more of the runs, and 4,000 places make a statistical error of 0.007 and 0.003.
 
     Chi-square limits instead of Hotelling's hold 49 and 75 % for five runs without errors of the measurement.

@@ -115,7 +115,7 @@ def test_nothing_that_is_no_file_is_replaced_by_a_picture(path: Path, make: Call
 def test_views_go_with_the_trajectory_that_they_show(path: Path) -> None:
     """A run that writes no views takes the place of one that had them: its frames are not shown at the old times."""
     made = views.write_views(path)
-    theirs = path.with_name("run.png")  # some other file beside it
+    theirs = path.with_name("run.png")  # some other file next to it
     theirs.write_text("mine")
     outputs = Outputs(path, None)
     with pytest.raises(

@@ -145,7 +145,7 @@ def test_analyses_that_a_missing_part_prevents_are_no_success(runs, capsys, tmp_
     assert json.loads((tmp_path / "out" / "gas.json").read_text())["damaged"] == {}
 
 
-def test_a_part_alone_is_told_from_the_gas(runs, capsys, tmp_path):
+def test_a_part_alone_is_distinguished_from_the_whole_gas(runs, capsys, tmp_path):
     part = runs["parts"].with_suffix(".parts") / "0001.h5"
     with ifrdem.Trajectory(part) as file:
         title = run.title(file)

@@ -55,7 +55,7 @@ picture = false
         ),
     ],
 )
-def test_slow_collisions_of_resting_disks_are_not_told_as_a_remedy(
+def test_slow_collisions_of_resting_disks_are_not_reported_as_a_remedy(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], remedy: str, says: str, never: str
 ) -> None:
     (tmp_path / "drop.toml").write_text(CASE.format(remedy=remedy))

@@ -1,4 +1,4 @@
-"""A run that was stopped goes on to the same file, bit for bit, as one that never was."""
+"""A stopped run resumes to the same file, bit for bit, as an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def same(one: Path, other: Path) -> None:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The trajectory of the run that nobody stopped; the case stands beside it."""
+    """The trajectory of the uninterrupted run; the case file is next to it."""
     folder = tmp_path_factory.mktemp("whole")
     (folder / "gas.toml").write_text(CASE)
     assert cli.main(["run", str(folder / "gas.toml"), "-o", f"{folder}/"]) == 0
@@ -158,7 +158,7 @@ def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(whole, tmp_path, s
 
 
 def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monkeypatch, stopping):
-    """Killed long after its checkpoint: what was committed since stays, and the run that goes on finds the same."""
+    """Killed long after its checkpoint: later committed frames stay, and the resumed run has the same ones."""
     case = whole.parent / "gas.toml"
     stopping += [60]
     save_once(monkeypatch)
@@ -230,7 +230,7 @@ def test_a_signal_while_the_last_frames_are_written_leaves_a_run_that_is_done(
     same(tmp_path / "gas.h5", whole)
 
 
-def test_a_fault_that_nobody_foresaw_is_no_run_that_goes_on(whole, tmp_path, monkeypatch):
+def test_an_unexpected_exception_leaves_no_running_status(whole, tmp_path, monkeypatch):
     def odd(_self: Recorder, _state: object, measure: Measure) -> None:
         if measure.time > 1.0:
             raise ZeroDivisionError("odd")
@@ -242,7 +242,7 @@ def test_a_fault_that_nobody_foresaw_is_no_run_that_goes_on(whole, tmp_path, mon
     assert (status["state"], status["message"]) == ("failed", "ZeroDivisionError('odd')")
 
 
-def test_a_checkpoint_that_cannot_be_written_tells_what_remains(
+def test_a_checkpoint_that_cannot_be_written_reports_what_remains(
     whole, tmp_path, monkeypatch, stopping, capsys
 ):
     case = whole.parent / "gas.toml"
@@ -282,7 +282,7 @@ def test_a_changed_case_is_refused_with_what_changed(whole, tmp_path, stopping, 
     same(tmp_path / "gas.h5", whole)
 
 
-def test_what_cannot_go_on_is_refused_with_the_reason(whole, tmp_path, capsys):
+def test_what_cannot_be_resumed_is_refused_with_the_reason(whole, tmp_path, capsys):
     for place, reason in (
         (str(whole), "the run is done, or was killed in its very beginning"),
         (str(whole.parent), "no run can go on here"),
@@ -397,7 +397,7 @@ def stopped_with_a_checkpoint(folder: Path, word: str, told: str) -> None:
     assert content["state"] == "interrupted"
 
 
-def test_a_killed_run_goes_on_to_the_same_file(whole, tmp_path):
+def test_a_killed_run_resumes_to_the_same_file(whole, tmp_path):
     """SIGKILL at moments of its life drawn at random; the checkpoint is the one of the beginning."""
     rng = random.Random(5)
     case = tmp_path / "gas.toml"
@@ -414,7 +414,7 @@ def test_a_killed_run_goes_on_to_the_same_file(whole, tmp_path):
     same(tmp_path / "gas.h5", whole)
 
 
-def test_max_hours_stop_a_run_that_can_go_on(whole, tmp_path, capsys):
+def test_max_hours_stop_a_run_that_can_be_resumed(whole, tmp_path, capsys):
     case = whole.parent / "gas.toml"
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--max-hours", "1e-9"]) == 3
     assert "1e-09 hours are up (--max-hours)" in capsys.readouterr().err

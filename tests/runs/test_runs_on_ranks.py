@@ -92,7 +92,7 @@ def long(case: Path) -> Path:
 
 MAX_HOURS = ["--max-hours", "1e-6"]
 PARTS = ["--set", "output.parts=true"]
-ONE = ["--set", "run.threads=1"]  # of a process, as those of ranks here, which goes on with its kernels
+ONE = ["--set", "run.threads=1"]  # of a process, as those of ranks here, which keeps its kernels
 
 
 def _material_and_radii() -> list[str]:
@@ -113,7 +113,7 @@ def told(case: Path, plain: Path) -> dict[str, dict[str, Any]]:
     """Commands on some of four ranks, one after another: how each ended, what it said, the files there were then."""
     folder, radii = case.parent, _material_and_radii()
     start = ["start.motion=true", f"start.positions={plain}", "species[0].speed_rms=", "output.frames=1"]
-    start += ["run.collisions_per_disk=8.0"]  # the clock goes on: 3 more
+    start += ["run.collisions_per_disk=8.0"]  # the clock continues: 3 more
     frame = [word for each in start for word in ("--set", each)]
 
     def run(name: str, *more: str) -> list[str]:
@@ -159,13 +159,13 @@ def _in(folder: str, files: list[str]) -> list[str]:
 
 
 @mpi.needed
-def test_a_run_that_is_stopped_goes_on_with_other_ranks_to_the_bit(
+def test_a_stopped_run_resumes_bitwise_with_another_number_of_ranks(
     plain: Path, told: dict[str, dict[str, Any]]
 ) -> None:
     """Three ranks until time is up, then two: the file of one process."""
     stopped, goes_on = told["stopped"], told["stopped goes on"]
     assert stopped["status"] == 3, stopped["err"]
-    assert stopped["err"].count("hours are up (--max-hours)") == 1  # told once
+    assert stopped["err"].count("hours are up (--max-hours)") == 1  # reported once
     assert "used by each of 3 ranks" in stopped["out"]
     assert goes_on["status"] == 0, goes_on["err"]
     assert differing(plain, plain.parents[1] / "stopped" / "gas.h5") == []
@@ -184,7 +184,7 @@ def test_a_run_in_parts_has_the_bits_of_one_file(
     assert _in(f"parts{ranks}/gas.parts", done["files"]) == names
     assert _in(f"parts{ranks}", done["files"]) == ["gas.h5", "gas.parts", "gas.status.json"]
     assert all(f"gas.parts/{name}" in done["out"] for name in names)
-    if ranks > 1:  # told once
+    if ranks > 1:  # reported once
         again = told["4 parts again"]
         assert again["status"] == 2
         assert again["err"].count("exists already; --force replaces it") == 1
@@ -201,7 +201,7 @@ def test_a_run_from_a_frame_that_ranks_read_in_slices_has_the_bits_of_one_proces
 
 
 @mpi.needed
-def test_a_run_in_parts_goes_on_with_any_number_of_ranks(
+def test_a_run_in_parts_resumes_with_any_number_of_ranks(
     plain: Path, told: dict[str, dict[str, Any]]
 ) -> None:
     """Three ranks, then two, then one process: three parts, and the file of one process, under forces.
@@ -228,7 +228,7 @@ def test_a_run_in_parts_goes_on_with_any_number_of_ranks(
 def test_many_disks_go_into_one_file_if_the_case_says_so(
     plain: Path, told: dict[str, dict[str, Any]]
 ) -> None:
-    """No rank has all disks, but frames are gathered; checkpoints are in parts, and another number goes on."""
+    """No rank has all disks, but frames are gathered; checkpoints are in parts, and another number of ranks resumes."""
     stopped, goes_on = told["gathered stopped"], told["gathered goes on"]
     assert stopped["status"] == 3, stopped["err"]
     assert len(_in("gathered/gas.checkpoint.parts", stopped["files"])) == 2
@@ -265,9 +265,9 @@ def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(case: Path, pl
 
 @mpi.needed
 def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(case: Path, long: Path) -> None:
-    """The second of two ranks is killed, then the first of three that go on; what the file counts is the run's.
+    """The second of two ranks is killed, then the first of three that resume; the file has the counts of the run.
 
-    Two ranks go on to the same bits.
+    Two ranks resume to the same bits.
     """
     folder = case.parent / "dies"
     folder.mkdir()
@@ -301,7 +301,7 @@ def _kill_after(frames: int, path: Path, ranks: int, victim: int, words: Sequenc
 
 
 def _counted(path: Path) -> int:
-    """Frames of a file that a run is writing, or about to; without a lock, which a run that goes on would refuse."""
+    """Frames of a file that a run is writing, or about to; without a lock, which a resumed run would refuse."""
     try:
         with h5py.File(path, locking=False) as file:
             return len(file[f"{layout.EDGES}/step"])
@@ -401,7 +401,7 @@ def test_the_lines_of_the_manual_on_slices_run(tmp_path: Path) -> None:
 
 @mpi.needed
 def test_calls_that_differ_from_rank_to_rank_end_on_all() -> None:
-    """Two of three ranks share a gas that only the first has disks of; wrong lines are told to both, and it goes on."""
+    """Two of three ranks share a gas of which only the first has disks; both raise errors, and the gas stays usable."""
     done = mpi.on(3, sys.executable, "-m", "mpi4py", SUPPORT / "ranks" / "calls.py")
     assert done.returncode == 0, done.stderr
     first, second = map(json.loads, done.stdout.splitlines())

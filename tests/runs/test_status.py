@@ -1,4 +1,4 @@
-"""The live state of a run: written whole, read back, followed to its end, and a dead run told as such."""
+"""The live state of a run: written whole, read back, followed to its end; a dead run is recognised."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def changed(path, **values) -> None:
     path.write_text(json.dumps({**json.loads(path.read_text()), **values}))
 
 
-def test_a_status_file_holds_what_a_run_told(tmp_path):
+def test_a_status_file_holds_the_reported_values(tmp_path):
     one = Status(tmp_path / "gas.h5", name="gas", t_end=10.0, device="cpu: 2 cores", interval=0.0)
     one.update(
         time=2.5, collisions=np.int64(100), temperature=np.float64(0.5), fraction=0.25, eta_seconds=math.inf
@@ -43,7 +43,7 @@ def test_a_status_file_holds_what_a_run_told(tmp_path):
     assert (content["time"], content["collisions"], content["temperature"]) == (2.5, 100, 0.5)
     assert isinstance(content["collisions"], int)
     assert content["eta_seconds"] is None  # JSON has no infinity
-    assert content["ledger_residual"] is None  # not told
+    assert content["ledger_residual"] is None  # not given
     assert (content["t_end"], content["collisions_per_disk_end"]) == (10.0, None)
     assert os.listdir(tmp_path) == ["gas.status.json"]
     with pytest.raises(TypeError, match="no value 'tmie'"):
@@ -122,7 +122,7 @@ def test_what_is_no_status_is_refused(tmp_path):
             status.read(path)
 
 
-def test_a_dead_run_is_told_plainly(tmp_path):
+def test_a_dead_run_is_reported(tmp_path):
     one = Status(tmp_path / "gas.h5", name="gas", interval=0.0)
     one.update(frames=12, fraction=0.3)
     pid = dead_pid()
@@ -133,7 +133,7 @@ def test_a_dead_run_is_told_plainly(tmp_path):
     assert "gas.h5 holds the 12 frames" in lines[-1]
 
 
-def test_a_run_on_another_machine_is_judged_by_its_last_news(tmp_path):
+def test_a_run_on_another_machine_is_classified_by_its_last_update(tmp_path):
     one = Status(tmp_path / "gas.h5", name="gas")
     changed(one.path, host="elsewhere", pid=dead_pid())
     assert status.read(tmp_path)["state"] == "running"
@@ -179,7 +179,7 @@ def test_tail_prints_a_line_at_each_news_until_the_run_ends(tmp_path):
 @pytest.mark.parametrize(
     ("state", "ended"), [("running", 0), ("done", 0), ("full disk", 1), ("failed", 1), ("interrupted", 3)]
 )
-def test_the_command_prints_once_and_tells_how_it_ended(tmp_path, capsys, state, ended):
+def test_the_command_prints_once_and_exits_with_the_state_of_the_run(tmp_path, capsys, state, ended):
     one = Status(tmp_path / "gas.h5", name="gas")
     one.finish(state)
     assert main(["status", str(tmp_path)]) == ended
@@ -215,7 +215,7 @@ def test_a_full_disk_leaves_the_last_status_whole(tmp_path, full_disk):
     assert os.listdir(tmp_path) == ["gas.status.json"]
 
 
-def test_a_status_that_cannot_be_begun_on_a_full_disk_is_no_end_of_the_run(tmp_path, full_disk):
+def test_a_full_disk_for_the_status_file_does_not_end_the_run(tmp_path, full_disk):
     full_disk()
     one = Status(tmp_path / "gas.h5", name="gas")
     assert one.trouble == f"{one.path} could not be written: No space left on device"

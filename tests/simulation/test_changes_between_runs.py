@@ -84,7 +84,7 @@ CHANGES: dict[str, tuple[Callable[[Simulation], None], dict[str, Any]]] = {
         if change != "gravity" or kind == "walls"  # elsewhere disks would fall for ever
     ],
 )
-def test_a_changed_gas_goes_on_as_a_new_one_from_its_state_and_the_ledger_closes(
+def test_a_changed_gas_continues_as_a_new_one_from_its_state_and_the_ledger_closes(
     kind: str, change: str
 ) -> None:
     box, state, options = setting(kind)
@@ -154,7 +154,7 @@ def test_a_gas_that_has_flown_apart_or_rests_moves_again_with_other_velocities()
     assert resting.collisions > 0
 
 
-def test_histories_go_on_across_a_change_of_velocities() -> None:
+def test_histories_continue_across_a_change_of_velocities() -> None:
     box, state, _ = setting("periodic")
     gas = made(box, state, tracked=[4])
     gas.run(t_end=0.5)
@@ -167,7 +167,7 @@ def test_histories_go_on_across_a_change_of_velocities() -> None:
     np.testing.assert_allclose(kick.velocity_after[0], gas.state.velocity[4])
 
 
-def test_a_law_of_ones_own_is_tried_when_it_is_set_and_serves_the_next_run() -> None:
+def test_a_custom_law_is_checked_when_it_is_set_and_used_in_the_next_run() -> None:
     """Smooth disks keep their spins, and lose energy where e < 1."""
     box, state, _ = setting("periodic")
     gas = made(box, state)

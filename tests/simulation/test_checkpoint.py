@@ -1,4 +1,4 @@
-"""A run that goes on from a checkpoint is bitwise the run that was never interrupted."""
+"""A run resumed from a checkpoint has the bits of the uninterrupted run."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def driven(threads: int | None = None) -> Simulation:
     "make",
     [gas(), walled, pushed, heap, sheared, freed, driven, pytest.param(gas(precision="f32"), id="f32")],
 )
-def test_a_run_goes_on_to_the_bit(tmp_path, make):
+def test_a_run_resumes_to_the_bit(tmp_path, make):
     """In the same gas that is made again, and in one that is made from the file."""
     # In time, except that a gas in single precision may as well end by its collisions.
     whole = make()

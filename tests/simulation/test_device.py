@@ -72,7 +72,7 @@ def test_an_unknown_precision_is_refused_with_the_nearest_spelling() -> None:
 
 def test_memory_that_is_available_is_no_more_than_there_is() -> None:
     free = backend.memory_available()
-    if free is not None:  # the system tells
+    if free is not None:  # reported by the system
         assert 0 < free <= os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
@@ -130,7 +130,7 @@ int cuDeviceGetCount(int *count) { *count = 0; return 0; }
         ("libcuda.so.1", 0, "libcuda.so.1 only, and {runtime} opens libcuda.so"),
     ],
 )
-def test_a_driver_without_a_device_is_told_and_no_device(
+def test_a_driver_without_a_device_and_no_device_are_reported(
     library: str, error: int, says: str, tmp_path: Path
 ) -> None:
     """Error 100 is CUDA_ERROR_NO_DEVICE, what a driver says where no GPU was handed to a container or a job."""
@@ -157,7 +157,7 @@ def test_a_driver_without_a_device_is_told_and_no_device(
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, to make a driver")
-def test_more_ranks_than_gpus_are_told_how_to_share(tmp_path: Path) -> None:
+def test_more_ranks_than_gpus_are_refused_with_the_way_to_share(tmp_path: Path) -> None:
     (tmp_path / "driver.c").write_text(DRIVER % 100)
     subprocess.run(["cc", "-shared", "-fPIC", "-o", "libcuda.so", "driver.c"], cwd=tmp_path, check=True)
     environment = {**os.environ, "LD_LIBRARY_PATH": str(tmp_path)}

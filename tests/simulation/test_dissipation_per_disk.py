@@ -95,7 +95,7 @@ def test_tiles_know_what_one_tile_knows():
     assert np.array_equal(*found)
 
 
-def test_a_run_that_goes_on_from_a_state_goes_on_adding_up():
+def test_a_run_that_continues_from_a_state_continues_its_sums():
     whole, first = gas(), gas()
     whole.run(t_end=0.6)
     first.run(t_end=0.3)
@@ -105,7 +105,7 @@ def test_a_run_that_goes_on_from_a_state_goes_on_adding_up():
     np.testing.assert_allclose(second.state.dissipated, whole.state.dissipated, rtol=1e-9, atol=1e-10)
 
 
-def test_a_ledger_that_tells_disks_what_they_lose_cannot_be_switched_off():
+def test_a_ledger_that_records_losses_of_disks_cannot_be_switched_off():
     with pytest.raises(InputError, match='"disk_energy" needs "energy"'):
         gas(100).switch_ledger(False)
 

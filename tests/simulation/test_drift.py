@@ -68,7 +68,7 @@ def test_a_thermostat_does_not_freeze_its_gas(
 
 
 def test_energies_of_rough_disks_are_rescaled_about_the_drift() -> None:
-    """Of two masses, in motion: the kinetic energy about the mean velocity is what is wanted, the momentum stays."""
+    """Two masses in motion: the kinetic energy about the mean velocity becomes the given one, the momentum stays."""
     disks = mixture(200)
     box, state = start(disks, 0.3)
     state.velocity = state.velocity + np.array([5.0, -3.0])

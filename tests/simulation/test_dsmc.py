@@ -68,7 +68,7 @@ def test_a_gas_in_equilibrium_collides_at_enskog_s_rate() -> None:
 
 
 @pytest.mark.parametrize("contact", ["virial", "dilute"])
-def test_disks_that_all_differ_collide_as_often_as_their_sizes_say_on_one_thread(contact: Contact) -> None:
+def test_disks_of_all_sizes_have_the_collision_rates_of_theory_on_one_thread(contact: Contact) -> None:
     """Elastic, in equilibrium: disk i meets each j at the rate g_ij sigma_ij sqrt(2 pi (T/m_i + T/m_j)) / area."""
     n, phi = 1500, 0.4
     rng = np.random.default_rng(1)
@@ -202,7 +202,7 @@ def test_a_batch_that_makes_a_disk_too_fast_is_cut_and_loses_nothing(monkeypatch
 
 
 class Wood(CollisionLaw):
-    """Smooth disks of restitution e, as a law of one's own."""
+    """Smooth disks of restitution e, as a custom law."""
 
     coefficients = ("e",)
 
@@ -211,7 +211,7 @@ class Wood(CollisionLaw):
         return (1.0 + law.e) * pair.m_n * pair.g_n, 0.0, 0.0
 
 
-def test_a_law_of_one_s_own_runs_and_is_tried_for_energy() -> None:
+def test_a_custom_law_runs_and_is_checked_for_energy() -> None:
     ifr = gas(200, SMOOTH)
     own = gas(200, Wood(e=0.8))  # whose trial says nothing: no collision gains
     for one in (ifr, own):
@@ -219,7 +219,7 @@ def test_a_law_of_one_s_own_runs_and_is_tried_for_energy() -> None:
     np.testing.assert_array_equal(ifr.velocity, own.velocity)
 
 
-def test_a_gas_resumed_from_a_checkpoint_goes_on_bit_by_bit() -> None:
+def test_a_gas_resumed_from_a_checkpoint_has_the_same_bits() -> None:
     given = {"driving": Driving(power=1.0, spin_power=0.2), "T_rot": 0.5}
     whole, first, second = (gas(300, COIN, **given) for _ in range(3))
     whole.run(t_end=2.0, samples=2)

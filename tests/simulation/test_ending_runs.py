@@ -120,7 +120,7 @@ def test_stopping_within_a_window_changes_no_bit_in_any_order_of_the_engine(
     assert at == 24
 
 
-def test_a_stop_asked_for_by_a_sampler_or_progress_ends_the_run_at_the_end_of_a_window() -> None:
+def test_a_stop_from_a_callback_or_progress_ends_the_run_at_the_end_of_a_window() -> None:
     one = gas(2000)
     one.run(collisions_per_disk=5000.0, progress=lambda time, collisions: one.stop())
     assert 0 < one.collisions < 5_000_000
@@ -130,7 +130,7 @@ def test_a_stop_asked_for_by_a_sampler_or_progress_ends_the_run_at_the_end_of_a_
     one.run(t_end=one.time + 0.01)  # an earlier stop does not end a later run
 
 
-def test_ctrl_c_during_a_window_takes_effect_at_its_end_and_the_gas_goes_on(
+def test_ctrl_c_during_a_window_takes_effect_at_its_end_and_the_gas_stays_usable(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     one, other = gas(), gas()
@@ -170,7 +170,7 @@ def test_a_second_ctrl_c_ends_a_window_at_once_and_the_lost_state_is_refused(
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_second_thread_is_told_that_another_one_runs_a_simulation() -> None:
+def test_a_second_thread_is_refused_while_another_one_runs_a_simulation() -> None:
     one = gas()
     raised: list[BaseException] = []
 
@@ -253,7 +253,7 @@ def test_run_for_nothing_is_refused(more: dict[str, Any], message: str) -> None:
         gas(4).run_for(**more)
 
 
-def test_a_simulation_prints_what_it_is_and_where_it_stands() -> None:
+def test_a_simulation_prints_what_it_is_and_its_progress() -> None:
     made = gas(16, record=["energy"])
     made.run(t_end=0.5)
     what, where = str(made).splitlines()

@@ -153,7 +153,7 @@ def test_image_counts_unwrap_positions() -> None:
     assert ((end.position >= 0.0) & (end.position < box.lengths)).all()
 
 
-def test_frames_stand_at_exactly_the_asked_collisions_and_times() -> None:
+def test_frames_are_at_exactly_the_requested_collisions_and_times() -> None:
     simulation = gas_of(equal_disks(400), 0.3, COIN_LAW)
     counts: list[int] = []
     simulation.run(
@@ -279,7 +279,7 @@ def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
 
 @pytest.mark.parametrize("ledger", [False, True])
 def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
-    """Beside it stands the scratch space of the tiles that run at the same time, which does not grow with n."""
+    """In addition there is the scratch space of the tiles that run at the same time, which does not grow with n."""
     disks = equal_disks(60_000)
     box, state = start(disks, 0.3)
     engine = Engine(

@@ -104,7 +104,7 @@ def test_collisions_are_counted_by_their_regime(device):
 
 
 def test_the_ledger_closes_where_spins_hold_nearly_all_energy(device):
-    """10^12 times that of flights: what small losses add up to must not be lost beside the large."""
+    """10^12 times that of flights: sums of small losses must not be lost next to the large one."""
     disks = equal_disks(300)
     box, state = start(disks, 0.3)
     state.spin[::2] *= 1e6
@@ -245,12 +245,12 @@ def test_series_at_the_ends_of_windows_change_nothing(device):
     assert np.array_equal(ends[0].velocity, ends[1].velocity)
 
 
-def test_exact_series_stand_where_they_are_due(device):
+def test_exact_series_have_rows_where_they_are_due(device):
     rows: list[Measure] = []
     simulation = gas_of(equal_disks(50), 0.3, COIN, device=device)
     simulation.run(t_end=1.0, series=40, series_callbacks=[rows.append])
     assert [row.time for row in rows] == pytest.approx(np.linspace(0.0, 1.0, 41), abs=1e-15)
-    assert rows[0].dissipated is None  # no ledger was asked for
+    assert rows[0].dissipated is None  # no ledger was requested
     simulation.run(t_end=1.1, series=3)  # nobody samples: it ends all the same
     assert simulation.time == 1.1
 
@@ -273,7 +273,7 @@ def test_totals_on_the_device_are_those_of_the_state(device):
 
 
 def test_a_ledger_that_is_switched_off_misses_just_that_time(device):
-    """And switched on again, goes on; the collisions are the same to the bit."""
+    """Switched on again, it continues; the collisions are the same to the bit."""
     whole, parts = (gas_of(equal_disks(300), 0.4, COIN, device=device, record=["energy"]) for _ in range(2))
     expected = np.zeros(len(MECHANISMS))
     for k, on in enumerate([True, False, True]):

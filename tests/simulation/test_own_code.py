@@ -277,9 +277,32 @@ def test_a_variable_from_outside_that_is_compiled_in_must_not_change(
     first.run_for(time=0.1)
 
 
+e_n = 0.9
+
+
+class OwnNumber(ifrdem.CollisionLaw):
+    """A law whose coefficient has the name of a variable of the module."""
+
+    coefficients = ("e_n",)
+
+    @staticmethod
+    def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
+        return (1.0 + law.e_n) * pair.m_n * pair.g_n, 0.0, 0.0
+
+
+def test_a_variable_with_the_name_of_a_coefficient_may_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a script that runs a gas for each value of a loop."""
+    for value in (0.9, 0.5):
+        monkeypatch.setitem(globals(), "e_n", value)
+        simulation = gas(law=OwnNumber(e_n=value))
+        simulation.run(collisions_per_disk=1)
+        velocity = simulation.state.velocity[:, 0]
+        assert velocity[1] - velocity[0] == pytest.approx(value, rel=1e-12)
+
+
 def test_a_run_that_does_nothing_says_so() -> None:
     simulation = gas()
-    simulation.run(t_end=0.0)  # nothing has moved yet: a start is asked for
+    simulation.run(t_end=0.0)  # nothing has moved yet: no warning
     simulation.run(collisions_per_disk=1)
     with pytest.warns(ifrdem.RunWarning, match=r"collisions_per_disk = 1 .* for as much again, .* = 2"):
         simulation.run(collisions_per_disk=1)

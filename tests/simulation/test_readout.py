@@ -59,9 +59,7 @@ def same(one: State, other: State) -> None:
 
 
 @pytest.mark.parametrize("course", [{"t_end": 0.6}, {"collisions_per_disk": 1.3}], ids=["time", "collisions"])
-def test_what_happens_does_not_depend_on_how_often_somebody_looks(
-    order: str, course: dict[str, float]
-) -> None:
+def test_the_motion_does_not_depend_on_how_often_it_is_read(order: str, course: dict[str, float]) -> None:
     rare, often = gas(), gas()
     frames_of(rare, **course, frames=1)
     found = frames_of(often, **course, frames=37)
@@ -94,7 +92,7 @@ def test_a_frame_is_the_state_of_a_run_that_ends_there(order: str) -> None:
         assert told.collisions == ended.collisions
 
 
-def test_a_frame_by_collisions_stands_right_after_the_last_of_them(order: str) -> None:
+def test_a_frame_by_collisions_is_right_after_the_last_of_them(order: str) -> None:
     found = frames_of(gas(n=1600), collisions_per_disk=1.5, frames=6)
     ended = gas(n=1600)
     for k, (state, told) in enumerate(found):
@@ -178,7 +176,7 @@ def test_kicks_do_not_move_frames(order: str) -> None:
     assert kicked == [bool(b > a) for a, b in itertools.pairwise(kicks)]
 
 
-def test_frames_of_disks_that_meet_nobody_stand_at_their_times() -> None:
+def test_frames_of_disks_without_collisions_are_at_their_times() -> None:
     begin = State([[2.0, 2.0], [5.0, 5.0]], [[1.0, 0.0], [1.0, 0.0]], [0.5, -0.5])
     for box in (Box((10.0, 10.0)), Box.open()):
         simulation = Simulation(mixture(2), box, COIN, begin, record=["energy", "partner", "angle"])
@@ -190,7 +188,7 @@ def test_frames_of_disks_that_meet_nobody_stand_at_their_times() -> None:
             assert state.angle == pytest.approx([0.5 * state.time, -0.5 * state.time])
 
 
-def test_frames_of_one_disk_and_of_disks_at_rest_stand_at_their_times() -> None:
+def test_frames_of_one_disk_and_of_disks_at_rest_are_at_their_times() -> None:
     for begin in (
         State([[2.0, 2.0]], [[1.0, 0.5]], [0.5]),
         State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), [0.0, 0.0]),
@@ -212,7 +210,7 @@ def test_an_open_gas_does_not_mind_being_looked_at() -> None:
     assert [state.time for state, _ in found] == pytest.approx(np.arange(32) * 3.0 / 31)
 
 
-def test_frames_that_coincide_are_told_once() -> None:
+def test_frames_that_coincide_are_given_once() -> None:
     # 40 points within some tens of collisions: many fall onto the same collision.
     simulation = gas(n=100)
     found = frames_of(simulation, collisions_per_disk=0.5, frames=Trigger(number=40, spacing="log"))
@@ -222,7 +220,7 @@ def test_frames_that_coincide_are_told_once() -> None:
     assert counts[-1] == simulation.collisions == 25
 
 
-def test_a_run_that_an_observer_ends_can_go_on() -> None:
+def test_a_run_that_a_callback_ends_can_be_continued() -> None:
     class Enough(Exception):
         pass
 
@@ -356,7 +354,7 @@ def test_series_callbacks_get_the_exact_moment(order: str) -> None:
         assert row.regimes.sum() == row.collisions
 
 
-def test_moments_as_short_as_the_clock_tells_apart_are_frames_of_their_own() -> None:
+def test_moments_one_clock_step_apart_are_separate_frames() -> None:
     simulation = gas(n=300)
     simulation.run(t_end=0.1)
     before = simulation.state

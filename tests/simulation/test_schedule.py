@@ -62,7 +62,7 @@ def test_rounding_makes_no_collision_more_of_a_part(number):
     assert [schedule(k).collisions for k in range(1, number + 1)] == list(range(1, number + 1))
 
 
-def test_logarithmic_points_have_one_ratio_and_begin_where_they_are_told():
+def test_logarithmic_points_have_one_ratio_and_the_given_first_point():
     schedule = Points(Trigger(number=4, spacing="log", log_from=1e-3), t_end=2.0)
     times = [schedule(k).time for k in range(1, 5)]
     assert times == pytest.approx([2e-3, 2e-2, 2e-1, 2.0], rel=1e-12)

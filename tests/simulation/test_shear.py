@@ -231,7 +231,7 @@ def test_moving_everything_up_with_the_flow_changes_no_collision(order: str) -> 
         np.testing.assert_allclose(found.time, expected.time, atol=1e-7)
 
 
-def test_a_run_goes_on_from_a_state_with_the_same_collisions() -> None:
+def test_a_run_continues_from_a_state_with_the_same_collisions() -> None:
     """Where the images are follows from the time alone."""
     disks = equal_disks(300)
     box, state = sheared(disks, 0.3, 0.5)
@@ -278,7 +278,7 @@ def test_the_ledger_closes(law: tuple[float, ...], order: str) -> None:
 
 
 def test_the_ledger_closes_for_elastic_disks_and_forces() -> None:
-    """Over 1e4 collisions that dissipate nothing, to the last but a few digits; kicks are counted beside the flow."""
+    """Over 1e4 collisions that dissipate nothing, to all but a few digits; kicks and flow are counted apart."""
     disks = equal_disks(500)
     box, state = sheared(disks, 0.3, 0.5)
     smooth = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
@@ -397,7 +397,7 @@ def test_nothing_jumps_at_the_seam() -> None:
 
 
 @pytest.mark.parametrize("start", [0.1, 4.0], ids=["cold", "hot"])
-def test_temperature_and_stress_settle_at_those_of_kinetic_theory(start: float) -> None:
+def test_temperature_and_stress_approach_those_of_kinetic_theory(start: float) -> None:
     """500 smooth disks at phi = 0.05, e_n = 0.9; means over 280 collisions per disk after 60, from two beginnings.
 
     Theory: Santos, Garzo and Dufty (2004), doi:10.1103/PhysRevE.69.061303, with 5 % for crowding; the kinetic stress is

@@ -53,7 +53,7 @@ def slid(step: float, t_end: float) -> State:
     return run.state
 
 
-def test_coins_move_as_an_independent_integrator_says_with_errors_of_second_order_in_distance() -> None:
+def test_coins_move_as_by_an_independent_integrator_with_second_order_errors() -> None:
     """Speeds and spins at multiples of the step are exact; distances by straight flights between kicks, trapezia."""
     t_end = 0.25  # all move still
     expected = np.array([table_reference.fly(v, abs(u), 2.0, t_end) for v, u in zip(V, U, strict=True)])

@@ -1,4 +1,4 @@
-"""Every collision of tracked disks: their paths are exact, and each row tells one collision of the law."""
+"""Every collision of tracked disks: their paths are exact, and each row is one collision of the law."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def _positions_of_partners(e: Events) -> np.ndarray:
     return e.position[[own[t, p, i] for t, i, p in zip(e.time, e.id, e.partner, strict=True)]]
 
 
-def test_collisions_at_one_time_stand_in_the_order_in_which_they_happened(device):
+def test_collisions_at_one_time_are_in_the_order_in_which_they_happened(device):
     """Disks at rest that two others hit from both sides at once: the path leads through both, in one order only."""
     disks = two_kinds(24)  # one hits, and is hit by, disks of its own kind
     middle = np.column_stack((np.full(8, 8.0), 1.0 + 2.0 * np.arange(8)))

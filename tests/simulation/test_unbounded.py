@@ -143,7 +143,7 @@ def test_few_disks_fly_in_open_space(n: int) -> None:
 
 
 def test_coins_on_an_open_table_come_to_rest() -> None:
-    """Friction in open space: 100 coins from a dense patch; the run goes on to its end at no cost."""
+    """Friction in open space: 100 coins from a dense patch; the run reaches its end at no cost."""
     disks, state = blob(100)
     gas = Simulation(disks, Box.open(), LAW, state, forces=[TableFriction(0.05, mu=0.5, gravity=1.0)])
     gas.run(t_end=20.0)

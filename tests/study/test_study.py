@@ -188,7 +188,7 @@ trajectories = true
     assert any(str(each).startswith("impact") for each in found)
 
 
-def test_a_failed_run_is_listed_and_the_others_go_on(case, tmp_path, capsys):
+def test_a_failed_run_is_listed_and_the_others_continue(case, tmp_path, capsys):
     # Disks in an open box fly apart before each has had 4 collisions.
     words = ["study", str(case), "--vary", "box.open=true,false", "-o", f"{tmp_path}/f", "--workers", "0"]
     assert cli.main(words) == 1

@@ -216,7 +216,7 @@ def harm(path: Path, chance: random.Random) -> str:
 
 
 def heap(path: Path) -> None:
-    """A trajectory of disks under a piston, beside a post and a wall that shakes, with all that one can hold."""
+    """A trajectory of disks under a piston, with a post and a vibrating wall, and all that a file can hold."""
     n, frames = 12, 4
     wall = ifrdem.Wall
     walls = [
@@ -318,7 +318,7 @@ def result_of_a_run(folder: Path, made: Mapping[str, bytes], chance: random.Rand
 
 
 def results(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> None:
-    """Damaged NAME.nc, and one with nonsense in it: pictures and the viewer's points end, and no reader crashes."""
+    """Damaged NAME.nc, and one with nonsense in it: pictures and the viewer's points fail, and no reader crashes."""
     path = folder / "some.nc"
     path.write_bytes(damaged(made["results"], chance) if chance.random() < 0.6 else made["results"])
     if path.read_bytes() == made["results"]:

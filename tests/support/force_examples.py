@@ -1,4 +1,4 @@
-"""Forces of one's own, and small systems to try forces on."""
+"""Custom forces, and small systems to test forces."""
 
 from __future__ import annotations
 

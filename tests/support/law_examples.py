@@ -1,4 +1,4 @@
-"""Collision laws of one's own."""
+"""Custom collision laws."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Short(CollisionLaw):
 
 
 class Misnamed(CollisionLaw):
-    """Asks for a coefficient that it does not have."""
+    """Reads a coefficient that it does not have."""
 
     coefficients = ("e_n",)
 
@@ -67,7 +67,7 @@ class Misnamed(CollisionLaw):
 
 
 class Numbered(CollisionLaw):
-    """Asks for a coefficient by a number."""
+    """Reads a coefficient by a number."""
 
     coefficients = ("e_n",)
 

@@ -44,7 +44,7 @@ class Sheared:
         self.last: dict[int, tuple[int, int, int]] = {}
 
     def run(self, *, collisions: int, window: float) -> None:
-        """Go on for so many collisions."""
+        """Advance by so many collisions."""
         target = len(self.collisions) + collisions
         while len(self.collisions) < target:
             self._fly(np.arange(self.disks.n), self.now)

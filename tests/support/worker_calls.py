@@ -55,7 +55,7 @@ def quick_tasks(*keys: str, path: str = "") -> list[Task]:
 
 
 def endless(name: str, *, quick: bool, seed: int) -> runner.Verdict:
-    """In place of `runner.run_case`: leaves a file named after its process, and goes on until it is killed."""
+    """In place of `runner.run_case`: leaves a file named after its process, and runs until it is killed."""
     (Path(os.environ["WORKERS"]) / str(os.getpid())).touch()
     while True:
         time.sleep(0.05)

@@ -36,7 +36,7 @@ def test_elastic_disks_take_the_temperature_of_their_bath() -> None:
     np.testing.assert_allclose(state, (2.0, 2.0), rtol=1e-10)
 
 
-def test_coins_driven_by_kicks_have_a_ratio_of_temperatures_that_power_and_density_do_not_change() -> None:
+def test_the_ratio_of_driven_coins_does_not_depend_on_power_and_density() -> None:
     """T_rot has no other source or sink than collisions, whose rate drops out: only the law sets theta."""
     states = [
         steady_state(COIN, 1.0, 0.5, 2.0, phi, Driving(power=power)) or (math.nan, math.nan)
@@ -122,8 +122,8 @@ def test_impossible_input_is_refused() -> None:
         driven(COIN, *GAS, Driving(), -1.0, 0.0, [1.0])
 
 
-def test_at_the_start_a_gas_is_as_it_starts_from_rest_too() -> None:
-    """No time has passed: an integrator that is asked for none must not search for a step."""
+def test_the_initial_temperatures_are_returned_at_time_0_from_rest_too() -> None:
+    """No time has passed: an integration over no time must not search for a step."""
     for T0 in (0.0, 0.5):
         T, T_rot, collisions = driven(COIN, *GAS, Driving(power=0.1), T0, 0.25, [0.0, 0.0])
         assert T.tolist() == [T0, T0]

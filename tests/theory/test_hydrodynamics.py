@@ -193,7 +193,7 @@ def test_a_box_below_the_shear_length_has_no_growing_modes() -> None:
 
 
 @pytest.mark.parametrize(("name", "simulated"), [("5 pts", 40.5), ("200 pts", 37.8), ("polyester", 33.5)])
-def test_waves_of_coins_grow_as_simulated_gases_say(name: str, simulated: float) -> None:
+def test_waves_of_coins_grow_as_in_simulated_gases(name: str, simulated: float) -> None:
     """Shear lengths in diameters of gases at phi = 0.1, from simulations in which T_rot was near T.
 
     Theory is some 6 % longer: its viscosity is a first Sonine approximation, and waves are only a few mean free paths

@@ -110,7 +110,7 @@ def test_the_energy_that_a_pair_loses_is_that_of_its_impulses() -> None:
     assert x @ (dT + 0.5 * dT_rot) == pytest.approx(-loss, rel=1e-9)  # 1/mu enters squared
 
 
-def test_pairs_meet_as_often_seen_from_either_species() -> None:
+def test_collision_rates_of_a_pair_are_equal_for_both_species() -> None:
     mixture, T, _ = random_mixture(3)
     met = mixture.number_density[:, None] * mixture.collision_rates(T)
     np.testing.assert_allclose(met, met.T, rtol=1e-14)
@@ -241,7 +241,7 @@ def test_a_prediction_takes_the_theory_that_belongs_to_the_gas() -> None:
 
 
 class Sticky(CollisionLaw):
-    """A law of one's own, of which no theory is known."""
+    """A custom law without a theory."""
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ def test_for_hoops_both_kinds_of_sticking_are_one_law() -> None:
     np.testing.assert_allclose(found(point), found(centre), rtol=1e-12)
 
 
-def test_a_dilute_gas_of_nearly_elastic_disks_stays_where_santos_garzo_and_dufty_say() -> None:
+def test_a_dilute_gas_of_nearly_elastic_disks_agrees_with_santos_garzo_and_dufty() -> None:
     """a^2 = (zeta/beta)(beta + zeta)^2 in d = 2, with a = rate / nu, beta = (1 + e)(3 + e)/8, zeta = (1 - e^2)/2.
 
     That is of first order in the anisotropy, of which the square is zeta / (beta + zeta) = (1 - e) / 2 at most.
@@ -180,7 +180,7 @@ def warned_steady_state(law: IFRLaw, phi: float) -> tuple[float, float]:
     return found
 
 
-def test_flows_beyond_what_was_compared_are_warned_of() -> None:
+def test_flows_beyond_the_compared_range_give_a_warning() -> None:
     with pytest.warns(TheoryWarning, match=r"e_n = 0\.4, packing fraction 0\.2: .* e_n >= 0\."):
         steady_state(smooth(0.4), *GAS, 0.2, 1.0)
     with pytest.warns(TheoryWarning, match=r"packing fraction 0\.6"):
@@ -219,7 +219,7 @@ def test_a_weak_flow_leaves_the_cooling_gas() -> None:
         np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-9)
 
 
-def test_what_the_theory_does_not_know_is_refused() -> None:
+def test_cases_beyond_the_theory_are_refused() -> None:
     with pytest.raises(InputError, match=r"rho = 0\.1"):
         steady_state(IFRLaw(e_n=0.9, e_t=-1.0, mu=0.1, rho=0.1), *GAS, 0.1, 0.4)
     with pytest.raises(InputError, match="shear_rate = 0"):

@@ -81,7 +81,7 @@ def test_one_polynomial_by_quadrature_is_the_first_order_of_nearly_elastic_disks
     np.testing.assert_allclose(moments[:3, 0], [1.0, 2.0, 6.0], rtol=1e-12)  # <c^2p> = p! of a Gaussian
 
 
-def test_polynomials_of_higher_order_change_a_2_as_a_simulation_of_a_million_disks_found() -> None:
+def test_higher_order_polynomials_change_a_2_as_in_a_simulation_of_a_million_disks() -> None:
     """-0.0305(5) at e_n = 0.9 (`sonine`); to first order it would be -0.0269."""
     a_2, off = series_sonine(0.9)
     assert a_2 == pytest.approx(-0.0305, abs=0.001)

@@ -252,7 +252,7 @@ def test_rotation_of_a_cooling_gas_tends_to_the_ratio_of_rough_disks() -> None:
     ("mu", "expected"),
     [(0.05, [True]), (0.14, [True, False, True]), (0.141, [True, False, True]), (0.19, [True, False, True])],
 )
-def test_every_ratio_that_stays_is_found_and_stable_ones_are_told(mu: float, expected: list[bool]) -> None:
+def test_every_fixed_ratio_is_found_and_stable_ones_are_marked(mu: float, expected: list[bool]) -> None:
     """Signs of dT_rot / T_rot - dT / T over 40 decades: from above 0 to below it a ratio is stable."""
     law = IFRLaw(e_n=0.86, e_t=-0.99, mu=mu)
     theta = np.geomspace(1e-20, 1e20, 400_001)
@@ -273,7 +273,7 @@ def test_every_ratio_that_stays_is_found_and_stable_ones_are_told(mu: float, exp
 
 
 def test_cooling_is_followed_for_as_long_as_numbers_last() -> None:
-    """Haff's law of smooth disks, t_H / t squared; elastic ones go on colliding at the first rate."""
+    """Haff's law of smooth disks, t_H / t squared; elastic ones keep the initial collision rate."""
     rate = collision_rate(0.2, 1.0, 1.0, 0.5)
     times = [1e3, 1e50, 1e100]
     T, _, collisions = cooling(SMOOTH, 1.0, 0.5, 2.0, 0.2, 1.0, 0.0, times)

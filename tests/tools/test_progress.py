@@ -107,7 +107,7 @@ def test_nothing_is_shown_without_a_call() -> None:
     assert out.getvalue() == ""
 
 
-def test_no_time_left_can_be_told_before_anything_moved() -> None:
+def test_no_time_left_is_shown_before_any_progress() -> None:
     progress = Progress(100, t_end=1.0, stream=io.StringIO(), clock=Clock())
     assert progress.seconds_left == float("inf")
     progress(0.0, 0)
@@ -175,7 +175,7 @@ def test_terminal_without_room_gets_plain_lines(monkeypatch: pytest.MonkeyPatch,
     os.close(reader)
 
 
-def test_terminal_that_knows_its_columns_but_no_rows_shows_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_terminal_with_columns_but_no_rows_shows_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("COLUMNS", raising=False)
     reader, writer = pty.openpty()
     fcntl.ioctl(writer, termios.TIOCSWINSZ, struct.pack("HHHH", 0, 70, 0, 0))
@@ -225,7 +225,7 @@ def small_gas() -> ifrdem.Simulation:
     return ifrdem.Simulation(disks, box, ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2), start)
 
 
-def test_runs_from_python_show_nothing_where_nobody_looks_unless_asked(
+def test_runs_from_python_show_no_progress_off_a_terminal_unless_asked(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     gas = small_gas()
@@ -251,7 +251,7 @@ def test_a_terminal_sees_a_bar_by_default_which_changes_no_bit(monkeypatch: pyte
         np.testing.assert_array_equal(getattr(watched.state, name), getattr(alone.state, name))
 
 
-def test_a_notebook_is_a_place_where_a_person_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_notebook_counts_as_interactive_output(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not showing.output_is_interactive(io.StringIO())
     assert showing.output_is_interactive(Terminal())
     kernel = types.SimpleNamespace(kernel=object())

@@ -13,7 +13,7 @@ def normal(random: np.random.Generator, count: int) -> np.ndarray:
     return random.standard_normal((count, 2))
 
 
-def test_what_a_disk_draws_does_not_depend_on_who_else_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_random_numbers_of_a_disk_do_not_depend_on_the_others_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(distribution, "BLOCK", 64)
     whole = seeds.drawn(3, seeds.SPINS, range(500), normal)
     assert whole.shape == (500, 2)
@@ -23,7 +23,7 @@ def test_what_a_disk_draws_does_not_depend_on_who_else_is_drawn(monkeypatch: pyt
         assert np.array_equal(part, whole[first:last])
 
 
-def test_one_block_draws_what_its_stream_gives() -> None:
+def test_one_block_draws_the_numbers_of_its_stream() -> None:
     """As before there were blocks: cases of up to 262,144 disks of a species begin as they did."""
     expected = np.random.default_rng(np.random.SeedSequence(3, spawn_key=(seeds.SPINS,))).standard_normal(
         (999, 2)

@@ -1,4 +1,4 @@
-"""Writing beside the run: order, bounds, errors, and readers meanwhile."""
+"""Writing in the background of a run: order, bounds, errors, and concurrent readers."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_at_most_two_frames_wait(tmp_path):
         assert np.array_equal(trajectory.times, [some_state(3, i).time for i in range(4)])
 
 
-def test_closing_writes_what_waits(tmp_path):
+def test_closing_writes_queued_frames(tmp_path):
     inner = Gate(tmp_path / "run.h5", some_disks(3), BOX)
     for _ in range(3):
         inner.gate.release()
@@ -162,7 +162,7 @@ def test_a_file_can_be_read_while_the_queue_writes_it(tmp_path):
         assert len(file["timeseries/step"]) == 60
 
 
-def test_what_went_wrong_first_is_told_and_not_what_closing_adds(tmp_path):
+def test_the_first_error_is_raised_and_not_that_of_closing(tmp_path):
     class Torn(TrajectoryWriter):
         def close(self) -> None:
             super().close()

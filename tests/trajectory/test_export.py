@@ -140,7 +140,7 @@ SPECIES = [{"name": "small ones", "number": 10}, {"name": "large", "number": 20}
         ({}, None, None),
     ],
 )
-def test_types_are_the_names_of_species_where_the_file_knows_them(tmp_path, parameters, names, of_disk):
+def test_types_are_the_names_of_species_if_the_file_has_them(tmp_path, parameters, names, of_disk):
     import ase.io
     import gsd.hoomd
 
@@ -257,7 +257,7 @@ def test_choices_without_frames_are_refused(text):
         selected_frames(text, 10)
 
 
-def test_plain_lines_say_how_far_it_is_and_how_long_it_takes():
+def test_plain_lines_give_the_progress_and_the_remaining_time():
     """Each look at the clock finds 2 s gone: 6 s after the beginning 2 frames are done, so 8 take 24 s more."""
     stream, seconds = io.StringIO(), iter(range(-2, 1000, 2))
     show = counted("export", stream=stream, interval=5.0, clock=lambda: float(next(seconds)))
@@ -267,7 +267,7 @@ def test_plain_lines_say_how_far_it_is_and_how_long_it_takes():
     assert lines[0] == "export: 2 of 10 frames, ETA 0:24"
 
 
-def test_the_verb_writes_beside_the_trajectory_and_keeps_what_is_there(run, capsys):
+def test_the_command_writes_next_to_the_trajectory_and_keeps_existing_files(run, capsys):
     assert main(["export", str(run), "--to", "extxyz", "--frames", "::2"]) == 0
     place = run.with_suffix(".extxyz")
     assert f"wrote {place}: 3 frames" in capsys.readouterr().out

@@ -161,7 +161,7 @@ def test_a_disk_is_followed_over_the_frames(tmp_path):
 @pytest.mark.parametrize(
     ("box", "factor"), [(Box((30.0, 20.0), shear_rate=0.5), 10.0), (Box.open(), 0.0)], ids=["sheared", "open"]
 )
-def test_paths_are_unwrapped_as_the_box_asks(tmp_path, box, factor):
+def test_paths_are_unwrapped_across_the_sides_of_the_box(tmp_path, box, factor):
     """Sheared: the image above lies shear_rate Ly t = 10 t further along x. Open: positions are plain."""
     write(tmp_path / "run.h5", box=box, precision="f8")
     with Trajectory(tmp_path / "run.h5") as trajectory:
@@ -194,7 +194,7 @@ def test_frames_are_gone_through_in_constant_memory(tmp_path):
     assert most < 3e6
 
 
-def test_refresh_sees_what_a_run_has_added(tmp_path):
+def test_refresh_finds_frames_that_a_run_has_added(tmp_path):
     path = tmp_path / "run.h5"
     with TrajectoryWriter(path, some_disks(5), BOX) as writer:
         writer.write(some_state(5, 0), {"energy": 1.0})
@@ -221,7 +221,7 @@ def test_refresh_follows_a_run_in_another_process(tmp_path):
         assert process.stdout.read(3) == b"..."
         with Trajectory(path) as trajectory:
             assert len(trajectory) == 3
-            process.stdin.close()  # it goes on, as fast as it can
+            process.stdin.close()  # it continues, as fast as it can
             rng = np.random.default_rng(1)
             for _ in range(20):
                 process.stdout.read(1)
@@ -281,7 +281,7 @@ def test_a_lost_chunk_is_noticed(tmp_path):
             trajectory[2].position  # noqa: B018
 
 
-def test_a_closed_trajectory_says_so(tmp_path):
+def test_a_closed_trajectory_is_refused_as_closed(tmp_path):
     write(tmp_path / "run.h5")
     trajectory = Trajectory(tmp_path / "run.h5")
     frame = trajectory[0]
@@ -290,7 +290,7 @@ def test_a_closed_trajectory_says_so(tmp_path):
         frame.position  # noqa: B018 the reading is the act
 
 
-def test_describe_speaks_of_series_ledger_and_what_is_beside(tmp_path):
+def test_describe_names_series_ledger_and_related_files(tmp_path):
     path = tmp_path / "run.h5"
     write(path)
     given = add_series(path)

@@ -136,7 +136,7 @@ def ends_well(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize("compression", ["none", "gzip"])
 @pytest.mark.parametrize("seed", range(SEEDS))
-def test_a_flipped_bit_is_told_or_does_not_matter(tmp_path, capsys, files, compression, seed):
+def test_a_flipped_bit_is_reported_or_harmless(tmp_path, capsys, files, compression, seed):
     chance = random.Random(f"{compression}{seed}")
     content = bytearray(files[compression])
     used = [i for i, byte in enumerate(content) if byte]  # most of the rest is empty
@@ -149,7 +149,7 @@ def test_a_flipped_bit_is_told_or_does_not_matter(tmp_path, capsys, files, compr
 
 @pytest.mark.parametrize("head", [bytes(16), b"\x01" + bytes(7) + b"\xf0" + 7 * b"\xff"])
 @pytest.mark.parametrize("heap", [0, 1])
-def test_a_heap_without_end_is_told(tmp_path, capsys, files, heap, head):
+def test_a_heap_without_end_is_reported(tmp_path, capsys, files, heap, head):
     """HDF5 walks for ever through a global heap, of texts and views, whose first object has the length -16 or 0."""
     content = bytearray(files["none"])
     at = [found.start() for found in re.finditer(b"GCOL", content)][heap] + 16
@@ -194,7 +194,7 @@ def pipe(folder: Path) -> h5py.ExternalLink:
 
 
 def onto_itself(file: h5py.File, folder: Path) -> None:
-    """HDF5 2.0 crashes when it is asked for the shape of this."""
+    """HDF5 2.0 crashes when the shape of this is read."""
     name = f"{PARTICLES}/radius"
     del file[name]
     layout = h5py.VirtualLayout((N,), "f8", maxshape=(None,))
@@ -333,7 +333,7 @@ def test_a_file_made_to_harm_is_refused(tmp_path, capsys, files, name):
 
 
 @pytest.mark.parametrize("name", HARMLESS)
-def test_frames_are_read_beside_parameters_that_are_damaged(tmp_path, capsys, files, name):
+def test_frames_are_read_although_parameters_are_damaged(tmp_path, capsys, files, name):
     path = harmed(tmp_path, files["none"], HARMLESS[name])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -343,7 +343,7 @@ def test_frames_are_read_beside_parameters_that_are_damaged(tmp_path, capsys, fi
     ends_well(path, capsys)
 
 
-def test_a_damaged_description_is_told_and_left_out_by_repair(tmp_path, capsys, files):
+def test_a_damaged_description_is_reported_and_left_out_by_repair(tmp_path, capsys, files):
     content = bytearray(files["none"])
     content[content.index(b"twelve disks") + 3] ^= 0x80
     path = tmp_path / "run.h5"
@@ -359,7 +359,7 @@ def test_a_damaged_description_is_told_and_left_out_by_repair(tmp_path, capsys, 
 
 
 @pytest.mark.parametrize("seed", range(3 * SEEDS))
-def test_a_damaged_status_is_told(tmp_path, capsys, seed):
+def test_a_damaged_status_is_reported(tmp_path, capsys, seed):
     chance = random.Random(seed)
     one = status.Status(tmp_path / "run.h5", name="gas", t_end=10.0, device="cpu")
     one.update(time=1.0, fraction=0.1, eta_seconds=9.0, temperature=1.0, rotational_temperature=0.5)
@@ -385,7 +385,7 @@ def test_a_damaged_status_is_told(tmp_path, capsys, seed):
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "[]", "3", "", '{"format": 1}', "\udce9"])
-def test_what_is_no_status_is_told(tmp_path, capsys, text):
+def test_a_file_that_is_no_status_is_reported(tmp_path, capsys, text):
     (tmp_path / "run.status.json").write_text(text, errors="surrogateescape")
     assert cli.main(["status", str(tmp_path)]) == 2
     assert "is not a status file of ifrdem" in capsys.readouterr().err
@@ -401,7 +401,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @pytest.mark.parametrize("seed", range(2 * SEEDS))
-def test_a_flipped_bit_of_a_checkpoint_is_told_or_changes_nothing(tmp_path, capsys, stored, seed):
+def test_a_flipped_bit_of_a_checkpoint_is_reported_or_harmless(tmp_path, capsys, stored, seed):
     path = tmp_path / "run.checkpoint.h5"
     path.write_bytes(stored)
     arrays, record = checkpoint.read(path)
@@ -471,7 +471,7 @@ def test_a_folder_stands_for_its_only_trajectory(tmp_path, capsys, monkeypatch, 
     assert "name one of other.h5, run.h5" in capsys.readouterr().err
 
 
-def test_text_of_a_file_does_nothing_to_a_terminal(tmp_path, capsys, files):
+def test_control_characters_in_a_file_do_not_reach_the_terminal(tmp_path, capsys, files):
     def harm(file: h5py.File, folder: Path) -> None:
         file["parameters/note"] = "\x1b]0;owned\x07\x9b2J"
         del file["parameters/units/length"]
@@ -491,7 +491,7 @@ def test_text_of_a_file_does_nothing_to_a_terminal(tmp_path, capsys, files):
 
 
 def test_a_file_that_grows_up_follows_no_link(tmp_path, monkeypatch, files):
-    """Somebody who foresees the name of a file beside its place cannot have another one overwritten."""
+    """A guessed name of a temporary file cannot cause another file to be overwritten."""
     from ifrdem.tools import files
 
     victim = tmp_path / "victim"
@@ -506,7 +506,7 @@ def test_a_file_that_grows_up_follows_no_link(tmp_path, monkeypatch, files):
 
 
 @pytest.mark.parametrize("harm", ["deleted or moved", "replaced"])
-def test_frames_of_a_file_that_is_gone_are_not_said_to_be_kept(tmp_path, harm):
+def test_frames_of_a_deleted_file_are_not_reported_as_kept(tmp_path, harm):
     path = tmp_path / "run.h5"
     writer = TrajectoryWriter(path, some_disks(N), BOX, fields=("position",))
     writer.write(some_state(N, 0))

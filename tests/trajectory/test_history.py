@@ -252,7 +252,7 @@ def test_long_histories_are_read_in_blocks(tmp_path, monkeypatch):
         assert trajectory.history(6).position(9.7).shape == (2,)
 
 
-def test_disks_without_history_are_told_apart(tmp_path):
+def test_disks_without_history_are_distinguished(tmp_path):
     path = tmp_path / "run.h5"
     write(path, n=7)
     with (

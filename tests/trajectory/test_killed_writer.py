@@ -254,7 +254,7 @@ def test_a_full_disk_leaves_all_that_was_committed(tmp_path, small_disk, forks, 
 
 
 @pytest.mark.parametrize("queued", [False, True])
-def test_a_file_that_is_deleted_or_replaced_meanwhile_is_said(tmp_path, queued):
+def test_a_file_that_is_deleted_or_replaced_meanwhile_is_reported(tmp_path, queued):
     path = tmp_path / "run.h5"
     for replace in (False, True):
         plain = TrajectoryWriter(path, some_disks(3), BOX, force=True)
@@ -276,7 +276,7 @@ def test_a_file_that_is_deleted_or_replaced_meanwhile_is_said(tmp_path, queued):
 
 
 @pytest.mark.parametrize("writes", range(8))
-def test_a_disk_that_fails_in_the_middle_of_a_frame_leaves_what_was_before(tmp_path, monkeypatch, writes):
+def test_a_failing_drive_in_the_middle_of_a_frame_leaves_the_previous_frames(tmp_path, monkeypatch, writes):
     """From some write on nothing reaches the disk any more, not even when the file is closed."""
     path = tmp_path / "run.h5"
     left, write = [10**9], OrderedFile._write

@@ -23,7 +23,7 @@ CUT_FROM, FRAMES = (
 
 
 @pytest.mark.parametrize("n", [40, 1200])
-def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, monkeypatch, n):
+def test_every_prefix_of_the_written_bytes_holds_the_committed_frames(tmp_path, monkeypatch, n):
     """A kill leaves the writes up to some moment, and the last of them up to the end of some page.
 
     By HDF5 alone, 11 moments at each split lose all frames. A node of an index across two pages, half of it written,
@@ -97,7 +97,7 @@ def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, m
 
 
 @pytest.mark.parametrize("longest", [1000, 20_000])
-def test_the_file_is_what_was_written_where_pieces_overlap(tmp_path, longest):
+def test_overlapping_pieces_give_the_file_that_was_written(tmp_path, longest):
     """Random reads and writes against an array, across flushes."""
     rng = np.random.default_rng(5)
     path = tmp_path / "file"

@@ -105,7 +105,7 @@ def test_mdanalysis_finds_the_neighbours(run):
     assert rdf.run().results.count.tolist() == (2 * np.histogram(r, 8, (0.0, REACH))[0]).tolist()
 
 
-def test_a_universe_warns_of_walls_beside_a_periodic_side(run):
+def test_a_universe_warns_of_walls_next_to_a_periodic_side(run):
     path, box = run
     with Trajectory(path) as trajectory, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")

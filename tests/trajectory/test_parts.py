@@ -65,7 +65,7 @@ def write_one(path: Path, frames: int = 5, n: int = N, **options) -> None:
 def resume(
     path: Path, frames: int, n: int = N, disks: Disks | None = None, plain: bool = False, **options
 ) -> PartsWriter:
-    """Go on from a checkpoint that had seen so many frames, rows and batches of events; `plain` had frames only."""
+    """Resume from a checkpoint after so many frames, rows and batches of events; `plain` had frames only."""
     seen = {} if plain else {"series_rows": frames, "events": 50 * frames}
     disks = some_disks(n) if disks is None else disks
     head = TrajectoryWriter.resume(path, disks, BOX, frames=frames, **seen, **options)
@@ -77,7 +77,7 @@ def resume(
 
 
 def shown(path: Path) -> dict[str, bytes]:
-    """Every dataset as HDF5 shows it, without those that tell of parts."""
+    """Every dataset as HDF5 shows it, without those about parts."""
     return {name: each for name, each in content(path).items() if not name.startswith("parts/")}
 
 
@@ -271,7 +271,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("said", WRONG)
-def test_readers_and_repair_name_a_part_that_is_not_there_as_it_was(made, said, capsys):
+def test_readers_and_repair_name_a_part_that_is_missing_or_changed(made, said, capsys):
     WRONG[said](made, 2)
     short = "short" in said
     for read in (Trajectory, describe) if short else (lambda path: Trajectory(path)[2].position,):

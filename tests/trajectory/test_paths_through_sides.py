@@ -102,7 +102,7 @@ def test_a_place_between_two_frames_is_on_the_way_through_the_side(
 ) -> None:
     """A disk at 3 along x is at 9 at t = 2 and at 2 = 12 at t = 3: at 10.5, that is 0.5, at t = 2.5, not at 5.5.
 
-    With the speed and frames at half the time, a file without images tells it too; frames at t = 0, 1, ... do not.
+    With the speed and frames at half the time, a file without images is enough too; frames at t = 0, 1, ... are not.
     """
     monkeypatch.chdir(tmp_path)
     velocity = np.broadcast_to([[[3.0, 0.0]]], (5, 1, 2))
@@ -123,7 +123,7 @@ def test_a_place_between_two_frames_is_on_the_way_through_the_side(
         compare.compare(fast, compare.read("soon.csv", {}, TableFormat()))
 
 
-def test_the_picture_of_a_table_draws_no_paths_that_it_does_not_know(tmp_path: Path) -> None:
+def test_the_picture_of_a_table_draws_no_paths_without_positions(tmp_path: Path) -> None:
     path = walks(4)
     names = ["position", "velocity", "angular_velocity"]
     still = np.zeros_like(path)

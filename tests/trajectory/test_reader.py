@@ -164,7 +164,7 @@ def test_no_disk_and_one_disk_are_trajectories_too(tmp_path, n, compression):
 
 @pytest.mark.parametrize("length", [30.0, 0.1, 0.7])
 def test_rounding_leaves_disks_inside_the_box(tmp_path, length):
-    """In f4 the last f64 number below the length is the length, or (0.1, 0.7) something beside it."""
+    """In f4 the last f64 number below the length is the length, or for (0.1, 0.7) a neighbouring number."""
     path = tmp_path / "run.h5"
     state = State([[np.nextafter(length, 0.0), 0.0]], [[0.0, 0.0]], [0.0])
     with TrajectoryWriter(path, Disks(1, mass=1.0, radius=1e-3), Box((length, 1.0))) as writer:
@@ -307,7 +307,7 @@ def test_reduced_units_are_one_parameter_and_no_unit_of_anything(tmp_path):
 # --- reading
 
 
-def test_repr_says_what_is_there(tmp_path):
+def test_repr_names_the_content(tmp_path):
     path = tmp_path / "run.h5"
     write(path, frames=3, units={"time": "s"})
     with Trajectory(path) as trajectory:
@@ -348,7 +348,7 @@ def test_trajectory_indexes_like_a_list(tmp_path):
         assert np.array_equal(path_of_disk, [frame.position[2] for frame in trajectory])
 
 
-def test_missing_frames_and_names_are_refused_with_what_there_is(tmp_path):
+def test_missing_frames_and_names_are_refused_with_the_existing_ones(tmp_path):
     path = tmp_path / "run.h5"
     write(path, frames=3, fields=("position",))
     with Trajectory(path) as trajectory:
@@ -428,7 +428,7 @@ def test_a_newer_layout_that_cannot_be_read_is_no_damage(tmp_path):
     assert not isinstance(found.value, DamageError)
 
 
-def test_describe_says_what_a_file_holds(tmp_path):
+def test_describe_lists_the_content_of_a_file(tmp_path):
     path = tmp_path / "run.h5"
     disks = Disks(3, mass=2.0, radius=1.0)
     case = "[run]\n" + "x = 1\n" * 20

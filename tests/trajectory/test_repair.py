@@ -189,7 +189,7 @@ def test_an_observable_that_is_damaged_is_left_out(tmp_path):
         assert set(trajectory.observables) == {"energy", "collisions"}
 
 
-def test_what_cannot_be_repaired_is_said_with_what_can_be_done(tmp_path):
+def test_what_cannot_be_repaired_is_reported_with_a_remedy(tmp_path):
     path = tmp_path / "run.h5"
     path.write_bytes(b"not HDF5 at all")
     with pytest.raises(InputError, match=r"not an HDF5 file.*no checkpoint"):
@@ -225,7 +225,7 @@ def test_a_file_that_a_run_is_writing_is_left_alone(tmp_path):
         assert len(trajectory) == 3
 
 
-def test_a_file_repaired_in_place_is_called_as_it_was_given(tmp_path, capsys, monkeypatch):
+def test_a_file_repaired_in_place_keeps_the_given_name(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(Path("run.h5"), n=N, frames=4, compression="gzip", fields=FIELDS)
     flip(Path("run.h5"), "particles/all/velocity/value_2d", 2)
@@ -235,7 +235,7 @@ def test_a_file_repaired_in_place_is_called_as_it_was_given(tmp_path, capsys, mo
     assert told[-2:] == ["wrote run.h5", "wrote run.vtkhdf, run.nc"]
 
 
-def test_the_verb_writes_beside_or_in_place_and_renews_views(tmp_path, capsys):
+def test_the_command_writes_a_new_file_or_in_place_and_renews_views(tmp_path, capsys):
     path = tmp_path / "run.h5"
     write(path, n=N, frames=4, compression="gzip", fields=FIELDS)
     assert main(["repair", str(path)]) == 0  # whole, but without views

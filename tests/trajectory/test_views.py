@@ -221,7 +221,7 @@ def test_views_hold_no_copy_of_the_data(tmp_path):
         assert place.stat().st_size < 30_000 + (20 * n if place.suffix == ".vtkhdf" else 0)
 
 
-def test_views_show_what_was_committed_and_are_replaced(tmp_path):
+def test_views_show_committed_frames_and_are_replaced(tmp_path):
     path = tmp_path / "run.h5"
     write(path, frames=4)
     with h5py.File(path, "r+") as file:  # as after a kill between the phases: the last frame has no step
@@ -249,7 +249,7 @@ def test_a_view_without_its_trajectory_shows_no_numbers(tmp_path):
         assert np.isnan(file["VTKHDF/Points"][:, :2]).all()
 
 
-def test_collisions_per_disk_stand_beside_the_time_for_xarray(tmp_path):
+def test_collisions_per_disk_are_a_second_coordinate_for_xarray(tmp_path):
     import xarray
 
     disks = ifrdem.Disks(4, mass=1.0, radius=0.5)
@@ -291,7 +291,7 @@ def test_boxes_without_periods_have_no_cell_length(tmp_path, box):
 @pytest.mark.parametrize(
     ("options", "missing"), [({"n": 0}, "disks"), ({"fields": ("velocity",)}, "positions")]
 )
-def test_what_has_nothing_to_show_is_refused(tmp_path, options, missing):
+def test_files_without_anything_to_show_are_refused(tmp_path, options, missing):
     write(tmp_path / "run.h5", **options)
     with pytest.raises(InputError, match=f"a view requires {missing}, and there are none"):
         write_views(tmp_path / "run.h5")

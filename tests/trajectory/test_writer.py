@@ -168,7 +168,7 @@ def test_histories_that_do_not_fit_are_refused_and_the_file_unchanged(tmp_path):
         assert np.array_equal(file["histories/events/psi"], events["psi"])
 
 
-def test_events_of_one_time_stand_by_id(tmp_path):
+def test_events_of_one_time_are_sorted_by_id(tmp_path):
     with TrajectoryWriter(tmp_path / "run.h5", some_disks(N), BOX) as writer:
         writer.begin_histories(TRACKED, some_state(N, 0))
         events = {name: values[:2] for name, values in batch(0)[0].items()}
@@ -320,7 +320,7 @@ def test_files_of_layout_1_0_are_read(tmp_path):
         (0.5, {"energy": "b"}, "series energy = 'b': must be a number or numbers"),
     ],
 )
-def test_rows_that_are_none_are_refused_and_the_file_goes_on(tmp_path, time, values, said):
+def test_invalid_rows_are_refused_and_the_file_stays_usable(tmp_path, time, values, said):
     with TrajectoryWriter(tmp_path / "a.h5", Disks(2, 1.0, 0.1), Box((3.0, 3.0))) as writer:
         writer.write_series(0.0, {"energy": 1.0})
         with pytest.raises(InputError, match=said):
@@ -345,7 +345,7 @@ def test_a_measure_is_no_observables(tmp_path):
         assert len(writer) == 1
 
 
-def test_what_is_written_together_is_what_is_written_one_by_one(tmp_path):
+def test_frames_written_in_batches_equal_those_written_one_by_one(tmp_path):
     write_all(tmp_path / "one.h5", frames=4, batches=3)
     with TrajectoryWriter(tmp_path / "all.h5", some_disks(N), BOX) as writer:
         writer.begin_histories(TRACKED, some_state(N, 0))

@@ -1,4 +1,4 @@
-"""Going on with a trajectory file: what is there is compared, what is not is appended, what does not fit is refused."""
+"""Resuming a trajectory file: existing frames are compared, missing ones appended, different ones refused."""
 
 from __future__ import annotations
 
@@ -60,13 +60,13 @@ def content(path: Path) -> dict[str, bytes]:
 @pytest.mark.parametrize("options", [{}, {"compression": "gzip", "precision": "f8", "fields": FIELDS}])
 @pytest.mark.parametrize("seen", [0, 2, 5])
 def test_a_resumed_file_is_that_of_an_uninterrupted_run(tmp_path, seen, options):
-    """Five frames were committed; the checkpoint had seen 0, 2 or all of them; the run goes on to nine."""
+    """Five frames were committed; the checkpoint was made after 0, 2 or all of them; the run continues to nine."""
     begun(tmp_path / "whole.h5", 9, **options)
     begun(tmp_path / "run.h5", 5, **options)
     with resume(tmp_path / "run.h5", seen, **options) as writer:
         assert len(writer) == 5
         assert writer.written_counts == {"frames": seen, "series_rows": seen, "events": 50 * seen}
-        writer.begin_histories(TRACKED, some_state(N, 0))  # as it began: taken note of, not begun again
+        writer.begin_histories(TRACKED, some_state(N, 0))  # as it began: registered, not created again
         go_on(writer, seen, 9)
         assert (len(writer), writer.series_rows, writer.events) == (9, 9, 450)
         assert writer.written_counts == {"frames": 9, "series_rows": 9, "events": 450}
@@ -116,7 +116,7 @@ def test_a_missing_or_added_event_is_a_difference(tmp_path):
             writer.write_histories(given, end)
 
 
-def test_a_difference_says_frame_field_disk_and_both_values(tmp_path):
+def test_a_difference_names_frame_field_disk_and_both_values(tmp_path):
     path = tmp_path / "run.h5"
     begun(path, 5)
     before = content(path)
@@ -203,7 +203,7 @@ def test_what_a_kill_left_uncommitted_is_dropped(tmp_path):
     assert content(path) == before
 
 
-def test_series_and_histories_that_were_only_begun_are_begun_again(tmp_path):
+def test_series_and_histories_that_were_only_created_are_created_again(tmp_path):
     path = tmp_path / "run.h5"
     with TrajectoryWriter(path, some_disks(N), BOX) as writer:
         writer.write(some_state(N, 0))

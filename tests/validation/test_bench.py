@@ -1,4 +1,4 @@
-"""Benchmarks: what they count is what happened, what they print is what was asked for. No test looks at speed."""
+"""Benchmarks: correct counts, and output of what was requested. No test looks at speed."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_json_is_one_object_with_every_figure(capsys: pytest.CaptureFixture[str]
     assert own["profile"] is None
 
 
-def test_report_names_what_was_measured(capsys: pytest.CaptureFixture[str]) -> None:
+def test_report_names_the_measured_quantities(capsys: pytest.CaptureFixture[str]) -> None:
     text = output(SMALL, capsys)
     assert text.startswith("elastic gas: 200 disks, packing fraction 0.2, after ")
     assert "on cpu, 1 thread, f64" in text
@@ -151,7 +151,7 @@ def test_figures_follow_from_the_runs() -> None:
     assert own["slowest_window_seconds"] == 2.0
 
 
-def test_a_timed_run_counts_what_the_simulation_did() -> None:
+def test_a_timed_run_counts_the_collisions_of_the_simulation() -> None:
     case = bench.elastic_gas(150, 0.3, threads=1)
     simulation = CaseGas.from_case(case).simulation()
     simulation.run(t_end=0.5)
@@ -162,7 +162,7 @@ def test_a_timed_run_counts_what_the_simulation_did() -> None:
     assert (
         run.seconds >= run.slowest >= run.seconds / (1 + run.done["windows"])
     )  # the rest of one before them
-    again = bench.timed(simulation, 0.0)  # it stopped between two windows: it goes on
+    again = bench.timed(simulation, 0.0)  # it stopped between two windows: it continues
     assert simulation.collisions == collisions + run.collisions + again.collisions
 
 
@@ -193,7 +193,7 @@ def test_the_elastic_gas_starts_at_its_temperature_and_mixes_for_ten_mean_free_t
     assert 2 * simulation.collisions / 400 == pytest.approx(9.5, abs=1.0)
 
 
-def test_a_case_is_timed_after_the_collisions_asked_for(
+def test_a_case_is_timed_after_the_requested_collisions(
     case_file: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["--case", case_file, "--after", "3", "--set", "species[0].number=120", *SMALL[4:]]
@@ -281,7 +281,7 @@ def test_interruption_ends_with_a_message_and_its_status() -> None:
     command = [sys.executable, "-m", "ifrdem", "bench", *SMALL, "--runs", "10000", "--seconds", "10"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
-        line = process.stderr.readline()  # the end of the equilibration: the timed runs have begun
+        line = process.stderr.readline()  # the end of the equilibration: the timed runs have started
         time.sleep(0.5)
         os.kill(process.pid, signal.SIGINT)
         try:
@@ -430,7 +430,7 @@ def test_the_table_measures_each_of_its_gases(
     ("arguments", "message"),
     [(["--most", "10"], "--most 10: the smallest gas of the table has 1000 disks"), (["--most", "x"], '"x"')],
 )
-def test_a_script_refuses_what_cannot_be(
+def test_a_script_refuses_impossible_arguments(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert script(table.table, arguments) == 2

@@ -48,7 +48,7 @@ def test_codes_from_outside_collide_by_the_closed_forms_of_the_coulomb_limit(wor
     c, w_2o = impacts()
     off = stepped.deviation(stepped.touch(world, c, w_2o=w_2o), predicted.after(c, "contact_point", w_2o))
     assert off.max() < tolerance
-    # IFR at another e_t, and the other closure, are far away: the comparison tells laws apart.
+    # IFR at another e_t, and the other closure, are far away: the comparison distinguishes laws.
     other = predicted.after(Impact(**{**vars(c), "e_t": -0.99}), "contact_point", w_2o)
     percussion = predicted.after(c, "percussion_center", w_2o)
     got = stepped.touch(world, c, w_2o=w_2o)
@@ -139,7 +139,7 @@ def test_without_pybullet_every_case_is_skipped_with_what_to_do_and_the_command_
     assert "PyBullet is not installed" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-def test_without_names_the_cases_of_the_paper_run_and_bullet_is_said_not_to(
+def test_without_names_the_cases_of_the_paper_run_and_bullet_is_listed_as_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert registry.chosen([]) == list(registry.PAPER)
@@ -169,7 +169,7 @@ def test_manual_has_the_command_and_the_picture() -> None:
 
 
 @needs_pymunk
-def test_rigid_grains_come_back_from_a_floor_and_roll_as_told() -> None:
+def test_rigid_grains_rebound_from_a_floor_and_roll_as_predicted() -> None:
     """One falls by 2 and comes back to e_n^2 of it; one begins to slide at 1, and rolls at 2/3 of it (m R^2 / 2)."""
     disks = Disks(2, mass=np.array([1.0, 0.5]), radius=np.array([0.5, 0.4]))
     start = State([[1.0, 2.5], [3.0, 0.4]], [[0.0, 0.0], [1.0, 0.0]], [0.0, 0.0])

@@ -32,7 +32,7 @@ def test_a_straight_surface_has_its_angle_by_both_ways(angle: float, turned: flo
     turn = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
     disks = Disks(len(at), mass=1.0, radius=0.5)
     surface, centre = drum.angles(disks, turned, at @ turn.T + drum.CENTRE)
-    # Rows end up to a diameter apart on both sides, so that the centre is up to 1/4 of one beside the middle of some
+    # Rows end up to a diameter apart on both sides, so that the centre is up to 1/4 of one from the middle of some
     # 4.9 below the axis: 3 degrees at most, for the two lowest rows less.
     assert surface == pytest.approx(angle, abs=0.5)
     assert centre == pytest.approx(angle, abs=2.0)
@@ -69,7 +69,7 @@ def test_measured_pieces_of_both_codes_belong_to_the_same_speeds_and_starts() ->
 
 
 @pytest.mark.skipif(absence() is not None, reason="LAMMPS is not installed")
-def test_soft_disks_come_back_from_a_floor_and_roll_as_told(tmp_path: Path) -> None:
+def test_soft_disks_rebound_from_a_floor_and_roll_as_predicted(tmp_path: Path) -> None:
     """One falls by 2 and comes back to e_n^2 of it, e_n to 0.02; one begins to slide at 1, and rolls at 2/3 of it.
 
     Sliding without spin it ends rolling: m v R = (m R^2 + I) v' / R with I = m R^2 / 2.

@@ -217,7 +217,7 @@ def test_scattering_angles_follow_eqs_18_to_23(coefficients, sticking, regime, t
 def test_sliding_begins_at_the_angle_of_eqs_24_and_25(coefficients, sticking, transit):
     c = homogeneous(random_impacts(coefficients, seed=6))
     angle = np.arctan(transit(c))
-    # 1e-9 rad on either side: far above round-off, far below what tells the printed Eq. 24 apart
+    # 1e-9 rad on either side: far above round-off, far below the difference to the printed Eq. 24
     assert np.all(strike(replace(c, psi=angle - 1e-9), sticking).regime == Regime.STICKING)
     assert np.all(strike(replace(c, psi=angle + 1e-9), sticking).regime == Regime.SLIDING)
 

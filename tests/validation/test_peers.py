@@ -89,7 +89,7 @@ def test_serial_peer_has_the_collisions_of_the_engine_in_order(
     np.testing.assert_array_equal(outcome.state.collisions, simulation.state.collisions)
 
 
-def test_serial_peer_goes_on_where_it_stopped() -> None:
+def test_serial_peer_resumes_where_it_stopped() -> None:
     disks = equal_disks(100)
     box, state = start(disks, 0.3)
     once, twice = (SerialEvents(box, 1.0, 0.9, state) for _ in range(2))
@@ -232,7 +232,7 @@ def edmd(path: Path, *, layers: int = 3, height: float = 0.0, rate: float = 2.4,
 
 
 def dynamo(path: Path, *, rate: float = 2.4) -> Path:
-    """DynamO's stand-in: 1e4 events/s, as many as asked for, at so many per disk and time; cools as a gas does."""
+    """DynamO's stand-in: 1e4 events/s, as many as requested, at so many per disk and time; cools as a gas does."""
     return program(
         path,
         f"""\
@@ -272,7 +272,7 @@ def test_edmd_is_timed_between_its_lines(tmp_path: Path) -> None:
     assert len(set(positions[:, 2])) == 1
 
 
-def test_dynamo_gets_the_gas_and_tells_its_speed(tmp_path: Path) -> None:
+def test_dynamo_gets_the_gas_and_its_speed_is_read(tmp_path: Path) -> None:
     box, state = start(equal_disks(100), 0.3)
     state = State(state.position, 2.0 * state.velocity, state.spin)
     run = spheres.dynamo(dynamo(tmp_path / "dynarun"), tmp_path, box, 0.9, state, 500)
@@ -403,9 +403,7 @@ def test_all_three_codes_move_the_same_gas(e_n: str, capsys: pytest.CaptureFixtu
 
 
 @needs_lammps
-def test_another_gas_is_found_out(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_another_gas_is_detected(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(soft_disks, "spring_and_damping", lambda e_n, *rest: spring_and_damping(1.0, *rest))
     monkeypatch.setattr(serial_events, "COMPILED", False)  # not needed here
     assert script(peers.peers, [*SMALL, "--e-n", "0.8"]) == 1

@@ -129,7 +129,7 @@ def test_a_case_that_compares_nothing_fails(cases, tmp_path):
     assert cli.main(["validate", "-o", str(tmp_path)]) == 1
 
 
-def test_a_skipped_case_never_passes_but_only_fails_a_run_that_asked_for_it(cases, tmp_path, capsys):
+def test_a_skipped_case_never_passes_and_fails_only_a_run_that_names_it(cases, tmp_path, capsys):
     cases(good=good, absent=absent)
     assert cli.main(["validate", "-o", str(tmp_path)]) == 0
     assert "SKIP the package abacus is not installed" in capsys.readouterr().out
@@ -412,7 +412,7 @@ def test_manual_lists_every_case():
     assert ".venv/bin/ifrdem validate -o validation-report\n" in text
 
 
-def test_a_lower_bound_lets_pass_what_is_not_below_it() -> None:
+def test_a_lower_bound_passes_values_that_are_not_below_it() -> None:
     result = Result()
     for value in (20.0, 57.0, 19.9, float("nan")):
         result.at_least("growth", value, 20.0, "no theory says how much", "by hand")

@@ -15,7 +15,7 @@ from ifrdem.validation.report import page, registry, runner, terminal
 from ifrdem.validation.report.registry import GAS, Result
 
 
-def test_gases_are_a_group_of_their_own_and_no_part_of_a_run_without_names() -> None:
+def test_gases_are_a_separate_group_left_out_of_a_run_without_names() -> None:
     assert registry.chosen(["gas"]) == list(GAS)
     assert not set(registry.chosen([])) & set(GAS)
     for name in GAS:
@@ -71,7 +71,7 @@ def test_the_tolerance_is_student_s_and_the_systematic_one_and_no_more() -> None
     assert 2.0 * np.trapezoid(density, x) == pytest.approx(math.erfc(4.0 / math.sqrt(2.0)), rel=1e-3)
 
 
-def test_a_row_whose_tolerance_is_too_wide_to_say_anything_fails(capsys) -> None:
+def test_a_row_with_a_tolerance_too_wide_for_a_test_fails(capsys) -> None:
     tolerance = compared(0.0).tolerance
     assert compared(0.0, widest=1.01 * tolerance / 10.0).passed
     blunt = compared(0.0, widest=0.99 * tolerance / 10.0)
@@ -95,7 +95,7 @@ def test_errors_of_two_means_have_welch_s_degrees_of_freedom() -> None:
         assert found.error == pytest.approx(math.hypot(alone.error, error))
 
 
-def test_chi_square_of_rows_finds_what_each_row_alone_lets_pass() -> None:
+def test_chi_square_of_rows_finds_a_bias_that_each_row_alone_passes() -> None:
     """Six values 2.2 Gaussian errors off: chi-square is 29.0, which one of 6 degrees of freedom exceeds by 6.0e-5.
 
     Q(chi^2, 6) = exp(-x)(1 + x + x^2/2) with x = chi^2 / 2; below it, 6.334e-5 of chance are left at x = 14.46.

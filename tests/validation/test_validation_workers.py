@@ -38,7 +38,7 @@ def test_rows_and_figures_of_workers_are_those_of_one_process_to_the_last_bit(tm
 
 
 def collected(names: list[str], jobs: int, **more: Any) -> tuple[list[str], dict[str, Any], list[list[str]]]:
-    """In what order calls of `worker_calls.shout` began, what came of them, and what was in work at times."""
+    """Order in which calls of `worker_calls.shout` began, their results, and the calls in work at times."""
     begun: list[str] = []
     found: dict[str, Any] = {}
     seen: list[list[str]] = []
@@ -49,7 +49,7 @@ def collected(names: list[str], jobs: int, **more: Any) -> tuple[list[str], dict
     return begun, found, seen
 
 
-def test_a_worker_that_dies_is_told_of_and_the_others_calls_are_made() -> None:
+def test_a_worker_that_dies_is_reported_and_the_other_calls_are_made() -> None:
     begun, found, _ = collected(["killed 1", "left 1", "killed 2", "a", "b", "left 2", "c"], 2)
     assert begun == ["killed 1", "left 1", "killed 2", "a", "b", "left 2", "c"]
     assert [found[name][0] for name in "abc"] == ["A", "B", "C"]
@@ -60,7 +60,7 @@ def test_a_worker_that_dies_is_told_of_and_the_others_calls_are_made() -> None:
         assert found[name] == ProcessDied("its process ended with status 3 and without a result")
 
 
-def test_each_call_has_a_process_of_its_own_with_its_part_of_the_cores() -> None:
+def test_each_call_has_a_separate_process_with_its_part_of_the_cores() -> None:
     begun, found, seen = collected(["slow threads 1", "slow threads 2", "threads 3"], 2, every=0.2)
     assert begun == ["slow threads 1", "slow threads 2", "threads 3"]
     processes = [process for _, process, _ in found.values()]
@@ -70,9 +70,7 @@ def test_each_call_has_a_process_of_its_own_with_its_part_of_the_cores() -> None
     assert ["slow threads 1", "slow threads 2"] in seen
 
 
-def test_a_case_whose_worker_dies_fails_and_rows_stand_in_the_usual_order(
-    tmp_path, capsys, monkeypatch
-) -> None:
+def test_a_case_with_a_dead_worker_fails_and_rows_keep_their_order(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr(runner, "run_case", worker_calls.case)
     names = ["energy", "angles", "misprints"]
     assert cli.main(["validate", *names, "--jobs", "3", "-o", str(tmp_path)]) == 1

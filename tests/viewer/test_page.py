@@ -210,7 +210,7 @@ def test_a_click_shows_the_history_of_a_disk_or_that_it_was_not_tracked(page, se
     assert page.locator("#disk").is_hidden()
 
 
-def test_colours_that_are_not_there_are_told_with_the_reason(page, serve, tmp_path):
+def test_missing_colours_are_reported_with_the_reason(page, serve, tmp_path):
     layout_files.write(tmp_path / "bare.h5", n=20, fields=("position",))
     opened(page, serve(tmp_path / "bare.h5"))
     reasons = page.locator("#colour option[disabled]").all_text_contents()
@@ -242,7 +242,7 @@ def test_frames_that_a_run_adds_are_followed(page, serve, tmp_path):
         assert page.evaluate("frame.index") == 2
 
 
-def test_another_file_in_the_place_of_the_first_is_shown_anew(page, serve, path, tmp_path):
+def test_a_replaced_file_is_read_again(page, serve, path, tmp_path):
     path = shutil.copy(path, tmp_path / "first.h5")
     opened(page, serve(path))
     first = page.evaluate("[head.n, head.times.length, document.title]")

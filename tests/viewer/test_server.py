@@ -172,7 +172,7 @@ def test_requests_without_the_token_or_for_another_host_are_refused(server):
         ("secret", 404, "no such page"),
     ],
 )
-def test_bad_requests_are_told(server, place, status, reason):
+def test_bad_requests_are_reported(server, place, status, reason):
     found, _, body = ask(server, place)
     assert found == status
     assert reason in body.decode()
@@ -193,7 +193,7 @@ def test_the_page_runs_its_own_script_alone_and_loads_nothing_from_elsewhere(ser
     assert re.findall(r"https?://|//\w+\.\w|@import|\ssrc=|\sstyle=|\son\w+=", text) == []
 
 
-def test_head_says_what_there_is_and_why_other_colours_are_not(server, path, tmp_path):
+def test_head_lists_colours_and_the_reasons_for_missing_ones(server, path, tmp_path):
     head = json.loads(ask(server, "head")[2])
     assert [one["name"] for one in head["colours"]] == ["spin", "speed", "species", "collisions", "since"]
     assert head["times"] == [0.0, 0.1, 0.2, 0.3]
@@ -210,7 +210,7 @@ def test_head_says_what_there_is_and_why_other_colours_are_not(server, path, tmp
     assert not bare["marks"]
 
 
-def test_another_file_in_the_place_of_the_first_is_told_though_it_has_as_many_frames(server, path, tmp_path):
+def test_a_replaced_file_is_detected_despite_equal_numbers_of_frames(server, path, tmp_path):
     head = json.loads(ask(server, "head")[2])
     viewed.layout_files.write(tmp_path / "other.h5", n=3, frames=len(head["times"]))
     (tmp_path / "other.h5").replace(path)
@@ -261,7 +261,7 @@ def test_requests_without_a_body_share_a_connection(server):
     connection.close()
 
 
-def test_history_of_a_disk_is_told_or_that_it_was_not_tracked(server):
+def test_history_of_a_disk_is_sent_or_that_it_was_not_tracked(server):
     found = json.loads(ask(server, f"disk?id={viewed.TRACKED}&frame=2")[2])
     assert (found["collisions"], found["kicks"]) == (3, 1)
     assert [row[:2] for row in found["rows"]] == [[0.05, 3.0], [0.12, -3.0], [0.25, 9.0]]
@@ -420,7 +420,7 @@ def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept
         (["--html", "new.html", "--frames", "9"], "names none of the 4 frames"),
     ],
 )
-def test_bad_options_are_told(path, monkeypatch, capsys, arguments, reason):
+def test_bad_options_are_reported(path, monkeypatch, capsys, arguments, reason):
     monkeypatch.chdir(path.parent)
     assert main(["view", "run.h5", *arguments]) == 2
     error = capsys.readouterr().err
@@ -428,7 +428,7 @@ def test_bad_options_are_told(path, monkeypatch, capsys, arguments, reason):
     assert "Traceback" not in error
 
 
-def test_a_port_that_is_taken_is_told(server, path, capsys):
+def test_a_port_that_is_taken_is_reported(server, path, capsys):
     assert main(["view", str(path), "--no-browser", "--port", str(server.server_port)]) == 2
     assert f"--port {server.server_port}: " in capsys.readouterr().err
 

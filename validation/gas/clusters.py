@@ -18,7 +18,7 @@ kappa^6 with kappa^2 = (z/2) x / l, that of Navier and Stokes. So x is replaced 
 4 kappa^4 of itself: 6 % at k xi = 1.
 
 *Clusters.* I. Goldhirsch and G. Zanetti, Phys. Rev. Lett. 70, 1619 (1993), doi:10.1103/PhysRevLett.70.1619: density
-follows. There is no theory of numbers for what the gas looks like then; that it is far from homogeneous is asked for by
+follows. There is no theory of numbers for what the gas looks like then; that it is far from homogeneous is tested by
 rows that pass from a lower bound on. Cells have a side of 20 diameters: 102 disks each, on average.
 
 Close to collapse, collisions soon after another are elastic (S. Luding and S. McNamara, Granul. Matter 1, 113 (1998),

@@ -41,7 +41,7 @@ E_N = 0.9
 DILUTE, DENSE = (0.01, 4096), (0.1, 16384)  # packing fraction, disks
 TAU = np.array([0.0, 2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
 NORMAL = 2  # T is taken over that at TAU[NORMAL]
-CUMULANTS = (0.95, 0.9, 0.8, 0.6)  # e_n at which DSMC is asked for a_2
+CUMULANTS = (0.95, 0.9, 0.8, 0.6)  # e_n at which DSMC computes a_2
 SETTLING = (
     6.0,
     14.0,

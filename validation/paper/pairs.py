@@ -1,7 +1,7 @@
 """Two disks flown into each other by the engine, thousands of pairs at once.
 
-Every pair has a patch of its own in one large periodic box, far from the others. All meet at the same time; the
-run ends when they have flown apart again. What came out is read back from the trajectory file, so that a
+Every pair has a separate patch in one large periodic box, far from the others. All meet at the same time; the
+run ends when they have flown apart again. The result is read back from the trajectory file, so that a
 comparison with the paper goes through all of it: kernels, engine, file and reader.
 
 Signs are the paper's: t along the tangential approach of disk 1, omega_1 counter-clockwise, omega_2 clockwise.

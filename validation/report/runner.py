@@ -64,7 +64,7 @@ def validate(
         Cases at a time, each in a process of its own; results do not depend on it. By default as many as there are
         cores, but no more than cases of the group `gas`; other cases take seconds, and run in this process.
 
-    Returns 0 if every row passed, 1 otherwise: a case that cannot run here counts as failed if it was asked for by name
+    Returns 0 if every row passed, 1 otherwise: a case that cannot run here counts as failed if it was named itself
     or group, and is left out in a run without names. InputError if a name is wrong, no case takes the seed, the folder
     cannot be written, or it holds a report and `force` is not given.
     """
@@ -215,7 +215,7 @@ def run_case(name: str, *, quick: bool, seed: int) -> Verdict:
 
 
 def exit_status(outcomes: Sequence[Verdict], *, named: bool) -> int:
-    """0 if all passed; a skipped case is forgiven only if it was not asked for by name and others ran."""
+    """0 if all passed; a skipped case is accepted only if it was not named and others ran."""
     ran = [each for each in outcomes if not each.skipped]
     forgiven = not named or len(ran) == len(outcomes)
     return 0 if ran and forgiven and all(each.passed for each in ran) else 1

@@ -27,7 +27,7 @@ from ...case import file as case_file
 from ...case import shipped, summary
 from ...case.case import UNITS, CaseSections
 from ...case.gas import CaseGas
-from ...case.objects import device_of
+from ...case.objects import choose_runtime, device_of
 from ...errors import InputError
 from ...kernels import runtime
 from ...mpi import SERIAL, Communicator
@@ -336,6 +336,7 @@ def prepared(
 ) -> tuple[CaseGas, Simulation]:
     """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
     run = case.run
+    choose_runtime(run)  # before a GPU is asked for, which imports a runtime
     backend.check(device_of(run))
     summary.refuse_beyond_memory(sum(each.number for each in case.species), run.device, case.start.positions)
     gas = CaseGas.from_case(case, folder)

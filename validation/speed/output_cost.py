@@ -57,7 +57,7 @@ def output_cost(
                 end = RunPoint(time=begin.time + FRAMES * every * bench.mean_free_time(gas))
                 frames = Trigger(number=FRAMES if way == ALL else 1)
                 rows = Trigger(number=ROWS_PER_FRAME * FRAMES, exact=False) if way == ALL else None
-                # As in a run that goes on: the piece before has its last frame and row.
+                # As in a continued run: the previous piece has its last frame and row.
                 plan = RunPlan(n, begin, end, frames, rows, next_frame=1, next_row=1)
                 output: dict[str, Any] = {
                     "frame_callbacks": [recorder.frame],

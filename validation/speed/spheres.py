@@ -196,7 +196,7 @@ def _write_configuration(path: Path, box: Box, e_n: float, state: State) -> None
 
 
 def _timed_output(command: Sequence[str], folder: Path, option: str) -> tuple[list[tuple[float, str]], int]:
-    """Lines that a program prints, each with the time when it came, and its exit status."""
+    """Lines that a program prints, each with its time, and the exit status of the program."""
     if sys.platform == "win32":
         raise InputError(f"{option}: not on Windows, where a program's lines cannot be timed as they come")
     # At a terminal, C programs hand over each line when it is complete, else thousands at once.

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # A law of one's own
+# # A custom law
 #
 # A law is a class, and a cell is as good a place for it as a file. In this one, restitution falls with the speed of
 # approach, as for viscoelastic spheres to lowest order.
@@ -24,7 +24,7 @@ class SpeedDependent(ifrdem.CollisionLaw):
 
 # %% [markdown]
 # It is not proved that this law never adds energy, so a simulation tries it on random pairs and would warn if one of
-# them gained energy. Beside it, a gas with a constant e_n that loses as much at first.
+# them gained energy. For comparison, a gas with a constant e_n that loses as much at first.
 
 # %%
 disks = ifrdem.Disks(1000, mass=1.0, radius=0.5)

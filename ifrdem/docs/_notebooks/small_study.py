@@ -20,7 +20,7 @@ failed = study.run(workers=0)
 failed
 
 # %% [markdown]
-# The results are a data set with means and standard errors over seeds, and kinetic theory beside them.
+# The results are a data set with means and standard errors over seeds, and kinetic theory.
 
 # %%
 data = study.dataset()

@@ -25,7 +25,7 @@ run = ifrdem.Trajectory("cooling.h5")
 run
 
 # %% [markdown]
-# Every picture of `ifrdem plot --list` is drawn into axes of one's own, for a figure of a paper.
+# Every picture of `ifrdem plot --list` is drawn into given axes, for a figure of a paper.
 
 # %%
 from matplotlib import pyplot

@@ -1,4 +1,4 @@
-"""Moments within windows are told as the whole box in order passes them: the same bits, in tiles too."""
+"""Moments within windows have the same bits in tiles as in the serial order of the whole box."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FRAMES = [RunPoint(collisions=int(0.4 * N / 2 * i)) for i in range(1, 13)]  # on
 def looked_at(
     name: str, due: list[RunPoint], monkeypatch: pytest.MonkeyPatch, **options: Any
 ) -> tuple[list[tuple[State, Any, Any]], Engine, int]:
-    """States, times and totals that an engine tells at points of a run; number of windows that it ran again."""
+    """States, times and totals of an engine at points of a run; number of windows that it ran again."""
     computed = []
     compute = Windows._compute
     monkeypatch.setattr(
@@ -47,7 +47,7 @@ def looked_at(
 
 
 @pytest.mark.parametrize("name", sorted(set(GASES) - {"driven"}))  # whose windows end at forces
-def test_moments_are_told_with_their_window_as_the_whole_box_in_order_passes_them(
+def test_moments_in_windows_of_tiles_have_the_bits_of_the_serial_order(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At numbers of collisions, and at times halfway between them."""

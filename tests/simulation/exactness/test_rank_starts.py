@@ -45,7 +45,7 @@ positions = "hexagonal"
 
 @mpi.needed
 def test_slices_of_ranks_move_as_one_process_does(tmp_path: Path) -> None:
-    """Starts, frames, energies and checkpoints, loaded by ranks and by one process; a case; and errors told on all."""
+    """Starts, frames, energies and checkpoints, loaded by ranks and by one process; a case; errors on all ranks."""
     case = tmp_path / "gas.toml"
     case.write_text(CASE)
     done = mpi.on(3, sys.executable, "-m", "mpi4py", SCRIPT, case, tmp_path, timeout=300.0)

@@ -51,9 +51,9 @@ def test_all_bits_are_those_of_one_rank(run: str, told: dict[str, dict[str, Any]
     each, (ranks, name, *_) = told[run], run.split(":")
     assert each["differ"] == [], each
     assert (0 < each["own"] < each["tiles"]) == (ranks != "1")
-    if name == "cooling":  # what ranks had to tell one another again
+    if name == "cooling":  # what ranks had to exchange again
         assert each["run_again"] > 0
-    if "sizes" in name:  # tables of kinds were full, and begun anew, beyond those of lists that were sent
+    if "sizes" in name:  # tables of kinds were full and started again, beyond those of lists that were sent
         assert each["tables"] > 3 + each["relisted"] + each["moved"], each
     if "spreading" in name:  # blocks moved, and halos that had to be wider are known to their new owners
         assert each["moved"] > 0
@@ -66,7 +66,7 @@ def test_all_bits_are_those_of_one_rank(run: str, told: dict[str, dict[str, Any]
 @mpi.needed
 @pytest.mark.skipif(backend.cuda_absence() is not None, reason="no CUDA device on this machine")
 def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
-    """Of a state with latest partners, after tiles ran again; three ranks share GPUs as they are told to."""
+    """Of a state with latest partners, after tiles ran again; three ranks share GPUs as requested."""
     script = GASES.with_name("gpus.py")
     seen = {"CUDA_VISIBLE_DEVICES": "0,0"}
     done = mpi.on(3, sys.executable, "-m", "mpi4py", script, timeout=300.0, **seen)

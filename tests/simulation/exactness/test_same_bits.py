@@ -289,7 +289,7 @@ def hash_of(*collisions: tuple[float, int]) -> tuple[int, int]:
     return int(row.hash_1), int(row.hash_2)
 
 
-def test_the_hash_of_a_history_tells_times_partners_and_their_order() -> None:
+def test_the_hash_of_a_history_depends_on_times_partners_and_their_order() -> None:
     history = ((0.125, 3), (0.25, 7), (0.25, 9))
     others = [
         ((0.125, 4), (0.25, 7), (0.25, 9)),  # another partner at the same time

@@ -219,7 +219,7 @@ def test_another_force_acts_from_a_time_on() -> None:
         simulation.set_piston_force(0, math.nan)
 
 
-def test_tracked_disks_tell_what_the_piston_did() -> None:
+def test_tracked_disks_record_what_the_piston_did() -> None:
     simulation = gas(ROUGH, [lid(mass=4.0, force=3.0)], **TOLD)
     simulation.run(t_end=10.0)
     events = simulation.take_events()

@@ -53,7 +53,7 @@ def pile(n: int = 60, seed: int = 1, **options: Any) -> Simulation:
 
 
 def closes(run: Simulation) -> None:
-    """The ledger tells all energy that was lost, to rounding."""
+    """The ledger has all energy that was lost, to rounding."""
     lost = run.measure().dissipated
     assert lost is not None
     turned_over = abs(run.dissipated_energy) + abs(run.measure().potential_energy) + 1.0
@@ -83,7 +83,7 @@ def test_a_disk_dropped_on_a_floor_rests_there_and_has_lost_its_fall() -> None:
 
 
 def test_a_disk_rests_on_two_posts_but_not_on_top_of_one() -> None:
-    """Beside the top it rolls off: a = (2/3) g sin(angle) for rolling, which is not rest from 0.0015 on."""
+    """Off the top it rolls down: a = (2/3) g sin(angle) for rolling, which is not rest from 0.0015 on."""
     posts = [Wall.post((5.4, 3.0), 0.5), Wall.post((6.6, 3.0), 0.5)]
     run = gas([[6.02, 4.0]], walls=posts)
     run.run(t_end=60.0)
@@ -184,7 +184,7 @@ def test_in_a_groove_a_disk_rests_without_friction_but_not_on_one_side_of_it(mu:
 
 
 @pytest.mark.parametrize(("mu", "stands"), [(0.270, True), (0.266, False)])
-def test_a_pyramid_of_three_stands_by_friction(mu: float, stands: bool) -> None:
+def test_a_pyramid_of_three_is_stable_by_friction(mu: float, stands: bool) -> None:
     """The lower two touch the floor, and each other at most. The top, weight W, pushes each by N along a line 30
     degrees from the vertical, with friction T upwards. No torque on a lower disk: the floor's friction is T, inwards.
     Its balance along the floor, N sin 30 = T cos 30 + T, gives T/N = tan 15 = 0.2679; that of the top N = W/2, so the
@@ -253,7 +253,7 @@ def test_a_hard_hit_wakes_and_is_a_collision_of_two_disks() -> None:
     closes(run)
 
 
-def test_a_slow_hit_wakes_nobody() -> None:
+def test_a_slow_hit_wakes_no_disk() -> None:
     run = sleeper_and((6.0, 1.5 + 0.4 * SLOW**2), (0.0, 0.0))  # falls to sqrt(0.8) v_s
     run.collide(1)
     assert run.state.asleep[0] == 1
@@ -264,7 +264,7 @@ def test_a_slow_hit_wakes_nobody() -> None:
     closes(run)
 
 
-def test_who_loses_his_support_wakes_and_falls() -> None:
+def test_a_disk_that_loses_its_support_wakes_and_falls() -> None:
     """A tower of two; a third disk knocks the lower one away along the floor, so nobody hits the upper one hard."""
     run = gas([[6.0, 0.5], [6.0, 1.5], [3.0, 0.5]], [[0.0, 0.0], [0.0, 0.0], [6.0, 0.0]])
     run = said_asleep(run, [1, 1, 0], e_n=0.9, e_t=-1.0, mu=0.0)
@@ -277,8 +277,8 @@ def test_who_loses_his_support_wakes_and_falls() -> None:
     assert run.state.asleep[1] == 0
 
 
-def test_who_sleeps_without_support_is_found_out_by_its_forces() -> None:
-    """One in the air, one beside the top of a third on the floor, which it pushes aside as it rolls off."""
+def test_a_sleeping_disk_without_support_is_detected_by_its_forces() -> None:
+    """One in the air, one off the top of a third on the floor, which it pushes aside as it rolls down."""
     beside = (9.0 + math.sin(0.2), 0.5 + math.cos(0.2))
     run = gas([[3.0, 3.0], [9.0, 0.5], beside])
     run = said_asleep(run, [1, 1, 1], e_n=0.6, e_t=-1.0, mu=0.3)
@@ -454,7 +454,7 @@ def test_where_the_model_does_not_hold_it_is_refused(change: dict[str, Any], tol
         gas([[6.0, 2.5]], **change)
 
 
-def test_a_belt_supports_nobody() -> None:
+def test_a_belt_supports_no_disk() -> None:
     run = gas([[6.0, 2.5]], walls=[Wall.line((0.0, 1.0), (0.0, 1.0), surface_speed=0.5)])
     run.run(t_end=7.0)
     assert run.asleep == 0

@@ -63,7 +63,7 @@ def test_disks_leave_with_a_rayleigh_and_two_gaussian_components_in_the_frame_of
     """10,000 disks of two kinds side by side hit a tilted wall that moves, with a surface that moves along it.
 
     Scaled by their own sqrt(T/m) and sqrt(T/I), all are drawn from the same three distributions. Kolmogorov-Smirnov
-    at a level of 0.001 each; of a wrong temperature the mean square tells more, to five standard errors.
+    at a level of 0.001 each; the mean square is more sensitive to a wrong temperature, at five standard errors.
     """
     n, T = 10_000, 3.0
     heavy = np.arange(n) % 2 == 0
@@ -191,7 +191,7 @@ def test_a_rough_gas_between_walls_of_one_temperature_has_it_everywhere() -> Non
 
     600 frames, 4 time units apart: most of a crossing time of 20 / sqrt(2). Of 900 disks' two velocity components and
     one spin, each strip has 1e5: errors of 0.3 and 0.4 % if all were independent. The energy of the whole gas changes
-    slowly: means over pieces of 20 frames, of two seeds, tell an error of 0.2 to 0.3 % of the mean of all.
+    slowly: means over pieces of 20 frames, of two seeds, give an error of 0.2 to 0.3 % of the mean of all.
     """
     box = Box((20.0, 90.0), (False, True))
     n, T = 900, 2.0
@@ -311,7 +311,7 @@ def test_an_elastic_gas_under_gravity_follows_the_barometric_law(floor: str) -> 
         counts += np.histogram(state.position[:, 1], edges)[0]
     expected = np.diff(column_density(n, width, height, T, g, edges)) * counts.sum()
     assert stats.chisquare(counts, expected).pvalue > 1e-3
-    # It tells: without the correction for the finite density, or with T 4 % off, it is rejected.
+    # The test is sensitive: it fails without the correction for the finite density, or with T 4 % off.
     plain = np.exp(-np.clip(edges, 0.5, height - 0.5) * g / T)
     ideal = (plain[:-1] - plain[1:]) / (plain[0] - plain[-1]) * counts.sum()
     warmer = np.diff(column_density(n, width, height, 1.04 * T, g, edges)) * counts.sum()
@@ -319,7 +319,7 @@ def test_an_elastic_gas_under_gravity_follows_the_barometric_law(floor: str) -> 
         assert stats.chisquare(counts, wrong).pvalue < 1e-4
 
 
-def test_the_simulation_tells_heat_by_wall_and_in_its_measures() -> None:
+def test_the_simulation_gives_heat_by_wall_and_in_its_measures() -> None:
     box = Box((12.0, 12.0), (False, True))
     disks = Disks(60, mass=1.0, radius=0.5)
     run = Simulation(

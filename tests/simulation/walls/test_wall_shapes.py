@@ -166,8 +166,8 @@ def test_heat_of_a_thermal_wall_is_among_its_sums() -> None:
     np.testing.assert_array_equal(heat, engine.wall_heats)
 
 
-def test_a_wall_that_turns_is_seen_as_a_frame_that_turns() -> None:
-    """A free disk beside a steadily turning blade, from the frame of the blade: it meets it where plain geometry says.
+def test_a_rotating_wall_is_equivalent_to_a_rotating_frame() -> None:
+    """A free disk near a steadily rotating blade, in the frame of the blade: it meets it where plane geometry says.
 
     A disk of radius R at rest at distance d from the centre is met by a blade through the centre, at the angle beta
     against it, when sin(beta - w t) = R / d; an elastic smooth blade sends it off at 2 w sqrt(d^2 - R^2), the speed of
@@ -218,7 +218,7 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
     assert by_count.collisions == 40
     assert by_count.time == shut.time
     same(by_count.state(), shut.state())
-    # From then on it is a gas without the lid, at once.
+    # From then on it is a gas without the gate, at once.
     opened = by_count.state()
     free = engine_of(opened, CORNER)
     t = opened.time + 1.0

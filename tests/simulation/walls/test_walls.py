@@ -170,7 +170,7 @@ def _time_to_sides(x: np.ndarray, v: np.ndarray, gravity: float) -> float:
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_smooth_elastic_walls_are_mirrors(order: str) -> None:
-    """A gas between two such walls, beside its mirror image, is a periodic gas of twice the width: the serial code's.
+    """A gas between two such walls and its mirror image are a periodic gas of twice the width: that of the serial code.
 
     There a disk that meets its own image is one that meets the wall.
     """
@@ -355,11 +355,11 @@ def test_a_wall_that_would_leave_through_a_periodic_side_is_refused(wall: str) -
 
 
 @pytest.mark.parametrize("frames", [1, 20, 80, 400])
-def test_a_disk_that_comes_to_rest_on_a_wall_ends_the_run_however_often_it_is_looked_at(frames):
+def test_a_disk_that_comes_to_rest_on_a_wall_ends_the_run_at_any_rate_of_readout(frames):
     disks, box = Disks(1, mass=1.0, radius=0.5), Box((10.0, 10.0), periodic=(False, False))
     start = State([[5.0, 1.0]], [[0.0, 0.0]], [0.0])
     run = Simulation(disks, box, IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), start, gravity=(0.0, -1.0))
-    # It falls for a time 1; then it jumps for 2 (e + e^2 + ...) = 2: at rest at t = 3, which the window's end tells.
+    # It falls for a time 1; then it jumps for 2 (e + e^2 + ...) = 2: at rest at t = 3, found at the window's end.
     with pytest.raises(InelasticCollapse):
         run.run(t_end=8.0, frames=frames)
     assert run.time < 3.1

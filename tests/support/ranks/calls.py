@@ -1,4 +1,4 @@
-"""`mpiexec -n 3 python calls.py`: two of the ranks share a gas, do wrong things with it, and tell what came.
+"""`mpiexec -n 3 python calls.py`: two of the ranks share a gas, make wrong calls, and print the errors.
 
 Of disks, start, frame_callbacks and series_callbacks only the first one has any.
 """
@@ -63,7 +63,7 @@ if __name__ == "__main__":
     found["fails"] = outcome(
         lambda: simulation.run(collisions_per_disk=1.0, frame_callbacks=[fails] if RANK == 0 else [])
     )
-    simulation.run(collisions_per_disk=1.5)  # it goes on
+    simulation.run(collisions_per_disk=1.5)  # it stays usable
     state = simulation.state
     found["there"] = repr((simulation.collisions, state.n, float(np.sum(state.position))))
     found["momentum"] = repr(bool(np.abs(simulation.measure().momentum).max() < 1e-9))

@@ -1,6 +1,6 @@
 """`mpiexec -n 3 python files.py CASE CHANGES.json`: starts that ranks read in slices; prints a line of JSON.
 
-Each list of changes of the case is read on three ranks, on two of them, and by the first one alone. Told is what
+Each list of changes of the case is read on three ranks, on two of them, and by the first one alone. It prints what
 differs, and what each rank says where a start is refused.
 """
 

@@ -1,6 +1,6 @@
 """Gases on several ranks: `mpiexec -n 4 python gases.py RANKS:NAME[:FAULT]...` prints a line of JSON for each.
 
-It tells what differs from the same gas on one rank, which the first rank computes as well. One process for all of them
+It prints what differs from the same gas on one rank, which the first rank computes as well. One process for all of them
 compiles the kernels of each once.
 """
 
@@ -189,7 +189,7 @@ def no_foresight() -> None:
 
 
 def no_hashes() -> None:
-    """Neighbours tell nothing of the disks that they ran."""
+    """Neighbours send nothing about the disks that they ran."""
     whole, swap = ranks.RankDomain.exchange_hashes, ranks.RankDomain.exchange
 
     def silent(self: Any, again: bool) -> None:
