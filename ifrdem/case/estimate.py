@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,6 +15,7 @@ from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
 from ..model.density import packing_fraction
+from ..model.law import EnergyWarning
 from ..model.observables import MECHANISMS, REGIMES
 from ..model.viscoelastic import Viscoelastic
 from ..model.walls import PISTONS, SUMS
@@ -408,7 +410,8 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
 
     def collisions(times: Array) -> Array:
         if driving is None:
-            mixture = theory.Mixture([mass], [radius], law, phi, k=[each.k])
+            with warnings.catch_warnings(action="ignore", category=EnergyWarning):  # the case has its notice
+                mixture = theory.Mixture([mass], [radius], law, phi, k=[each.k])
             found: Array = theory.mixture_cooling(mixture, T, T_rot, times).collisions_per_disk[:, 0]
             return found
         return driven_gas.driven(*one, driving, T, T_rot, times)[2]

@@ -186,8 +186,8 @@ def test_seed_disk_step_and_place_of_a_force_change_its_random_numbers() -> None
         (lambda: Rescale(0.1), "exactly one of temperature and energy"),
         (lambda: Rescale(0.1, energy=0.0), r"energy = 0\.0: must be a positive finite number"),
         (lambda: Push(0.1, acceleration=math.inf), "acceleration = inf"),
-        (lambda: Push(0.1, accelleration=1.0), r"Push: unknown parameter 'acc.*'.* it has: acceleration"),
-        (lambda: Push(0.1), "Push: acceleration is missing; it has: acceleration"),
+        (lambda: Push(0.1, accelleration=1.0), r"Push: unknown parameter 'accelleration' .did you mean 'acceleration'"),
+        (lambda: Push(0.1), "Push: parameter 'acceleration' is missing"),
     ],
 )  # fmt: skip
 def test_a_force_that_cannot_be_is_refused(make: object, text: str) -> None:
@@ -201,11 +201,11 @@ def test_a_force_that_cannot_act_is_refused() -> None:
         (RandomKicks(0.1, power=1.0), "2 disks at least"),
         (Force(0.1), "with a method act"),
         ("drag", "with a method act"),
-        (Summing(0.1, acceleration=1.0), "needs a method measure"),
+        (Summing(0.1, acceleration=1.0), "totals = 1 requires a static method measure"),
     ):
         with pytest.raises(InputError, match=text):
             Simulation(disks, box, SMOOTH, state, forces=[force])  # type: ignore[list-item]
-    with pytest.raises(InputError, match="must be a sequence"):
+    with pytest.raises(InputError, match="must be a list of forces"):
         Simulation(disks, box, SMOOTH, state, forces=Drag(0.1, rate=1.0))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="seed = -1"):
         Simulation(disks, box, SMOOTH, state, forces=[Drag(0.1, rate=1.0)], seed=-1)
