@@ -49,7 +49,9 @@ def _coefficients(case: CaseSections, a: str, b: str) -> Coefficients | str | No
         if coin_a is not None and coin_b is not None:
             with contextlib.suppress(InputError):  # the paper did not measure this pair: the case has to say
                 return _of_coin(f"'{coin_a}' with '{coin_b}'", coins.pair(coin_a, coin_b))
-        return f"missing for the materials '{a}' and '{b}': give their e_n, e_t and mu in a [[pair]]"
+        others = {each.law for each in case.material if each.name in (a, b)} - {"ifr"}
+        given = f'law = "{others.pop()}" and its coefficients' if len(others) == 1 else "e_n, e_t and mu"
+        return f"missing for the materials '{a}' and '{b}': give their {given} in a [[pair]]"
     for i, material in enumerate(case.material):
         if material.name == a:
             return f"material[{i}]", material.made

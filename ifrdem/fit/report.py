@@ -317,7 +317,7 @@ def draws(fit: Fit, number: Count, seed: Seed = 1) -> str:
     header = [
         f"# {number} draws of the coefficients of {fit.best} fitted to {fit.data.source}: Gaussian, "
         "with their covariance",
-        f"# sticking: {fitted.law.sticking}",
+        *([f"# sticking: {fitted.law.sticking}"] if fitted.law.sticking else []),
         ",".join(rows[0]),
     ]
     return "\n".join((*header, *(",".join(f"{value:.8g}" for value in row.values()) for row in rows))) + "\n"

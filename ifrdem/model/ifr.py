@@ -283,7 +283,11 @@ def smooth_disks(e_n: float) -> IFRLaw:
     return IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
 
 
-def rough_disks(e_n: float, beta: float) -> IFRLaw:
+_Beta = Annotated[float, Number(-1.0, 1.0, "a number from -1 (smooth) to 1 (perfectly rough)")]
+
+
+@validated
+def rough_disks(e_n: float, beta: _Beta) -> IFRLaw:
     """The law of rough disks of constant normal and tangential restitution: the IFR law with e_t = beta and mu = 0.
 
     J. T. Jenkins and M. W. Richman, Phys. Fluids 28, 3485 (1985), doi:10.1063/1.865302.

@@ -79,7 +79,7 @@ class CollisionLaw(ReadOnlyAttributes):
     def __init__(self, **values: float) -> None:
         row = named_numbers(type(self).__name__, "coefficient", self.coefficients, values)
         for name, in_range in self.ranges.items():
-            in_range(name, row[name])
+            in_range(f"{type(self).__name__}: {name}", row[name])
         self._row = tuple(row.values())
 
     def __getattr__(self, name: str) -> float:

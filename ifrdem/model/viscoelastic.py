@@ -87,6 +87,11 @@ class Viscoelastic(CollisionLaw):
         """Shape number of the disks for which the law was examined."""
         return self._k
 
+    def __repr__(self) -> str:
+        """The law as it is made."""
+        numbers = ", ".join(f"{name}={getattr(self, name):g}" for name in ("A", "Y", "e_t", "mu"))
+        return f"Viscoelastic({numbers}, sticking={self.sticking!r}, rho={self.rho:g})"
+
     def _slow(self, k: float) -> IFRLaw:
         """The IFR law of its slowest impacts, which are elastic."""
         return IFRLaw(e_n=1.0, e_t=self.e_t, mu=self.mu, sticking=self.sticking, rho=self.rho, k=k)

@@ -264,6 +264,8 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[s
     if not h5py.is_hdf5(path):
         raise InputError(f"{path} is damaged, or no checkpoint of ifrdem: it is not an HDF5 file")
     with as_damage_error(path), h5py.File(path, "r") as file:
+        if "particles" in file:
+            raise InputError(f"{path} is a trajectory: must be its checkpoint, NAME.checkpoint.h5")
         damage.check_links(file, os.fspath(path))
         if not np.array_equal(file.attrs.get("kind"), np.bytes_(_KIND)):
             raise InputError(f"{path} is no checkpoint of ifrdem")
