@@ -96,7 +96,7 @@ def on_command_line() -> Iterator[None]:
 
 
 def option_name(option: str, argument: str) -> str:
-    """An option of a command, or the argument of the same meaning in Python, for a message to who called."""
+    """An option of a command, or the argument of the same meaning in Python, for a message to the caller."""
     return option if _on_command_line else argument
 
 

@@ -551,7 +551,7 @@ def find(
     """The earliest meeting of the disk in slot i with those of the cells around its own, before `best`: time, partner.
 
     Cells from (x_low, y_low) to (x_high, y_high) steps away. If `half`, only every other one of the nine, so that each
-    pair is looked at once. With two layers, small disks look at the large cells around their own too, if `half` or if
+    pair is compared once. With two layers, small disks look at the large cells around their own too, if `half` or if
     they have just come into a large cell; large disks look at all small cells in the large ones, unless `half`.
     """
     info, motion = gas.event_info[i], gas.motion[i]
@@ -835,7 +835,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 if ti.static(gas.uses.pistons):
                     bounce(stopped, t, gas)
                 n_searching, all_search = n, 1
-                present = ti.min(present, n_bins - 1)  # for who meets it later in this window
+                present = ti.min(present, n_bins - 1)  # for disks that meet it later in this window
             else:
                 events += 1
                 remove_event(i, bins, gas)

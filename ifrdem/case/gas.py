@@ -71,7 +71,7 @@ class CaseGas:
 
     @classmethod
     def from_case(cls, case: CaseSections, folder: Path | str = ".", *, start: bool = True) -> CaseGas:
-        """The gas of a case; a start file's path begins at `folder`. Without `start`, it is looked at no more.
+        """The gas of a case; a start file's path begins at `folder`. Without `start`, that file is not read.
 
         Raises InputError with a line for each thing that is wrong, what is too large or too small for the engine
         included.

@@ -38,7 +38,7 @@ SPINNING = ("Rw_1", "Rw_2", "e_t_apparent", "rebound_contact", "spin_1_after", "
 """Quantities that depend on rolling friction."""
 
 TRANSIT = "psi_transit"
-_STARTS, _DESCENTS = 32, 6  # points where the likelihood is looked at; the best, from which it is climbed
+_STARTS, _DESCENTS = 32, 6  # sampled points; the best of them, where searches start
 _SAME_MINIMA = 2  # descents that end in the lowest minimum are enough
 _PRECISE = 3e-4  # of the distance of an end from the best value
 _TOLERANCE = {"held": 1e-6, "robust": 1e-8, "plain": 1e-10}  # of descents; robust ones converge linearly

@@ -35,7 +35,7 @@ from ..tools.checked import Array, Number, PositiveColumn, Seed, validated
 # Of the diameter among sites, of the radius at walls: room for rounding.
 CLOSER, CLEAR = 1.0 - 1e-9, 1.0 + 1e-9
 HALVINGS = 40
-AT_ONCE = 1 << 18  # sites that are looked at together
+AT_ONCE = 1 << 18  # sites that are checked together
 
 
 def check_sites(free_area: FreeArea, n: int, radius: float) -> bool:

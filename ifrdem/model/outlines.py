@@ -36,7 +36,7 @@ MOST = 1e50
 FLAT = 1e-12
 """Area of a polygon over that of the square of its perimeter, below which it encloses nothing: rounding of the area."""
 AT_ONCE = 2_000_000
-"""Pairs of sides that are looked at together at most."""
+"""Largest number of pairs of sides that are checked together."""
 
 
 def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float, float], ...]:

@@ -351,7 +351,7 @@ OF_STATE = tuple(each.name for each in fields(State) if each.name not in ("time"
 
 
 def scatter_state(disks: Disks | None, state: State | None) -> tuple[Disks, State]:
-    """Disks and state of the own slice, of those that the root has; what the other ranks give is not looked at."""
+    """Disks and state of this rank's slice, of those that the root has; arguments of other ranks are ignored."""
     comm = current()
     if comm.size == 1:
         assert disks is not None
@@ -395,7 +395,7 @@ def gather_state(n: int, state: State) -> State | None:
 class StoredState(State):
     """A state as a file in single precision keeps it: arrays of single precision, known to be finite.
 
-    An engine makes it for who wants no more than to write it, in a third of the time. Its arrays are columns of one:
+    An engine makes it for writers only, in a third of the time. Its arrays are columns of one:
     what belongs to a disk stands together. `image` is None if it was not requested.
     """
 

@@ -96,7 +96,7 @@ def run(
 
     def prepared() -> State | None:
         outputs.check(force=force)
-        choose_runtime(case.run)  # before a GPU is asked for, which imports a runtime
+        choose_runtime(case.run)  # before the check of a GPU, which imports a runtime
         estimate = RunEstimate.of(gas)
         folder = outputs.trajectory.parent
         refuse(check.refused_here(gas, estimate, folder, share=share, ranks=comm.size, sliced=drawn))

@@ -65,7 +65,7 @@ if TYPE_CHECKING:
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 ORDERS = ("serial", "tiled")
-# Windows of an open gas after which it is looked at: how far it has spread, and whether anybody can meet.
+# Windows of an open gas between checks of its extent, and of whether any disks can still meet.
 OPEN_WINDOWS = 32
 
 
@@ -165,7 +165,7 @@ class CollisionTimes:
 def no_pair_approaches(state: State, disks: Disks) -> bool:
     """True if no two disks of an open gas approach each other in a way that they could touch: the rest is one flight.
 
-    Every pair is looked at, until one is found; up to MOST_COMPARED disks. Imports the kernels.
+    Every pair is checked, until one is found; up to MOST_COMPARED disks. Imports the kernels.
     """
     from ..kernels.flights import approaching
 

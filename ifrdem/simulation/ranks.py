@@ -19,7 +19,7 @@ copied, its own disks, and `reach` of the tiles around it. After steps 1, 3 and 
 they are in a process that has all tiles. Lists are copied in their order; what is left out of them lies beyond the halo
 of each tile that gathers from them (`bands`, which its owner sends), which are not searched. A hash
 is computed once, by the one rank that owns the tile in which the disk begins. So each tile finds the same, is good or
-bad as it is there, and the proof in `kernels/tiles.py` holds: it speaks of tiles, not of who runs them. The length of
+bad as it is there, and the proof in `kernels/tiles.py` holds: it is about tiles, not about ranks. The length of
 the next window follows from the sums of step 4, which are added up in the order of one process: so all
 plan the same window. By induction over windows each disk moves as on one rank.
 
@@ -66,7 +66,7 @@ from .arrays import concatenated_ranges, kind_rows, kinds_of
 from .domain import Domain, sums_of_blocks
 from .runner import TileRunner
 
-# Windows between looks at who has more to do than others, and how much more is too much.
+# Windows between checks of the balance of work among ranks, and the imbalance that is too large.
 BETWEEN, UNEVEN = 16, 1.1
 MOST_EVENTS = 10.0  # of a disk in a window, that count there
 SLACK = 1.2  # of slots for disks, beyond those in use
@@ -145,7 +145,7 @@ class RankDomain(Domain):
             code = kinds_of(Disks(len(kinds.mass) + disks.n, *both))[1]
             self._kind = code[len(kinds.mass) :].astype(np.int32)
 
-    # ------------------------------------------------------------------ who owns what
+    # ------------------------------------------------------------- owners of tiles
 
     def first_slots(self, n: int) -> int:
         """One slot: later calls make as many as lists need."""

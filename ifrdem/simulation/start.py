@@ -1,4 +1,4 @@
-"""The gas that an engine begins with, on one process or on several ranks: counts of all disks, and who has which."""
+"""The gas at the start of an engine, on one process or several ranks: counts of all disks, slices of ranks."""
 
 from __future__ import annotations
 

@@ -314,7 +314,7 @@ class Statistics:
     elastic : int
         Collisions that were elastic for a remedy for collapse, or slower than the resting speed.
     unverified : int
-        Windows in which the forces in a heap were not found to the accuracy by which it is judged who may rest.
+        Windows in which the forces in a heap did not reach the accuracy that the test of resting disks needs.
     jammed : int
         Times that a disk fell asleep at speed, jammed between others without room to fly (`kernels/rest.py`).
     """

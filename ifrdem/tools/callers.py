@@ -1,4 +1,4 @@
-"""Where a warning comes from, for who called this package."""
+"""The place of a warning in the code that called this package."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ class Hold:
 def being_written(path: str | os.PathLike[str]) -> str | None:
     """Text on the process that is writing a file, such as "process 41 on node7 is writing it"; None if none is.
 
-    Readers lock files as well, which does not count: a file that is replaced stays whole for those who have it open.
+    Readers lock files as well, which does not count: a file that is replaced stays whole for readers that have it open.
     """
     if fcntl is None or not os.path.isfile(path):
         return None

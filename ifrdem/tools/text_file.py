@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from ..errors import InputError, nearest
 
-_AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe is opened without waiting for who writes into it
+_AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe is opened without waiting for a writer
 
 
 def opened(path: Path) -> BinaryIO:

@@ -134,7 +134,7 @@ def check_links(
     """
     allowed = views or {}
 
-    links: list[tuple[bytes, int]] = []  # looked at later: h5py loses exceptions in here
+    links: list[tuple[bytes, int]] = []  # checked later: h5py loses exceptions in here
     with as_damage_error(path, "its list of contents"):
         # A file that is opened by an object of Python has no name of its own.
         _check_heaps(file.filename if os.path.exists(file.filename) else path)
@@ -185,7 +185,7 @@ def _external_target(
     file: h5py.File, name: bytes, kind: int, views: Mapping[str, Collection[tuple[str, str]]]
 ) -> str | None:
     """Description of a link to other files, or of a dataset whose numbers lie elsewhere."""
-    if kind == h5py.h5l.TYPE_SOFT:  # within the file, where everything is looked at
+    if kind == h5py.h5l.TYPE_SOFT:  # within the file, where everything is checked
         return None
     if kind != h5py.h5l.TYPE_HARD:
         return "is a link to another file"

@@ -135,7 +135,7 @@ class History:
         """Velocity in the lab at times t [length/time], shape (..., 2); after the event at the time of one."""
         at, flight, unwrapped = self._flight(t)
         velocity = flight["velocity"] + (at - flight["time"])[..., None] * self._gravity
-        if self._box.shear_rate:  # who leaves a sheared box above comes in below, so much slower
+        if self._box.shear_rate:  # a disk that leaves a sheared box above enters below, so much slower
             height = self._box.lengths[1]
             velocity[..., 0] -= np.floor(unwrapped[..., 1] / height) * self._box.shear_rate * height
         return velocity

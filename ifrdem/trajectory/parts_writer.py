@@ -47,7 +47,7 @@ class PartsWriter:
     only frames that are complete in all parts; parts may hold more.
 
     A resumed file keeps its parts: of P' ranks then, number p % P' writes part p, and gets its rows from
-    those who have them (`shares`).
+    the ranks that have them (`shares`).
 
     All ranks call `create` or `resume`, `write` (or `shares` and `commit`) and `flush`; without `comm` one process
     writes everything. Use it as a context manager: leaving it commits all that was given.

@@ -302,7 +302,7 @@ class _Salvage:
         return damage.read(dataset)
 
     def _readable_rows(self, dataset: h5py.Dataset, rows: int, step: int = 0) -> NDArray[np.bool_]:
-        """The first rows that can be read, looked at in steps of whole chunks; of frames and times, finite ones."""
+        """Mask of the readable rows, checked in steps of whole chunks; of frames and times, finite ones."""
         finite = step == 1 or str(dataset.name).endswith("/time")
         good = np.zeros(rows, dtype=bool)
         step = step or (dataset.chunks[0] if dataset.chunks else max(rows, 1))

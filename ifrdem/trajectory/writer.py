@@ -450,7 +450,7 @@ def _check_resumable(
     parts = part_files.of(file, path)
     if (n := len(particles["radius"]) if parts is None else parts.n) != disks.n:
         raise InputError(f"{path} has {n} disks, the run has {disks.n}")
-    for name in layout.STATIC if parts is None else ():  # else the parts are looked at themselves
+    for name in layout.STATIC if parts is None else ():  # else the parts are checked themselves
         given, stored = getattr(disks, name), particles[name][()]
         if (different := given != stored).any():
             i = int(np.argmax(different))

@@ -138,7 +138,7 @@ class _Handler(BaseHTTPRequestHandler):
     wbufsize, disable_nagle_algorithm = -1, True  # an answer leaves at once, in one piece
 
     def parse_request(self) -> bool:
-        """Read a request; one for another host, or without the token, is refused before its method is looked at."""
+        """Read a request; one for another host, or without the token, is refused before its method is read."""
         if not super().parse_request():
             return False
         # What follows a body that is not read would be taken for the next request.

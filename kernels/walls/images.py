@@ -43,7 +43,7 @@ def from_partner(partner: ti.template()):
 
 @ti.func
 def position_at(i, image, region: ti.template(), gas: ti.template()):
-    """Position of the disk in slot i as the wall sees it that this is an image of, in the falling frame."""
+    """Position of the disk in slot i relative to the wall of this image, in the falling frame."""
     box_x, box_y = boxes_of(image)
     x = region.corner_x + gas.motion[i].x - box_x * gas.scale.length_x
     y = region.corner_y + gas.motion[i].y - box_y * gas.scale.length_y

@@ -18,7 +18,7 @@ MOST_STEPS = 1000  # towards a root; grazing contacts with oscillating walls tak
 
 @ti.func
 def relative_motion(w, x, y, vx, vy, tau, t, gas: ti.template()):
-    """A disk at time t, as wall w sees it in the frame that turns with it; arguments as of `wall_time`.
+    """A disk at time t in the frame that rotates with wall w; arguments as of `wall_time`.
 
     t; position; velocity relative to the wall; displacement s of the wall along its direction; bound of the wall's
     acceleration; `push`, bound of the relative acceleration, until the motion changes at `until`; `noise`, error of

@@ -7,7 +7,7 @@ A piece at rest, or seen from the frame that moves and turns with it, sees a dis
 (`motion.py`). Distances to a segment or a point, and from a circle outside of it, are convex functions of p with slopes
 of at most 1, so that f'' >= -B; for the inside of a circle (rho^2 - p^2)'' = -2 (|p'|^2 + p . p'') >= -2 (|p'|^2 + B
 rho). All are met by the same steps. Bounds reach to the end of the window, not to the earliest meeting known: that
-depends on the order in which walls are looked at, and steps, whose last bits depend on their bounds, would too.
+depends on the order in which walls are compared, and steps, whose last bits depend on their bounds, would too.
 
 Arcs. A disk of radius R touches the inside of an arc of radius A from within the circle rho = A - R, the outside from
 beyond rho = A + R, at an angle of the arc; it touches the ends as posts of radius 0. A centre that crosses the circle

@@ -100,7 +100,7 @@ def test_contact_value_of_a_dense_fluid_is_the_published_one(fluid: tuple[np.nda
     assert found.chi_square < found.degrees + 4.0 * np.sqrt(2.0 * found.degrees)
 
 
-def test_contact_value_refuses_what_has_none() -> None:
+def test_contact_value_refuses_gases_without_one() -> None:
     x = ideal_gas(1, 30)
     with pytest.raises(InputError, match="too few to"):
         analysis.contact_value(x, UNIT, radius=0.05)

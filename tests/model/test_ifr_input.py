@@ -122,7 +122,7 @@ def test_check_warns_where_only_the_total_energy_budget_holds():
 @pytest.mark.parametrize(
     "arguments", [(0.0, 1.0), (1.0, float("nan")), (1, 1, -1, 1), (1, 1, np.inf, np.inf)]
 )
-def test_admissibility_refuses_what_is_no_pair_of_disks(arguments):
+def test_admissibility_refuses_invalid_pairs_of_disks(arguments):
     with pytest.raises(InputError, match=r"(k_i|k_j|m_i) = .*(positive|finite)"):
         IFRLaw(**COIN).admissibility(*arguments)
 

@@ -274,7 +274,7 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
         pyplot.close("all")
 
 
-def test_fits_draw_what_they_found() -> None:
+def test_fits_draw_their_results() -> None:
     x = np.linspace(1.0, 6.0, 50)
     haff = analysis.haff_fit(x, 3.0 / (1.0 + (x - 1.0) / 2.0) ** 2).plot().lines[0]
     np.testing.assert_allclose(

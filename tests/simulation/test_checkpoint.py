@@ -161,7 +161,7 @@ def test_a_run_resumes_to_the_bit(tmp_path, make):
             assert np.array_equal(whole.wall_sums.values, goes_on.wall_sums.values)
 
 
-def test_a_gas_from_a_checkpoint_is_what_it_was(tmp_path):
+def test_a_gas_from_a_checkpoint_is_unchanged(tmp_path):
     gas = pushed()
     gas.set_law(IFRLaw(e_n=0.7, e_t=-0.5, mu=0.3))
     gas.set_piston_force(0, 5.0)

@@ -18,7 +18,7 @@ from ifrdem.kernels import runtime
 from ifrdem.simulation import backend
 
 
-def test_a_cpu_is_always_there() -> None:
+def test_a_cpu_is_always_available() -> None:
     (cpu,) = (device for device in backend.available() if device.name == "cpu")
     assert f"{backend.cores()} threads" in cpu.description
 
@@ -88,7 +88,7 @@ def test_neither_the_environment_nor_an_unwritable_cache_changes_what_runs() -> 
     assert done.returncode == 0, done.stderr
 
 
-def test_starting_says_nothing_on_stdout() -> None:
+def test_starting_prints_nothing_on_stdout() -> None:
     code = "from ifrdem.simulation import backend; backend.available(); backend.start('cpu')"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120

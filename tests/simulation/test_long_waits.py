@@ -116,7 +116,7 @@ def test_a_run_without_collisions_says_once_what_it_waits_for() -> None:
     assert at(120.0, 13.0, 1) is None
 
 
-def test_a_run_whose_end_is_far_says_so() -> None:
+def test_a_run_with_a_distant_end_gives_a_warning() -> None:
     clock = Clock()
     pace = SlowRunCheck(RunPoint(time=1e10), clock)
     assert pace.trouble(0.0, 0, lambda: 1.0) is None

@@ -36,7 +36,7 @@ LAW = IFRLaw(e_n=E_N, e_t=-1.0, mu=MU, sticking="contact_point")
 DISKS = Disks(N, mass=1.0, radius=1.0)  # type: ignore[arg-type]
 BOX = Box((math.sqrt(N * math.pi / PHI),) * 2, periodic=(False, False))
 
-FINE, COARSE = 1e-3, 5e-3  # time steps [R / thermal speed]; all times looked at are multiples
+FINE, COARSE = 1e-3, 5e-3  # time steps [R / thermal speed]; all sampled times are multiples
 ERRORS = 4.0  # standard errors that may lie between two codes
 BIAS = 1e-3  # what a step of 1e-3 leaves: contacts at a distance that is shorter by up to v dt, 5e-4 of 2 R
 

@@ -112,7 +112,7 @@ def turned_by_lammps(rate: float, seed: int, pieces: int, contact_time: float, f
 def of_pieces(
     disks: Disks, rate: float, time: Array, position: Array, asleep: Array, pieces: int
 ) -> list[Angles]:
-    """Means over pieces, from samples (S,) of time and who sleeps, and (S, n, 2) of positions."""
+    """Means over pieces, from samples (S,) of time and sleeping disks, and (S, n, 2) of positions."""
     each = np.array([angles(disks, -rate * t, at) for t, at in zip(time, position, strict=True)])
     piece = np.floor((rate * time - BEGIN) / PIECE + 1e-6)
     means = [np.append(each[piece == p].mean(axis=0), asleep[piece == p].mean()) for p in range(pieces)]

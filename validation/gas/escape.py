@@ -43,7 +43,7 @@ class Escape:
     hits: int  # collisions with walls
     collisions: int  # and between disks
     time: float  # simulated time at the end [time]
-    states: int  # how many times all gaps were looked at
+    states: int  # number of times at which all gaps were checked
     least_gap: float  # between a disk and a wall in all of them [length]; below 0 it is an overlap
 
 

@@ -336,7 +336,7 @@ def prepared(
 ) -> tuple[CaseGas, Simulation]:
     """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
     run = case.run
-    choose_runtime(run)  # before a GPU is asked for, which imports a runtime
+    choose_runtime(run)  # before the check of a GPU, which imports a runtime
     backend.check(device_of(run))
     summary.refuse_beyond_memory(sum(each.number for each in case.species), run.device, case.start.positions)
     gas = CaseGas.from_case(case, folder)

@@ -174,7 +174,7 @@ def test_gravity_pulls_the_piston_too() -> None:
 
 
 @pytest.mark.parametrize("cut", [3.7, 8.000001])
-def test_a_run_goes_on_from_a_checkpoint_to_the_bit(tmp_path: Path, cut: float) -> None:
+def test_a_run_resumes_from_a_checkpoint_to_the_bit(tmp_path: Path, cut: float) -> None:
     walls = [lid(mass=4.0, force=3.0, spring=0.5, low=-1.0, high=1.0)]
     whole, first, second = (gas(ROUGH, walls, gravity=(0.0, -0.2)) for _ in range(3))
     whole.run(t_end=15.0, frames=7)
@@ -219,7 +219,7 @@ def test_another_force_acts_from_a_time_on() -> None:
         simulation.set_piston_force(0, math.nan)
 
 
-def test_tracked_disks_record_what_the_piston_did() -> None:
+def test_tracked_disks_record_hits_of_the_piston() -> None:
     simulation = gas(ROUGH, [lid(mass=4.0, force=3.0)], **TOLD)
     simulation.run(t_end=10.0)
     events = simulation.take_events()
@@ -264,7 +264,7 @@ SEGMENT = Wall.segment((0.0, 5.0), (10.0, 5.0))
         ),
     ],
 )
-def test_a_piston_that_is_none_is_refused(make: Any, says: str) -> None:
+def test_an_invalid_piston_is_refused(make: Any, says: str) -> None:
     with pytest.raises(InputError, match=says):
         make()
 

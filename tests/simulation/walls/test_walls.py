@@ -365,7 +365,7 @@ def test_a_disk_that_comes_to_rest_on_a_wall_ends_the_run_at_any_rate_of_readout
     assert run.time < 3.1
 
 
-def test_windows_under_oblique_gravity_are_the_same_for_whoever_plans_them():
+def test_windows_under_oblique_gravity_are_planned_alike_by_host_and_kernel():
     """Their length has the square root of g_x^2 + g_y^2: one formula on the host and in the kernel, to the last bit."""
     g = (0.8603990317990844, 2.8716236178431096)  # math.hypot differs in its last bit
     disks, box = Disks(120, mass=1.0, radius=0.4), Box((30.0, 30.0), periodic=(False, False))
