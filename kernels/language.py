@@ -52,7 +52,7 @@ def declared(function: Any) -> Any:
 
 
 def program() -> Any:
-    """What holds arrays and compiled kernels of the runtime; None before it has started."""
+    """The program object of the runtime, which owns arrays and compiled kernels; None before it has started."""
     return vars(ti.lang.impl.get_runtime())["prog" if runtime.chosen() == "taichi" else "_prog"]
 
 

@@ -103,7 +103,7 @@ class Uses:
         vars(self).update(given)
 
     def replace(self, **given: Any) -> "Uses":
-        """The same with other values of some features."""
+        """A copy with other values of the given features."""
         return Uses(**(vars(self) | given))
 
     def values(self) -> tuple[Any, ...]:

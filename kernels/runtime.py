@@ -45,7 +45,7 @@ def _check(name: str, key: str) -> None:
 
 
 def _others(name: str) -> str:
-    """What to do without a runtime."""
+    """Remedy where a runtime is not installed: another one that is, or the command that installs one."""
     present = [other for other in NAMES if other != name and version(other) is not None]
     return f"use {present[0]}" if present else f"`pip install {' or '.join(set(NAMES) - {name})}`"
 

@@ -72,15 +72,17 @@ class Shape:
 
     def pieces(self) -> list[Pieces]:
         """The pieces that kernels collide disks with."""
-        # Abstract, as are the next two: a wall has one of the classes of `SHAPES`, never this one.
+        # Abstract: a wall has one of the classes of `SHAPES`, never this one.
         raise NotImplementedError
 
     def nearest(self, position: Array) -> tuple[Array, Array]:
         """Unit vectors from the wall to points, shape (n, 2), and distances, as of `Wall.normal`."""
+        # Abstract, as `pieces`: each class of `SHAPES` has its own.
         raise NotImplementedError
 
     def outline(self, step: float = 0.05) -> Array:
         """Points along the wall, shape (points, 2), in steps of this angle [rad] along a circle or arc."""
+        # Abstract, as `pieces`: each class of `SHAPES` has its own.
         raise NotImplementedError
 
     def path(self, lengths: tuple[float, float]) -> Array:

@@ -332,7 +332,7 @@ def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], devi
 
 
 def _remedy(name: str, version: str) -> str:
-    """What to do to resume with this version of a runtime."""
+    """Sentence that says how to resume with a runtime of this version; empty for an unknown runtime."""
     if name not in runtime.NAMES:
         return ""
     if runtime.version(name) == version:

@@ -50,8 +50,7 @@ from ..mpi import Communicator
 from ..tools import checked, seeds
 from . import backend, checks
 from .device import Device
-from .features import features_of
-from .record import validate as validate_record
+from .features import features_of, validate_record
 from .schedule import RunPoint
 from .start import StartCounts, StartSlice
 from .tracking import Statistics

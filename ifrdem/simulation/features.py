@@ -1,13 +1,14 @@
-"""Features of a gas, for which its kernels are compiled (`kernels/layout.py`, `Uses`)."""
+"""Features of a gas: what it records, and what its kernels are compiled for (`kernels/layout.py`, `Uses`)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InputError, nearest
 from ..kernels.columns import named
 from ..kernels.layout import Uses
 from ..kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
@@ -17,6 +18,24 @@ from ..model.walls import Wall
 
 if TYPE_CHECKING:
     from .engine import EngineOptions
+
+RECORDABLE = {
+    "energy": "energy that collisions dissipate, by mechanism, and collisions by regime: `Measure`",
+    "partner": "the disk or wall that each disk hit last: `State.last_partner`",
+    "angle": "the angle by which each disk has turned: `State.angle`",
+    "disk_energy": "energy that each disk's collisions dissipate, by mechanism: `State.dissipated`; includes energy",
+    "wall": "momentum, torque, work, heat and collisions of each wall: `wall_sums` and `Measure`",
+}
+
+
+def validate_record(record: Iterable[str]) -> frozenset[str]:
+    """Names of what is recorded, with those that others need: InputError for an unknown name."""
+    known = ", ".join(RECORDABLE)
+    names = list(record)
+    for name in names:
+        if name not in RECORDABLE:
+            raise InputError(f"record: unknown name {name!r}{nearest(name, RECORDABLE)}; must be of {known}")
+    return frozenset(names) | ({"energy"} if "disk_energy" in names else set())
 
 
 def features_of(

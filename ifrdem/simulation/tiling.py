@@ -1,4 +1,4 @@
-"""How a gas is divided into tiles and cells, and how long its windows are: from its density, at the start of a run."""
+"""Sizes of tiles and cells and lengths of windows, chosen from the density of a gas at the start of a run."""
 
 from __future__ import annotations
 

@@ -385,7 +385,7 @@ class Study:
         return f"{self.plan.label(task.index[:-1])}, seed {self.plan.seeds[task.index[-1]]}"
 
     def _cluster(self, workers: int | None, scheduler: str | None) -> ClusterSection:
-        """Where the runs take place, by the file and these arguments."""
+        """Workers or scheduler of the study: those of the arguments, else of the study file."""
         if workers is not None and scheduler is not None:
             names = option_name("--workers", "workers"), option_name("--scheduler", "scheduler")
             raise InputError(f"{names[0]}: cannot be combined with {names[1]}, which has its own workers")

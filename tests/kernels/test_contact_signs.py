@@ -21,7 +21,7 @@ def signs(pair: Table, found: Rows):
 
 
 def meets(rx: float, ry: float, vx: float, vy: float, sigma: float, within: float) -> bool:
-    """Whether b < 0, c <= -2 b within and b^2 - v^2 c >= 0."""
+    """True if b < 0, c <= -2 b within and b^2 - v^2 c >= 0, in exact fractions: the pair meets within that time."""
     x, y, u, w, s, t = (Fraction(float(value)) for value in (rx, ry, vx, vy, sigma, within))
     b, c = x * u + y * w, x * x + y * y - s * s
     return b < 0 and c <= -2 * b * t and b * b - (u * u + w * w) * c >= 0

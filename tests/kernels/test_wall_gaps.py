@@ -80,7 +80,7 @@ def flying(name: str, wall: Wall, n: int = 60) -> Array:
 
 
 def of_kernel(name: str, wall: Wall, disks: Array, times: Array) -> tuple[Array, Array]:
-    """What `support.kernels.gaps.gaps` finds, shape (disks, times, 6), and the roots."""
+    """Gaps of a wall by `support.kernels.gaps.gaps`, shape (disks, times, 6), and times of its first contacts."""
     backend.start("cpu")
     from support.kernels.gaps import gaps
 

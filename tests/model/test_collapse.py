@@ -193,9 +193,9 @@ def test_a_column_of_disks_comes_to_rest_on_a_floor() -> None:
         gravity=(0.0, -g),
         collapse=ContactTime(contact_time),
     )
-    settled, events = run_to(engine, 40.0), engine.collisions + engine.wall_collisions
+    resting, events = run_to(engine, 40.0), engine.collisions + engine.wall_collisions
     end = run_to(engine, 50.0)
-    np.testing.assert_allclose(settled.position[:, 1], 0.5 + np.arange(n), atol=0.05)
+    np.testing.assert_allclose(resting.position[:, 1], 0.5 + np.arange(n), atol=0.05)
     assert 0.5 * np.mean(end.velocity**2) < 10.0 * (g * contact_time) ** 2
     rate = (engine.collisions + engine.wall_collisions - events) / n / 10.0
     assert 0.3 / contact_time < rate < 10.0 / contact_time
