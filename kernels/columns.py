@@ -157,8 +157,8 @@ HISTORY_HASH = Columns(**columns("hash_1", "hash_2"))
 
 # First slot (within its part) and number of disks at the window's beginning and end, by part; ghost records; 1 if it
 # has to be run again; disks gathered; 1 for a tile of this rank, if there are several ranks of MPI
-# (`ifrdem/simulation/ranks.py`).
-TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathered", "owned"))
+# (`ifrdem/simulation/ranks.py`); why a block of a GPU could not run it (`blocks.py`), or 0.
+TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathered", "owned", "mark"))
 # Halo; bound on how far its own disks left its sides; their largest displacement; how far they are beyond its
 # sides at the end; halo over the initial one of all tiles.
 REACH = Columns(**columns("halo", "excursion", "max_displacement", "overhang", "halo_factor"))
@@ -366,7 +366,7 @@ TYPES: dict[str, str] = {
     "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
     "ghost_position": REAL, "motion": REAL, "event_info": I32, "image_info": I32, "start_position": REAL,
     "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
-    "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
+    "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL, "near": I32,
     "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32,
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""

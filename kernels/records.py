@@ -76,6 +76,47 @@ class Records:
         return NamedRow(self.array, index if isinstance(index, tuple) else (index,), self._columns)
 
 
+class Shifted:
+    """Rows of an array, or of `Records`, counted from row `first` on."""
+
+    _data_oriented = True
+    __slots__ = ("_first", "_rows")
+
+    def __init__(self, rows: Any, first: Any) -> None:
+        self._rows, self._first = rows, first
+
+    def __getitem__(self, i: Any) -> Any:
+        i = self._first + i
+        return self._rows[i] if isinstance(self._rows, Records) else _at(self._rows, i)
+
+
+class Split:
+    """Records of which some columns lie in arrays of their own: `columns` has these by name, `rows` the others."""
+
+    _data_oriented = True
+    __slots__ = ("_columns", "_rows")
+
+    def __init__(self, rows: Any, columns: Mapping[str, Any]) -> None:
+        self._rows, self._columns = rows, columns
+
+    def __getitem__(self, i: Any) -> "_SplitRow":
+        return _SplitRow(self._rows[i], self._columns, i)
+
+
+class _SplitRow:
+    """A row of `Split`."""
+
+    _data_oriented = True
+    __slots__ = ("_columns", "_index", "_row")
+
+    def __init__(self, row: Any, columns: Mapping[str, Any], index: Any) -> None:
+        self._row, self._columns, self._index = row, columns, index
+
+    def __getattr__(self, name: str) -> Any:
+        found = self._columns.get(name)
+        return getattr(self._row, name) if found is None else _at(found, self._index)
+
+
 class NamedNumbers:
     """Numbers of an array by name, in the precision of the run."""
 

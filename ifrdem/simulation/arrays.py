@@ -120,6 +120,7 @@ class DeviceArrays:
         self._twins: dict[str, Any] = {}
         self.room: int = 0
         self.parts: int = 2
+        self.blockwise = False  # until tiles are chosen
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
         self._take_kinds(disks)
         self.law: Any = ti.ndarray(self._type, law_table.shape)
@@ -267,6 +268,7 @@ class DeviceArrays:
         self.make("contact", CONTACTS_PER_DISK * rows if uses.rests else 1)
         self.make("cached_force", rows if uses.rests else 1)
         self.make("candidates", rows)
+        self.make("near", rows * k.NEAR_ROW if self.blockwise and not grid.single_tile else 1)
         self.make("since", rows if uses.remembers else 1)
         self.make("turn", rows if uses.turned else 1)
         self.make("loss", rows if uses.itemised else 1)
@@ -385,6 +387,9 @@ class DeviceArrays:
     def _plan_launches(self) -> None:
         """Set how many lanes, tiles and windows one launch has."""
         lanes = 1 if self.single_tile else min(backend.lanes(), self.tiles)
+        self.blockwise: bool = self.on_gpu and not self.single_tile and self.uses.blockwise
+        if self.blockwise:
+            lanes = min(backend.gpu_blocks(), self.tiles)
         self.grid.lanes, self.grid.single_tile = lanes, int(self.single_tile)
         spread = min(max(GPU_THREADS // self.tiles, 1), k.TEAM)
         self.grid.stride = 1 << (spread.bit_length() - 1)
@@ -404,6 +409,8 @@ class DeviceArrays:
             lane_slots, cells = n, int(1.3 * cells_of_all) + 64
         else:
             lane_slots, cells = min(2 * n // self.tiles + 64, 9 * n), 64
+        if self.blockwise:
+            lane_slots = max(lane_slots, k.BLOCK_SLOTS)
         if lane_slots > self.grid.lane_slots or cells > self.grid.cells or lanes != self._lanes:
             self._lanes = lanes
             self.scratch(lane_slots, cells, 256 if self.uses.walled else 0)

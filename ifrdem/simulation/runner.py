@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
-from ..kernels.columns import TOTAL
+from ..kernels.blocks import run_windows_by_blocks
+from ..kernels.columns import TOTAL, named
 from ..kernels.language import to_numpy
 from ..kernels.windows import run_windows, run_windows_on_gpu, verify
 from .arrays import SLACK, DeviceArrays
@@ -205,10 +206,17 @@ class TileRunner:
         a = self.arrays
         alone = bool(a.grid.single_tile)
         kernel: Callable[..., Any] = run_windows_on_gpu if a.on_gpu else run_windows
+        batch = a.batch
+        if a.blockwise and not (alone or a.counter.again):
+            kernel, batch = run_windows_by_blocks, tiles
         with a.sent() as launch:
             for _ in range(1 if alone else most):
-                for first in range(0, tiles, a.batch):
-                    launch(kernel, first, min(first + a.batch, tiles), most)
+                for first in range(0, tiles, batch):
+                    launch(kernel, first, min(first + batch, tiles), most)
+                if a.blockwise:
+                    import os
+                    if os.environ.get("DEBUGB"):
+                        t = named(to_numpy(a.tile), "tile"); print("marks", np.bincount(t.mark), "gathered", t.gathered.max(), "again", int(a.counter.again), "full", int(a.counter.full))
                 if not (alone or a.uses.shared):
                     launch(verify)
 
