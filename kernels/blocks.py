@@ -32,7 +32,7 @@ from typing import Any
 from .events import collide, compare, precedes, separation
 from .flights import bits_of, real_of
 from .language import is_single_precision, shared_integers, shared_reals, ti
-from .layout import AT_END, AT_MOMENT, FAR, NO_PARTNER
+from .layout import AT_END, AT_MOMENT, FAR, FULL_GHOSTS, NO_PARTNER
 from .layout import BLOCK_SLOTS as SLOTS
 from .layout import NEAR_ROW as ROW
 from .particle import largest_square, radius_of, round_products, upper_half
@@ -40,22 +40,23 @@ from .records import Shifted, Split
 from .signature import Arrays, kernel
 from .sums import sum_tiles
 from .tiles import begin, cell_at, clear, gather_tile, lies_in, load, position_in_tile, reserve, sides_of, write
-from .windows import WINDOW, begin_window, is_active, tile_of
+from .windows import WINDOW, begin_window, tile_of
 
 THREADS = 512  # of a block
 ABREAST = 8  # threads that look around a disk
 NONE = 0x7FFFFFFF  # the key of no event
 TICKS = 1073741824.0  # keys in a window
-FASTER = 1.15  # than the fastest disk at the window's beginning, that lists allow
+# How much faster than at the window's beginning disks may be for the lists: than the fastest of the tile, and of all.
+FASTER, FASTEST_OF_ALL = 1.35, 1.15
 MARGIN = 1.0  # beyond contact that lists have at least, in largest diameters
 ATTEMPTS = 3
 MOST_ROUNDS = 4000
 # What threads note for one another.
-GATHERED, OWN, COPIES, MARK, FASTEST, QUEUED, TILE, ROOM, FIRST_SUM = range(9)
+GATHERED, OWN, COPIES, MARK, SPEED, QUEUED, TILE, ROOM, FIRST_SUM = range(9)
 NOTES = FIRST_SUM + THREADS // 32
 # Why a tile has to be run again: a list has no place left, the order of events is not certain, a disk is too fast for
-# the lists, there are too many disks, or rounds without end.
-LIST_FULL, UNCERTAIN, TOO_FAST, TOO_MANY, ENDLESS = 1, 2, 4, 8, 16
+# the lists, there are too many disks, rounds without end, or no room for ghost records.
+LIST_FULL, UNCERTAIN, TOO_FAST, TOO_MANY, ENDLESS, NO_ROOM = 1, 2, 4, 8, 16, 32
 SCRATCH = ("event_info", "image_info", "start_position", "candidates", "loss", "since", "turn")
 
 
@@ -140,7 +141,7 @@ def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
                         block.candidates[m].own_rank = rank
                         block.candidates[m].step = step
                     vx, vy = ti.cast(block.disk[s].vx, ti.f64), ti.cast(block.disk[s].vy, ti.f64)
-                    ti.atomic_max(block.note[FASTEST], upper_half(1.000001 * (vx * vx + vy * vy)))
+                    ti.atomic_max(block.note[SPEED], upper_half(1.000001 * (vx * vx + vy * vy)))
                 s += THREADS
 
 
@@ -286,7 +287,9 @@ def prepare_block(tile, me, margin_least, faster, region: ti.template(), block: 
     choose_disks(tile, halo, me, region, block)
     ti.simt.block.sync()
     n = block.note[GATHERED]
-    square = ti.bit_cast(ti.cast(block.note[FASTEST], ti.i64) << ti.i64(32), ti.f64) * (faster * faster)
+    square = ti.bit_cast(ti.cast(block.note[SPEED], ti.i64) << ti.i64(32), ti.f64) * (faster * faster)
+    bound = block.clock.fastest * ti.max(faster / FASTER * FASTEST_OF_ALL, FASTEST_OF_ALL)
+    square = ti.min(square, bound * bound)
     margin = ti.max(2.0 * ti.cast(ti.sqrt(square), float) * block.scale.window, margin_least * block.scale.widest)
     if n > SLOTS:
         n = 0
@@ -529,7 +532,7 @@ def run_tile_by_block(tile, me, block: ti.template()):
             block.tile[tile].gathered, block.tile[tile].count.other[block.grid.part] = n, block.note[OWN]
             block.tile[tile].n_ghosts = block.note[COPIES]
             reserve(tile, block)
-            block.note[ROOM] = ti.cast(is_active(block), ti.i32)
+            block.note[ROOM] = ti.cast((block.counter.full & FULL_GHOSTS) == 0, ti.i32)
         ti.simt.block.sync()
         if block.note[MARK] == 0 and block.note[ROOM] == 1:
             run_stages(n, tile, me, fastest, region, block)
@@ -550,7 +553,7 @@ def run_tile_by_block(tile, me, block: ti.template()):
                 clear(tile, block)
         ti.simt.block.sync()
     if block.note[ROOM] == 0:
-        mark = TOO_MANY
+        mark = NO_ROOM
     if mark == 0:
         write_block(n, tile, me, region, block)
     elif me == 0:
@@ -563,7 +566,7 @@ def take_tile(n_listed, me, block: ti.template()):
     """Number of the next tile among those that are run, the same for all threads; -1 if none is left."""
     if me == 0:
         k = ti.atomic_add(block.counter.next_tile, 1)
-        block.note[TILE] = ti.select(k < n_listed and is_active(block), k, -1)
+        block.note[TILE] = ti.select(k < n_listed and block.counter.halted == 0, k, -1)
     ti.simt.block.sync()
     return block.note[TILE]
 

@@ -60,6 +60,7 @@ BLOCK_SLOTS = 960  # disks of a tile and its halo that a block of a GPU has room
 NEAR_ROW = 48  # of `near`: how many disks are near one, and which
 HALO_DECAY = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
 BINS_PER_DISK = 8  # of the queue of a gas in one tile, whose windows are long; on a CPU
+MAX_TRAVEL = 0.4  # of the side of a tile, that the fastest disk may come in a window
 BLOCK = 1024
 FAR = 1.0e30  # a time later than any event
 FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w

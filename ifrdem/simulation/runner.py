@@ -213,12 +213,12 @@ class TileRunner:
             for _ in range(1 if alone else most):
                 for first in range(0, tiles, batch):
                     launch(kernel, first, min(first + batch, tiles), most)
-                if a.blockwise:
-                    import os
-                    if os.environ.get("DEBUGB"):
-                        t = named(to_numpy(a.tile), "tile"); print("marks", np.bincount(t.mark), "gathered", t.gathered.max(), "again", int(a.counter.again), "full", int(a.counter.full))
                 if not (alone or a.uses.shared):
                     launch(verify)
+                    import os
+                    if a.blockwise and os.environ.get("DEBUGB"):
+                        t = named(to_numpy(a.tile), "tile"); print("marks", np.bincount(t.mark), "bad", t.bad.sum(), "gathered", t.gathered.max())
+        if a.on_gpu: print("again", int(a.counter.again), "full", int(a.counter.full), "windows", a.counter.n_windows, "bad", a.counter.n_bad, "halted", a.counter.halted)
 
     def _check_progress(self) -> None:
         """Raise the error of a window in which a disk is too fast, or collisions pile up."""
