@@ -615,8 +615,10 @@ class DeviceArrays:
         if not self.on_gpu:
             yield self.launch
             return
-        if not self._twins:
-            for name in SMALL:
+        for name in SMALL:
+            if name not in self._twins or self._twins[name].shape[0] != len(self._raw(name)):
+                if name in self._twins:  # more moments in a window have more sums
+                    backend.free_array(self._twins[name])
                 kind = {np.dtype(np.int32): ti.i32, np.dtype(np.float32): ti.f32}.get(
                     self._raw(name).dtype, ti.f64
                 )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
 from ..kernels.blocks import run_windows_by_blocks
-from ..kernels.columns import TOTAL, named
+from ..kernels.columns import TOTAL
 from ..kernels.language import to_numpy
 from ..kernels.windows import run_windows, run_windows_on_gpu, verify
 from .arrays import SLACK, DeviceArrays
@@ -215,10 +215,6 @@ class TileRunner:
                     launch(kernel, first, min(first + batch, tiles), most)
                 if not (alone or a.uses.shared):
                     launch(verify)
-                    import os
-                    if a.blockwise and os.environ.get("DEBUGB"):
-                        t = named(to_numpy(a.tile), "tile"); print("marks", np.bincount(t.mark), "bad", t.bad.sum(), "gathered", t.gathered.max())
-        if a.on_gpu: print("again", int(a.counter.again), "full", int(a.counter.full), "windows", a.counter.n_windows, "bad", a.counter.n_bad, "halted", a.counter.halted)
 
     def _check_progress(self) -> None:
         """Raise the error of a window in which a disk is too fast, or collisions pile up."""
