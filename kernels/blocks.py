@@ -32,8 +32,7 @@ from typing import Any
 from .events import collide, compare, precedes, separation
 from .flights import bits_of, real_of
 from .language import is_single_precision, shared_integers, shared_reals, ti
-from .layout import AT_END, AT_MOMENT, FAR, FULL_GHOSTS, NO_PARTNER
-from .layout import BLOCK_SLOTS as SLOTS
+from .layout import AT_END, AT_MOMENT, BLOCK_SLOTS, DENSE_SLOTS, FAR, FULL_GHOSTS, NO_PARTNER
 from .layout import NEAR_ROW as ROW
 from .particle import largest_square, radius_of, round_products, upper_half
 from .records import Shifted, Split
@@ -57,23 +56,25 @@ NOTES = FIRST_SUM + THREADS // 32
 # Why a tile has to be run again: a list has no place left, the order of events is not certain, a disk is too fast for
 # the lists, there are too many disks, rounds without end, or no room for ghost records.
 LIST_FULL, UNCERTAIN, TOO_FAST, TOO_MANY, ENDLESS, NO_ROOM = 1, 2, 4, 8, 16, 32
-SCRATCH = ("event_info", "image_info", "start_position", "candidates", "loss", "since", "turn")
+SCRATCH = ("motion", "event_info", "image_info", "start_position", "candidates", "loss", "since", "turn")
 
 
-def block_of(gas: Any, first: Any) -> Any:
+def block_of(gas: Any, first: Any, slots: int) -> Any:
     """The arrays of a gas as a block has them: scratch space from a first slot on, and arrays that threads share.
 
-    Called once in a kernel, while it is compiled.
+    It has so many slots for disks. Flights of up to BLOCK_SLOTS disks are shared, those of more lie in the scratch
+    space. Called once in a loop of a kernel, while it is compiled.
     """
     given = gas._asdict()
     given |= {name: Shifted(given[name], first) for name in SCRATCH}
-    flights = {name: shared_reals(SLOTS) for name in ("x", "y", "vx", "vy", "tau")}
-    given["motion"] = Split(Shifted(given["motion"], first), flights)
+    if slots <= BLOCK_SLOTS:
+        flights = {name: shared_reals(slots) for name in ("x", "y", "vx", "vy", "tau")}
+        given["motion"] = Split(given["motion"], flights)
     given["near"] = Shifted(given["near"], first * ROW)
-    given["key"], given["low"] = shared_integers(SLOTS), shared_integers(SLOTS)
+    given["key"], given["low"] = shared_integers(slots), shared_integers(slots)
     given["head"] = given["low"]  # before there are events
-    given["queue"], given["note"] = shared_integers(SLOTS // 4), shared_integers(NOTES)
-    return namedtuple("Block", given)(**given)
+    given["queue"], given["note"] = shared_integers(slots // 4), shared_integers(NOTES)
+    return namedtuple("Block", (*given, "slots"))(**given, slots=slots)
 
 
 @ti.func
@@ -107,7 +108,7 @@ def region_around(tile, halo, reach, gas: ti.template()):
     width, height = sides_of(tile, gas)
     width += 2.0 * halo
     height += 2.0 * halo
-    most = ti.static(int(SLOTS**0.5))
+    most = ti.static(int(gas.slots**0.5))
     nx = ti.min(ti.max(ti.cast(width / reach, ti.i32), 1), most)
     ny = ti.min(ti.max(ti.cast(height / reach, ti.i32), 1), most)
     tx = tile // gas.grid.tiles_y
@@ -136,7 +137,7 @@ def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
                     else:
                         rank = -1 - ti.atomic_add(block.note[COPIES], 1)
                     m = ti.atomic_add(block.note[GATHERED], 1)
-                    if m < SLOTS:
+                    if m < block.slots:
                         block.candidates[m].slot = s
                         block.candidates[m].own_rank = rank
                         block.candidates[m].step = step
@@ -205,10 +206,16 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
             if k != i and rx * rx + ry * ry < reach * reach:
                 many += 1
                 if many < ROW:
-                    block.near[i * ROW + many] = k
+                    block.near[i * ROW + many] = ti.cast(k, ti.u16)
             k += 1
-    block.near[i * ROW] = ti.min(many, ROW - 1)
+    block.near[i * ROW] = ti.cast(ti.min(many, ROW - 1), ti.u16)
     return ti.cast(many >= ROW, ti.i32)
+
+
+@ti.func
+def entry_of(i, m, block: ti.template()):
+    """Place m of the list of the disk in slot i: 0 has the number of disks in it, the others have their slots."""
+    return ti.cast(block.near[i * ROW + m], ti.i32)
 
 
 @ti.func
@@ -228,9 +235,9 @@ def look_around(
     if ti.static(block.uses.mixed):
         radius = radius_of(i, block)
     size = ti.abs(vx) + ti.abs(vy)
-    m, end = first, block.near[i * ROW]
+    m, end = first, entry_of(i, 0, block)
     while m <= end:
-        j = block.near[i * ROW + m]
+        j = entry_of(i, m, block)
         if j < below:
             start, rx, ry, ux, uy, sigma = separation(
                 j, x, y, vx, vy, tau, radius, 0.0 * x, 0.0 * x, info, block
@@ -274,11 +281,11 @@ def keep_event(i, best, partner, limit, block: ti.template()):
 def prepare_block(tile, me, margin_least, faster, region: ti.template(), block: ti.template()):
     """Lay out the disks of a tile for a window: gathered, sorted, with lists and first events. Returns their number.
 
-    Not more than SLOTS: else the tile is marked. `region` gets its cells.
+    Not more than block.slots: else the tile is marked. `region` gets its cells.
     """
     halo = block.reach[tile].halo
     c = me
-    while c < SLOTS:
+    while c < block.slots:
         block.head[c] = 0
         c += THREADS
     if me < TILE:
@@ -291,7 +298,7 @@ def prepare_block(tile, me, margin_least, faster, region: ti.template(), block: 
     bound = block.clock.fastest * ti.max(faster / FASTER * FASTEST_OF_ALL, FASTEST_OF_ALL)
     square = ti.min(square, bound * bound)
     margin = ti.max(2.0 * ti.cast(ti.sqrt(square), float) * block.scale.window, margin_least * block.scale.widest)
-    if n > SLOTS:
+    if n > block.slots:
         n = 0
         if me == 0:
             block.note[MARK] = TOO_MANY
@@ -347,16 +354,16 @@ def queue_events(n, me, block: ti.template()):
             p = block.event_info[j].partner
             key = block.key[j]
             a = ti.select(lane < 16, j, p)
-            late, m, end = 0, 1 + lane % 16, block.near[a * ROW]
+            late, m, end = 0, 1 + lane % 16, entry_of(a, 0, block)
             while m <= end:
-                k = block.near[a * ROW + m]
+                k = entry_of(a, m, block)
                 if k != j and k != p and block.low[k] <= key:
                     late = 1
                 m += 16
             if ti.simt.warp.ballot(late) == 0:
                 if lane == 0:
                     at = ti.atomic_add(block.note[QUEUED], 1)
-                    if at < SLOTS // 4:
+                    if at < block.slots // 4:
                         block.queue[at] = j
         i += THREADS
 
@@ -387,7 +394,7 @@ def run_queue(tile, me, limit, fastest, region: ti.template(), block: ti.templat
     place = me % (2 * ABREAST)
     half = place // ABREAST
     mask = ti.u32((1 << (2 * ABREAST)) - 1) << ti.cast(lane - place, ti.u32)
-    q, many = me // (2 * ABREAST), ti.min(block.note[QUEUED], SLOTS // 4)
+    q, many = me // (2 * ABREAST), ti.min(block.note[QUEUED], block.slots // 4)
     while q < many:
         i = block.queue[q]
         p, t = block.event_info[i].partner, block.motion[i].t_hit
@@ -401,7 +408,7 @@ def run_queue(tile, me, limit, fastest, region: ti.template(), block: ti.templat
         if not meets and half == 1:
             first = ROW  # at none
         best, partner = block.scale.window, NO_PARTNER
-        best, partner, wrong = look_around(a, first, ABREAST, SLOTS, t, best, partner, region, block)
+        best, partner, wrong = look_around(a, first, ABREAST, block.slots, t, best, partner, region, block)
         who = NONE
         if partner >= 0:
             who = block.event_info[partner].id
@@ -519,9 +526,6 @@ def write_block(n, tile, me, region: ti.template(), block: ti.template()):
 @ti.func
 def run_tile_by_block(tile, me, block: ti.template()):
     """The window of one tile."""
-    if me == 0:
-        begin(tile, block)
-    ti.simt.block.sync()
     halo = block.reach[tile].halo
     region = region_around(tile, halo, block.scale.widest, block)
     margin, faster = ti.cast(MARGIN, float), ti.cast(FASTER, float)
@@ -529,10 +533,13 @@ def run_tile_by_block(tile, me, block: ti.template()):
     while attempt < ATTEMPTS:
         n, fastest = prepare_block(tile, me, margin, ti.cast(faster, ti.f64), region, block)
         if attempt == 0 and me == 0:
-            block.tile[tile].gathered, block.tile[tile].count.other[block.grid.part] = n, block.note[OWN]
-            block.tile[tile].n_ghosts = block.note[COPIES]
-            reserve(tile, block)
-            block.note[ROOM] = ti.cast((block.counter.full & FULL_GHOSTS) == 0, ti.i32)
+            block.note[ROOM] = 1
+            if block.note[MARK] != TOO_MANY or block.slots > BLOCK_SLOTS:
+                block.tile[tile].gathered = n
+                block.tile[tile].count.other[block.grid.part] = block.note[OWN]
+                block.tile[tile].n_ghosts = block.note[COPIES]
+                reserve(tile, block)
+                block.note[ROOM] = ti.cast((block.counter.full & FULL_GHOSTS) == 0, ti.i32)
         ti.simt.block.sync()
         if block.note[MARK] == 0 and block.note[ROOM] == 1:
             run_stages(n, tile, me, fastest, region, block)
@@ -557,39 +564,72 @@ def run_tile_by_block(tile, me, block: ti.template()):
     if mark == 0:
         write_block(n, tile, me, region, block)
     elif me == 0:
-        block.tile[tile].mark, block.tile[tile].n_ghosts = mark, 0
+        if mark == TOO_MANY and ti.static(block.slots == BLOCK_SLOTS):
+            block.dense[ti.atomic_add(block.counter.n_dense, 1)] = tile
+        else:
+            block.tile[tile].mark, block.tile[tile].n_ghosts = mark, 0
     ti.simt.block.sync()
 
 
 @ti.func
-def take_tile(n_listed, me, block: ti.template()):
-    """Number of the next tile among those that are run, the same for all threads; -1 if none is left."""
+def start_tile(tile, me, block: ti.template()):
+    """Begin the window of a tile, and run it unless it needs more room."""
+    if me == 0:
+        begin(tile, block)
+    ti.simt.block.sync()
+    if block.counter.again == 0:
+        run_tile_by_block(tile, me, block)
+    elif me == 0:
+        block.dense[ti.atomic_add(block.counter.n_dense, 1)] = tile
+
+
+@ti.func
+def take_tile(n_tiles, me, block: ti.template()):
+    """Number of the next one of so many tiles, the same for all threads; -1 if none is left."""
     if me == 0:
         k = ti.atomic_add(block.counter.next_tile, 1)
-        block.note[TILE] = ti.select(k < n_listed and block.counter.halted == 0, k, -1)
+        block.note[TILE] = ti.select(k < n_tiles and block.counter.halted == 0, k, -1)
     ti.simt.block.sync()
     return block.note[TILE]
 
 
-BLOCKS = Arrays(" ".join((*WINDOW.names, "near")))
+BLOCKS = Arrays(" ".join((*WINDOW.names, "near", "dense")))
 
 
 @kernel
 def run_windows_by_blocks(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, gas: BLOCKS):
-    """As `windows.run_windows_on_gpu`, a tile by a block of threads; tiles that it marks have to be run again."""
+    """As `windows.run_windows_on_gpu`, a tile by a block of threads; tiles that it marks have to be run again.
+
+    Tiles with more disks than fit, and those that are run again, which have wider halos, are run by blocks with room
+    for DENSE_SLOTS.
+    """
     for _ in range(1):
         round_products(gas)
         begin_window(gas)
         gas.counter.next_tile = first
+        gas.counter.n_dense = 0
     ti.loop_config(block_dim=THREADS)
     for item in range(gas.grid.lanes * THREADS):
         round_products(gas)
         me = item % THREADS
         first_slot = item // THREADS * gas.grid.lane_slots
-        block = ti.static(block_of(gas, first_slot))
+        block = ti.static(block_of(gas, first_slot, BLOCK_SLOTS))
         k = take_tile(n_listed, me, block)
         while k >= 0:
             ti.simt.block.sync()
-            run_tile_by_block(tile_of(k, block), me, block)
+            start_tile(tile_of(k, block), me, block)
             k = take_tile(n_listed, me, block)
+    for _ in range(1):
+        gas.counter.next_tile = 0
+    ti.loop_config(block_dim=THREADS)
+    for item in range(gas.grid.lanes * gas.grid.lane_slots // DENSE_SLOTS * THREADS):
+        round_products(gas)
+        me = item % THREADS
+        first_slot = item // THREADS * DENSE_SLOTS
+        block = ti.static(block_of(gas, first_slot, DENSE_SLOTS))
+        k = take_tile(gas.counter.n_dense, me, block)
+        while k >= 0:
+            ti.simt.block.sync()
+            run_tile_by_block(block.dense[k], me, block)
+            k = take_tile(gas.counter.n_dense, me, block)
     sum_tiles(gas)

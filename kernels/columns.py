@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-REAL, F64, F32, I32 = "real", "f64", "f32", "i32"
+REAL, F64, F32, I32, U16 = "real", "f64", "f32", "i32", "u16"
 """Types of numbers: REAL is that of the run, f64 or f32."""
-BYTES = {REAL: 8, F64: 8, F32: 4, I32: 4}  # of a run in double precision
+BYTES = {REAL: 8, F64: 8, F32: 4, I32: 4, U16: 2}  # of a run in double precision
 
 
 class Several:
@@ -228,10 +228,11 @@ PAIR = Columns(**columns("tile", "id", "partner"))
 # of a gas in one tile: 1 where it pauses at the moment of a snapshot; 1 where it resumes there; 1 where it has
 # paused at a time, BY_COUNT at a number of collisions; bad tiles with the widest halo; 1 where no window of a
 # launch may follow; windows in which resting disks were not determined, and disks that fell asleep at speed; rows
-# of pairs.
+# of pairs; tiles that need blocks with more room, and bad ones that no block can run (`blocks.py`).
 COUNTER = Columns(**columns(
     "next_tile", "n_ghosts", "full", "n_slots", "needed", "resting", "stalled", "n_bad", "n_events", "n_windows",
-    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unverified", "jammed", "n_pairs",
+    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unverified", "jammed", "n_pairs", "n_dense",
+    "n_marked",
 ))  # fmt: skip
 # Begin and end of the window; where to stop (time, collisions in all), to pause, when a force acts; what sets the
 # length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
@@ -366,7 +367,7 @@ TYPES: dict[str, str] = {
     "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
     "ghost_position": REAL, "motion": REAL, "event_info": I32, "image_info": I32, "start_position": REAL,
     "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
-    "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL, "near": I32,
+    "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL, "near": U16, "dense": I32,
     "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32,
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""

@@ -245,7 +245,8 @@ def begin(tile, gas: ti.template()):
     for k in range(tile, last + 1):
         clear(k, gas)
     if gas.counter.again == 0:
-        gas.reach[tile].halo_factor = ti.max(HALO_DECAY * gas.reach[tile].halo_factor, 1.0)
+        decay = ti.static(0.0 if on_gpu() and gas.uses.blockwise else HALO_DECAY)  # blocks have no room for more
+        gas.reach[tile].halo_factor = ti.max(decay * gas.reach[tile].halo_factor, 1.0)
     gas.reach[tile].halo = ti.min(gas.scale.usual_halo * gas.reach[tile].halo_factor, gas.scale.most_halo)
     gas.tile[tile].count[part], gas.tile[tile].gathered, gas.tile[tile].n_ghosts = 0, 0, 0
     gas.tile[tile].mark = 0

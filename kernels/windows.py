@@ -302,7 +302,9 @@ def verify(
         round_products(gas)
         if is_active(gas) and gas.tile[k].bad == 1:
             gas.listed[ti.atomic_add(gas.counter.n_bad, 1)] = k
-            if gas.tile[k].mark == 0:
+            if gas.tile[k].mark > 0:
+                ti.atomic_add(gas.counter.n_marked, 1)
+            else:
                 if gas.reach[k].halo >= gas.scale.most_halo:
                     ti.atomic_add(gas.counter.stuck, 1)
                 gas.reach[k].halo_factor = HALO_GROWTH * gas.reach[k].halo_factor

@@ -334,6 +334,7 @@ class DeviceArrays:
             from_numpy(getattr(self, name), edges[axis])
         self._make_table("tile", total)
         self.make("listed", total)
+        self.make("dense", total if self.on_gpu else 1)
         self._make_table("reach", total)
         blocks = -(-total // k.BLOCK_OF_TILES)
         self.make("blocks", blocks)  # that this process adds up
@@ -410,7 +411,7 @@ class DeviceArrays:
         else:
             lane_slots, cells = min(2 * n // self.tiles + 64, 9 * n), 64
         if self.blockwise:
-            lane_slots = max(lane_slots, k.BLOCK_SLOTS)
+            lane_slots = max(lane_slots, k.BLOCK_SLOTS, -(-k.DENSE_SLOTS // lanes))
         if lane_slots > self.grid.lane_slots or cells > self.grid.cells or lanes != self._lanes:
             self._lanes = lanes
             self.scratch(lane_slots, cells, 256 if self.uses.walled else 0)
@@ -676,7 +677,7 @@ class DeviceArrays:
 
     def bytes_of(self, *names: str) -> int:
         """Bytes of some device arrays."""
-        wide = {"f64": 8, "u64": 8, "i64": 8}
+        wide = {"f64": 8, "u64": 8, "i64": 8, "u16": 2}
         return sum(
             wide.get(str(array.dtype), 4) * math.prod(array.shape) * math.prod(array.element_shape)
             for array in (getattr(self, name) for name in names)
