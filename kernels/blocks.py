@@ -29,25 +29,38 @@ than a block has room for, is run by one thread (`windows.run_windows_on_gpu`).
 from collections import namedtuple
 from typing import Any
 
+from .columns import BLOCK_INTEGERS, BLOCK_REALS, BLOCK_SUMS
 from .events import collide, compare, precedes, separation
 from .flights import bits_of, real_of
-from .language import is_single_precision, shared_integers, shared_reals, ti
-from .layout import AT_END, AT_MOMENT, BLOCK_SLOTS, DENSE_SLOTS, FAR, FULL_GHOSTS, NO_PARTNER
-from .layout import NEAR_ROW as ROW
+from .language import is_single_precision, shared, ti
+from .layout import AT_END, AT_MOMENT, BLOCK_SLOTS, DENSE_SLOTS, FAR, FULL_GHOSTS, NEAR_WORDS, NO_PARTNER
 from .particle import largest_square, radius_of, round_products, upper_half
-from .records import Shifted, Split
+from .records import From, InColumns, Split
 from .signature import Arrays, kernel
 from .sums import sum_tiles
-from .tiles import begin, cell_at, clear, gather_tile, lies_in, load, position_in_tile, reserve, sides_of, write
+from .tiles import (
+    begin,
+    cell_at,
+    clear,
+    gather_tile,
+    lies_in,
+    load,
+    position_in_tile,
+    reserve,
+    sides_of,
+    slot_of,
+    write,
+)
 from .windows import WINDOW, begin_window, tile_of
 
 THREADS = 512  # of a block
+MOST_NEAR = 4 * NEAR_WORDS - 1  # places of a list
 ABREAST = 8  # threads that look around a disk
 NONE = 0x7FFFFFFF  # the key of no event
 TICKS = 1073741824.0  # keys in a window
 # How much faster than at the window's beginning disks may be for the lists: than the fastest of the tile, and of all.
 FASTER, FASTEST_OF_ALL = 1.35, 1.15
-MARGIN = 1.0  # beyond contact that lists have at least, in largest diameters
+MARGIN = 1.5  # beyond contact that lists have at least, in largest diameters
 ATTEMPTS = 3
 MOST_ROUNDS = 4000
 # What threads note for one another.
@@ -56,24 +69,36 @@ NOTES = FIRST_SUM + THREADS // 32
 # Why a tile has to be run again: a list has no place left, the order of events is not certain, a disk is too fast for
 # the lists, there are too many disks, rounds without end, or no room for ghost records.
 LIST_FULL, UNCERTAIN, TOO_FAST, TOO_MANY, ENDLESS, NO_ROOM = 1, 2, 4, 8, 16, 32
-SCRATCH = ("motion", "event_info", "image_info", "start_position", "candidates", "loss", "since", "turn")
+FLIGHT = ("x", "y", "vx", "vy", "tau")
 
 
-def block_of(gas: Any, first: Any, slots: int) -> Any:
-    """The arrays of a gas as a block has them: scratch space from a first slot on, and arrays that threads share.
+def block_of(gas: Any, number: Any, slots: int) -> Any:
+    """The arrays of a gas as a block with this number has them: its part of the scratch space, and what threads share.
 
-    It has so many slots for disks. Flights of up to BLOCK_SLOTS disks are shared, those of more lie in the scratch
-    space. Called once in a loop of a kernel, while it is compiled.
+    It has so many slots for disks. What events look at most is shared by blocks of BLOCK_SLOTS, and lies in the scratch
+    space of those with more. Called once in a loop of a kernel, while it is compiled.
     """
-    given = gas._asdict()
-    given |= {name: Shifted(given[name], first) for name in SCRATCH}
-    if slots <= BLOCK_SLOTS:
-        flights = {name: shared_reals(slots) for name in ("x", "y", "vx", "vy", "tau")}
-        given["motion"] = Split(given["motion"], flights)
-    given["near"] = Shifted(given["near"], first * ROW)
-    given["key"], given["low"] = shared_integers(slots), shared_integers(slots)
+    first, given = number * slots, gas._asdict()
+    for array, table in (("integers", BLOCK_INTEGERS), ("reals", BLOCK_REALS), ("sums", BLOCK_SUMS)):
+        flat, begin_at = given[f"block_{array}"], first * table.width
+        for name, columns in table.at.items():
+            if isinstance(columns, int):
+                given[name] = From(flat, begin_at + columns * slots)
+            else:
+                given[name] = InColumns(flat, columns, begin_at, slots)
+    given["near"] = From(gas.near, first * NEAR_WORDS)
+    given["order"] = From(gas.block_integers, first * BLOCK_INTEGERS.width)  # before there are events
+    given["key"], given["low"] = shared(slots, ti.i32), shared(slots, ti.i32)
     given["head"] = given["low"]  # before there are events
-    given["queue"], given["note"] = shared_integers(slots // 4), shared_integers(NOTES)
+    given["queue"], given["note"] = shared(slots // 4, ti.u16), shared(NOTES, ti.i32)
+    if slots <= BLOCK_SLOTS:
+        given["motion"] = Split(given["motion"], {name: shared(slots) for name in FLIGHT})
+        event = {
+            "partner": shared(slots, ti.i16),
+            "number": shared(slots, ti.i32),
+            "partner_number": shared(slots, ti.i16),
+        }
+        given["event_info"] = Split(given["event_info"], event)
     return namedtuple("Block", (*given, "slots"))(**given, slots=slots)
 
 
@@ -192,7 +217,7 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
     cell = block.event_info[i].cell
     cx, cy = cell >> 16, cell & 0xFFFF
     x, y = block.motion[i].x, block.motion[i].y
-    many = 0
+    many, first, word = 0, ti.u64(0), ti.u64(0)
     for column in range(ti.max(cx - 1, 0), ti.min(cx + 1, region.nx - 1) + 1):
         first_cell = column * region.ny + ti.max(cy - 1, 0)
         k, end = 0, block.head[column * region.ny + ti.min(cy + 1, region.ny - 1)]
@@ -205,17 +230,27 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
                 reach = radius_of(i, block) + radius_of(k, block) + margin
             if k != i and rx * rx + ry * ry < reach * reach:
                 many += 1
-                if many < ROW:
-                    block.near[i * ROW + many] = ti.cast(k, ti.u16)
+                entry = ti.cast(k, ti.u64) << ti.cast(16 * (many % 4), ti.u64)
+                if many < 4:
+                    first |= entry
+                else:
+                    word |= entry
+                    if many % 4 == 3 and many <= MOST_NEAR:
+                        block.near[i * NEAR_WORDS + many // 4] = word
+                        word = ti.u64(0)
             k += 1
-    block.near[i * ROW] = ti.cast(ti.min(many, ROW - 1), ti.u16)
-    return ti.cast(many >= ROW, ti.i32)
+    if many % 4 != 3 and many > 3 and many <= MOST_NEAR:
+        block.near[i * NEAR_WORDS + many // 4] = word
+    block.near[i * NEAR_WORDS] = first | ti.cast(ti.min(many, MOST_NEAR), ti.u64)
+    return ti.cast(many > MOST_NEAR, ti.i32)
 
 
 @ti.func
 def entry_of(i, m, block: ti.template()):
     """Place m of the list of the disk in slot i: 0 has the number of disks in it, the others have their slots."""
-    return ti.cast(block.near[i * ROW + m], ti.i32)
+    return ti.cast(
+        (block.near[i * NEAR_WORDS + m // 4] >> ti.cast(16 * (m % 4), ti.u64)) & ti.u64(0xFFFF), ti.i32
+    )
 
 
 @ti.func
@@ -247,7 +282,10 @@ def look_around(
                 dx = block.motion[j].x - (x + vx * (t - tau))
                 dy = block.motion[j].y - (y + vy * (t - tau))
                 fastest = ti.max(vx * vx + vy * vy, ti.cast(largest_square(j, block), float))
-                way = sigma + ti.static(1.00001 if is_single_precision() else 1.000001) * ti.sqrt(fastest) * ahead
+                way = (
+                    sigma
+                    + ti.static(1.00001 if is_single_precision() else 1.000001) * ti.sqrt(fastest) * ahead
+                )
                 if dx * dx + dy * dy < way * way:
                     wrong = 1
             compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, block)
@@ -255,6 +293,12 @@ def look_around(
             m = end
         m += step
     return best, partner, wrong
+
+
+@ti.func
+def partner_of(i, block: ti.template()):
+    """Slot of the partner in the event of the disk in slot i."""
+    return ti.cast(block.event_info[i].partner, ti.i32)
 
 
 @ti.func
@@ -271,14 +315,14 @@ def key_of(i, limit, block: ti.template()):
 def keep_event(i, best, partner, limit, block: ti.template()):
     """Store the next event of the disk in slot i, and its key."""
     block.motion[i].t_hit = ti.select(partner == NO_PARTNER, FAR + 0.0 * best, best)
-    block.event_info[i].partner = partner
+    block.event_info[i].partner = ti.cast(partner, ti.i16)
     if partner >= 0:
-        block.event_info[i].partner_number = block.event_info[partner].number
+        block.event_info[i].partner_number = ti.cast(block.event_info[partner].number, ti.i16)
     block.key[i] = key_of(i, limit, block)
 
 
 @ti.func
-def prepare_block(tile, me, margin_least, faster, region: ti.template(), block: ti.template()):
+def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.template()):
     """Lay out the disks of a tile for a window: gathered, sorted, with lists and first events. Returns their number.
 
     Not more than block.slots: else the tile is marked. `region` gets its cells.
@@ -297,7 +341,8 @@ def prepare_block(tile, me, margin_least, faster, region: ti.template(), block: 
     square = ti.bit_cast(ti.cast(block.note[SPEED], ti.i64) << ti.i64(32), ti.f64) * (faster * faster)
     bound = block.clock.fastest * ti.max(faster / FASTER * FASTEST_OF_ALL, FASTEST_OF_ALL)
     square = ti.min(square, bound * bound)
-    margin = ti.max(2.0 * ti.cast(ti.sqrt(square), float) * block.scale.window, margin_least * block.scale.widest)
+    way = 2.0 * ti.cast(ti.sqrt(square), float) * block.scale.window
+    margin = ti.max(way, wider * ti.max(way, MARGIN * block.scale.widest))
     if n > block.slots:
         n = 0
         if me == 0:
@@ -308,8 +353,13 @@ def prepare_block(tile, me, margin_least, faster, region: ti.template(), block: 
     ti.simt.block.sync()
     m = me
     while m < n:
-        load(m, tile, region, block)
+        block.order[slot_of(m, region, block)] = m
         m += THREADS
+    ti.simt.block.sync()
+    i = me
+    while i < n:
+        load(block.order[i], i, tile, region, block)
+        i += THREADS
     ti.simt.block.sync()
     i = me
     while i < n:
@@ -330,10 +380,10 @@ def is_first(i, block: ti.template()):
     first = 0
     key = block.key[i]
     if key < NONE and block.low[i] == key:
-        p = block.event_info[i].partner
+        p = partner_of(i, block)
         if block.low[p] == key:
             # Where both have stored it, the smaller slot counts.
-            first = ti.cast(block.key[p] > key or i < p or block.event_info[p].partner != i, ti.i32)
+            first = ti.cast(block.key[p] > key or i < p or partner_of(p, block) != i, ti.i32)
     return first
 
 
@@ -351,7 +401,7 @@ def queue_events(n, me, block: ti.template()):
             leader = 31 - ti.math.clz(ti.cast(rest, ti.i32))
             rest ^= ti.u32(1) << ti.cast(leader, ti.u32)
             j = i - lane + leader
-            p = block.event_info[j].partner
+            p = partner_of(j, block)
             key = block.key[j]
             a = ti.select(lane < 16, j, p)
             late, m, end = 0, 1 + lane % 16, entry_of(a, 0, block)
@@ -364,7 +414,7 @@ def queue_events(n, me, block: ti.template()):
                 if lane == 0:
                     at = ti.atomic_add(block.note[QUEUED], 1)
                     if at < block.slots // 4:
-                        block.queue[at] = j
+                        block.queue[at] = ti.cast(j, ti.u16)
         i += THREADS
 
 
@@ -383,7 +433,7 @@ def queue_earliest(n, block: ti.template()):
                 elif t == earliest:
                     if precedes(i, found, block):
                         found = i
-    block.queue[0] = found
+    block.queue[0] = ti.cast(found, ti.u16)
     block.note[QUEUED] = 1
 
 
@@ -396,9 +446,9 @@ def run_queue(tile, me, limit, fastest, region: ti.template(), block: ti.templat
     mask = ti.u32((1 << (2 * ABREAST)) - 1) << ti.cast(lane - place, ti.u32)
     q, many = me // (2 * ABREAST), ti.min(block.note[QUEUED], block.slots // 4)
     while q < many:
-        i = block.queue[q]
-        p, t = block.event_info[i].partner, block.motion[i].t_hit
-        meets = block.event_info[p].number == block.event_info[i].partner_number
+        i = ti.cast(block.queue[q], ti.i32)
+        p, t = partner_of(i, block), block.motion[i].t_hit
+        meets = ti.cast(block.event_info[p].number, ti.i16) == block.event_info[i].partner_number
         ti.simt.warp.sync(mask)
         if meets and place == 0:
             collide(i, p, t, tile, region, block)
@@ -406,7 +456,7 @@ def run_queue(tile, me, limit, fastest, region: ti.template(), block: ti.templat
         a = ti.select(half == 0, i, p)
         first = place % ABREAST + 1
         if not meets and half == 1:
-            first = ROW  # at none
+            first = MOST_NEAR + 1  # at none
         best, partner = block.scale.window, NO_PARTNER
         best, partner, wrong = look_around(a, first, ABREAST, block.slots, t, best, partner, region, block)
         who = NONE
@@ -449,7 +499,7 @@ def run_rounds(n, tile, me, limit, fastest, rounds, region: ti.template(), block
             if key < NONE:
                 pending = 1
                 ti.atomic_min(block.low[i], key)
-                ti.atomic_min(block.low[block.event_info[i].partner], key)
+                ti.atomic_min(block.low[partner_of(i, block)], key)
             i += THREADS
         if me == 0:
             block.note[QUEUED] = 0
@@ -528,10 +578,10 @@ def run_tile_by_block(tile, me, block: ti.template()):
     """The window of one tile."""
     halo = block.reach[tile].halo
     region = region_around(tile, halo, block.scale.widest, block)
-    margin, faster = ti.cast(MARGIN, float), ti.cast(FASTER, float)
+    wider, faster = ti.cast(1.0, float), ti.cast(FASTER, float)
     attempt, n, mark = 0, 0, 0
     while attempt < ATTEMPTS:
-        n, fastest = prepare_block(tile, me, margin, ti.cast(faster, ti.f64), region, block)
+        n, fastest = prepare_block(tile, me, wider, ti.cast(faster, ti.f64), region, block)
         if attempt == 0 and me == 0:
             block.note[ROOM] = 1
             if block.note[MARK] != TOO_MANY or block.slots > BLOCK_SLOTS:
@@ -551,9 +601,9 @@ def run_tile_by_block(tile, me, block: ti.template()):
             attempt = ATTEMPTS
         elif attempt < ATTEMPTS:
             if (mark & LIST_FULL) > 0:
-                margin *= 0.8
+                wider *= 0.8
             elif (mark & UNCERTAIN) > 0:
-                margin *= 1.3
+                wider *= 1.4
             if (mark & TOO_FAST) > 0:
                 faster *= 1.3
             if me == 0:
@@ -593,7 +643,7 @@ def take_tile(n_tiles, me, block: ti.template()):
     return block.note[TILE]
 
 
-BLOCKS = Arrays(" ".join((*WINDOW.names, "near", "dense")))
+BLOCKS = Arrays(" ".join((*WINDOW.names, "near", "dense block_integers block_reals block_sums")))
 
 
 @kernel
@@ -609,11 +659,11 @@ def run_windows_by_blocks(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32,
         gas.counter.next_tile = first
         gas.counter.n_dense = 0
     ti.loop_config(block_dim=THREADS)
-    for item in range(gas.grid.lanes * THREADS):
+    for item in range(gas.grid.blocks * THREADS):
         round_products(gas)
         me = item % THREADS
-        first_slot = item // THREADS * gas.grid.lane_slots
-        block = ti.static(block_of(gas, first_slot, BLOCK_SLOTS))
+        number = item // THREADS
+        block = ti.static(block_of(gas, number, BLOCK_SLOTS))
         k = take_tile(n_listed, me, block)
         while k >= 0:
             ti.simt.block.sync()
@@ -622,11 +672,11 @@ def run_windows_by_blocks(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32,
     for _ in range(1):
         gas.counter.next_tile = 0
     ti.loop_config(block_dim=THREADS)
-    for item in range(gas.grid.lanes * gas.grid.lane_slots // DENSE_SLOTS * THREADS):
+    for item in range(gas.grid.blocks * BLOCK_SLOTS // DENSE_SLOTS * THREADS):
         round_products(gas)
         me = item % THREADS
-        first_slot = item // THREADS * DENSE_SLOTS
-        block = ti.static(block_of(gas, first_slot, DENSE_SLOTS))
+        number = item // THREADS
+        block = ti.static(block_of(gas, number, DENSE_SLOTS))
         k = take_tile(gas.counter.n_dense, me, block)
         while k >= 0:
             ti.simt.block.sync()

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-REAL, F64, F32, I32, U16 = "real", "f64", "f32", "i32", "u16"
+REAL, F64, F32, I32, U64 = "real", "f64", "f32", "i32", "u64"
 """Types of numbers: REAL is that of the run, f64 or f32."""
-BYTES = {REAL: 8, F64: 8, F32: 4, I32: 4, U16: 2}  # of a run in double precision
+BYTES = {REAL: 8, F64: 8, F32: 4, I32: 4, U64: 8}  # of a run in double precision
 
 
 class Several:
@@ -195,6 +195,10 @@ EVENT_INFO = Columns(**columns(
 IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_collisions", "home_tile"))
 START_POSITION = Columns(**columns("x", "y"))
 CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
+# The scratch space of a block of a GPU (`blocks.py`), by types of numbers.
+BLOCK_INTEGERS = Columns(event_info=EVENT_INFO, image_info=IMAGE_INFO, candidates=CANDIDATE)
+BLOCK_REALS = Columns(motion=MOTION, start_position=START_POSITION, since=None)
+BLOCK_SUMS = Columns(loss=MECHANISM, turn=None)
 # AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick hits of something
 # at rest, one after the other.
 REST = Columns(**columns("asleep", "may_rest", "hits"))
@@ -231,8 +235,8 @@ PAIR = Columns(**columns("tile", "id", "partner"))
 # of pairs; tiles that need blocks with more room, and bad ones that no block can run (`blocks.py`).
 COUNTER = Columns(**columns(
     "next_tile", "n_ghosts", "full", "n_slots", "needed", "resting", "stalled", "n_bad", "n_events", "n_windows",
-    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unverified", "jammed", "n_pairs", "n_dense",
-    "n_marked",
+    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unverified", "jammed", "n_pairs",
+    "n_dense", "n_marked",
 ))  # fmt: skip
 # Begin and end of the window; where to stop (time, collisions in all), to pause, when a force acts; what sets the
 # length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
@@ -246,11 +250,11 @@ CLOCK = Columns(**columns(
 # Disks; tiles; lanes; slots, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
 # seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small
 # cells along a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works; room
-# for moments; rows of pairs; the first piston among the rows of walls, or -1.
+# for moments; rows of pairs; the first piston among the rows of walls, or -1; blocks of a GPU that run tiles.
 GRID = Columns(**columns(
     "n", "tiles_x", "tiles_y", "lanes", "lane_slots", "cells", "bins", "items", "part", "periodic_x", "periodic_y",
     "walls", "seed_low", "seed_high", "single_tile", "most_ghosts", "tiles_aside", "boxes_aside", "room", "watching",
-    "most_events", "coarse", "opaque_zero", "stride", "moments", "most_pairs", "first_piston",
+    "most_events", "coarse", "opaque_zero", "stride", "moments", "most_pairs", "first_piston", "blocks",
 ))  # fmt: skip
 MOST_MOMENTS = 8
 # Box; least side of a cell; window; largest diameter; what rounds positions; gravity; cut-off; contact time; shear
@@ -367,7 +371,8 @@ TYPES: dict[str, str] = {
     "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
     "ghost_position": REAL, "motion": REAL, "event_info": I32, "image_info": I32, "start_position": REAL,
     "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
-    "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL, "near": U16, "dense": I32,
+    "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
+    "near": U64, "dense": I32, "block_integers": I32, "block_reals": REAL, "block_sums": F64,
     "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32,
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""

@@ -76,18 +76,53 @@ class Records:
         return NamedRow(self.array, index if isinstance(index, tuple) else (index,), self._columns)
 
 
-class Shifted:
-    """Rows of an array, or of `Records`, counted from row `first` on."""
+class InColumns:
+    """Records in a flat array, column after column: column c of row i lies at first + c * rows + i.
+
+    Threads that work on adjacent rows then reach adjacent numbers.
+    """
 
     _data_oriented = True
-    __slots__ = ("_first", "_rows")
+    __slots__ = ("_array", "_columns", "_first", "_rows")
 
-    def __init__(self, rows: Any, first: Any) -> None:
-        self._rows, self._first = rows, first
+    def __init__(self, array: Any, columns: Columns, first: Any, rows: int) -> None:
+        self._array, self._columns, self._first, self._rows = array, columns, first, rows
+
+    def __getitem__(self, i: Any) -> "_RowInColumns":
+        return _RowInColumns(self, i)
+
+    def at(self, i: Any, column: Any) -> Any:
+        """A column of row i."""
+        return _at(self._array, self._first + column * self._rows + i)
+
+
+class _RowInColumns:
+    """A row of `InColumns`."""
+
+    _data_oriented = True
+    __slots__ = ("_index", "_records")
+
+    def __init__(self, records: InColumns, index: Any) -> None:
+        self._records, self._index = records, index
+
+    def __getattr__(self, name: str) -> Any:
+        return self._records.at(self._index, self._records._columns.column(name))
+
+    def __getitem__(self, column: Any) -> Any:
+        return self._records.at(self._index, self._records._columns.first + column)
+
+
+class From:
+    """The numbers of a flat array from a first one on."""
+
+    _data_oriented = True
+    __slots__ = ("_array", "_first")
+
+    def __init__(self, array: Any, first: Any) -> None:
+        self._array, self._first = array, first
 
     def __getitem__(self, i: Any) -> Any:
-        i = self._first + i
-        return self._rows[i] if isinstance(self._rows, Records) else _at(self._rows, i)
+        return _at(self._array, self._first + i)
 
 
 class Split:

@@ -245,7 +245,9 @@ def begin(tile, gas: ti.template()):
     for k in range(tile, last + 1):
         clear(k, gas)
     if gas.counter.again == 0:
-        decay = ti.static(0.0 if on_gpu() and gas.uses.blockwise else HALO_DECAY)  # blocks have no room for more
+        decay = ti.static(
+            0.0 if on_gpu() and gas.uses.blockwise else HALO_DECAY
+        )  # blocks have no room for more
         gas.reach[tile].halo_factor = ti.max(decay * gas.reach[tile].halo_factor, 1.0)
     gas.reach[tile].halo = ti.min(gas.scale.usual_halo * gas.reach[tile].halo_factor, gas.scale.most_halo)
     gas.tile[tile].count[part], gas.tile[tile].gathered, gas.tile[tile].n_ghosts = 0, 0, 0
@@ -357,18 +359,24 @@ def reserve(tile, gas: ti.template()):
 
 
 @ti.func
-def load(m, tile, region: ti.template(), gas: ti.template()):
-    """Load candidate m into the lane's slots, which are sorted by cell."""
-    part = gas.grid.part
-    offset = region.lane * gas.grid.lane_slots
-    chosen = gas.candidates[offset + m]
-    s, c, rank, step = chosen.slot, chosen.cell, chosen.own_rank, chosen.step
-    i = offset
+def slot_of(m, region: ti.template(), gas: ti.template()):
+    """The slot of candidate m among those that are sorted by cell: the next one of its cell."""
+    cell = region.cells + gas.candidates[region.lane * gas.grid.lane_slots + m].cell
+    i = region.lane * gas.grid.lane_slots
     if ti.static(on_gpu()):
-        i += ti.atomic_add(gas.head[region.cells + c], 1)
+        i += ti.atomic_add(gas.head[cell], 1)
     else:
-        i += gas.head[region.cells + c]
-        gas.head[region.cells + c] = gas.head[region.cells + c] + 1
+        i += gas.head[cell]
+        gas.head[cell] = gas.head[cell] + 1
+    return i
+
+
+@ti.func
+def load(m, i, tile, region: ti.template(), gas: ti.template()):
+    """Load candidate m into slot i."""
+    part = gas.grid.part
+    chosen = gas.candidates[region.lane * gas.grid.lane_slots + m]
+    s, c, rank, step = chosen.slot, chosen.cell, chosen.own_rank, chosen.step
     other, step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, step, gas)
     x, y, lap_x, lap_y, row = position_in_tile(s, step_y, shift_x, shift_y, region, gas)
     vx, vy = gas.disk[s].vx, gas.disk[s].vy
@@ -410,7 +418,7 @@ def load(m, tile, region: ti.template(), gas: ti.template()):
     gas.event_info[i].hash_1, gas.event_info[i].hash_2, gas.event_info[i].max_speed_sq = 0, 0, 0
     note_speed(i, gas)
     gas.start_position[i].x, gas.start_position[i].y = x + row * gas.scale.aside, y
-    gas.event_info[i].partner, gas.event_info[i].last = NO_PARTNER, NO_PARTNER
+    gas.event_info[i].last = NO_PARTNER
     gas.event_info[i].number, gas.event_info[i].previous = 0, -1
     cx = c // region.ny
     gas.event_info[i].cell = (cx << 16) + c - cx * region.ny

@@ -11,7 +11,7 @@ from .signature import Arrays, kernel
 from .sums import is_owned, max_speed_sq, sum_tiles, total_of
 from .tiles import (
     begin, cells_of, count_chunk, gather, is_too_narrow, is_wrong, link_cells, link_cells_of_layers, load,
-    note_extremes, order, region_of, team_of, write,
+    note_extremes, order, region_of, slot_of, team_of, write,
 )  # fmt: skip
 from .walls.cells import place_walls
 from .walls.motion import wall_phases
@@ -83,7 +83,7 @@ def prepare(tile, lane, gas: ti.template()):
         order(tile, 0, region, gas)
         n = gas.tile[tile].gathered
         for m in range(n):
-            load(m, tile, region, gas)
+            load(m, slot_of(m, region, gas), tile, region, gas)
         if ti.static(gas.uses.layered):
             link_cells_of_layers(n, region, gas)
         else:
@@ -202,7 +202,7 @@ def load_tiles(first: ti.template(), n_listed: ti.template(), gas: ti.template()
     for item in range((n_listed - first) * team):
         k, region, m, n = share_of(item, first, gas)
         while m < n:
-            load(m, k, region, gas)
+            load(m, slot_of(m, region, gas), k, region, gas)
             m += team
     for item in range((n_listed - first) * team):
         _k, region, m, n = share_of(item, first, gas)

@@ -18,6 +18,9 @@ from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.columns import (
     ADDRESSABLE,
+    BLOCK_INTEGERS,
+    BLOCK_REALS,
+    BLOCK_SUMS,
     CONTACTS_PER_DISK,
     KIND,
     MOST_MOMENTS,
@@ -51,6 +54,7 @@ if TYPE_CHECKING:
 
 GPU_THREADS = 32768  # of which some work on events, spread over all multiprocessors
 BURST = 64  # windows of a gas in one tile that one launch runs at most
+BLOCK_LANES = 32  # tiles that threads of a GPU run at the same time where blocks run most
 GPU_BURST = 20_000_000  # disks times windows, of a GPU
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
 
@@ -120,7 +124,6 @@ class DeviceArrays:
         self._twins: dict[str, Any] = {}
         self.room: int = 0
         self.parts: int = 2
-        self.blockwise = False  # until tiles are chosen
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
         self._take_kinds(disks)
         self.law: Any = ti.ndarray(self._type, law_table.shape)
@@ -268,7 +271,6 @@ class DeviceArrays:
         self.make("contact", CONTACTS_PER_DISK * rows if uses.rests else 1)
         self.make("cached_force", rows if uses.rests else 1)
         self.make("candidates", rows)
-        self.make("near", rows * k.NEAR_ROW if self.blockwise and not grid.single_tile else 1)
         self.make("since", rows if uses.remembers else 1)
         self.make("turn", rows if uses.turned else 1)
         self.make("loss", rows if uses.itemised else 1)
@@ -390,7 +392,8 @@ class DeviceArrays:
         lanes = 1 if self.single_tile else min(backend.lanes(), self.tiles)
         self.blockwise: bool = self.on_gpu and not self.single_tile and self.uses.blockwise
         if self.blockwise:
-            lanes = min(backend.gpu_blocks(), self.tiles)
+            lanes = min(BLOCK_LANES, self.tiles)  # of the few tiles that no block can run
+            self._make_blocks(min(backend.gpu_blocks(), self.tiles))
         self.grid.lanes, self.grid.single_tile = lanes, int(self.single_tile)
         spread = min(max(GPU_THREADS // self.tiles, 1), k.TEAM)
         self.grid.stride = 1 << (spread.bit_length() - 1)
@@ -403,6 +406,18 @@ class DeviceArrays:
             )  # by something that the host does
             self.burst = 1 if followed else min(BURST, 1 + GPU_BURST // max(self.n, 1))
 
+    def _make_blocks(self, blocks: int) -> None:
+        """Make scratch space for so many blocks of a GPU, at least for one that runs dense tiles."""
+        blocks = max(blocks, -(-k.DENSE_SLOTS // k.BLOCK_SLOTS))
+        if self.grid.blocks == blocks:
+            return
+        self.grid.blocks = blocks
+        rows, summed = blocks * k.BLOCK_SLOTS, self.uses.turned or self.uses.itemised
+        self.make("block_integers", rows * BLOCK_INTEGERS.width)
+        self.make("block_reals", rows * BLOCK_REALS.width)
+        self.make("block_sums", rows * BLOCK_SUMS.width if summed else 1)
+        self.make("near", rows * k.NEAR_WORDS)
+
     def _make_lanes(self, cells_of_all: float) -> None:
         """Make scratch space for the lanes, unless there is enough; the whole region has so many cells."""
         n, lanes = self.n, int(self.grid.lanes)
@@ -410,8 +425,6 @@ class DeviceArrays:
             lane_slots, cells = n, int(1.3 * cells_of_all) + 64
         else:
             lane_slots, cells = min(2 * n // self.tiles + 64, 9 * n), 64
-        if self.blockwise:
-            lane_slots = max(lane_slots, k.BLOCK_SLOTS, -(-k.DENSE_SLOTS // lanes))
         if lane_slots > self.grid.lane_slots or cells > self.grid.cells or lanes != self._lanes:
             self._lanes = lanes
             self.scratch(lane_slots, cells, 256 if self.uses.walled else 0)
@@ -677,7 +690,7 @@ class DeviceArrays:
 
     def bytes_of(self, *names: str) -> int:
         """Bytes of some device arrays."""
-        wide = {"f64": 8, "u64": 8, "i64": 8, "u16": 2}
+        wide = {"f64": 8, "u64": 8, "i64": 8}
         return sum(
             wide.get(str(array.dtype), 4) * math.prod(array.shape) * math.prod(array.element_shape)
             for array in (getattr(self, name) for name in names)
