@@ -43,7 +43,6 @@ from .tiles import (
     cell_at,
     clear,
     gather_tile,
-    lies_in,
     load,
     position_in_tile,
     reserve,
@@ -57,6 +56,7 @@ THREADS = 512  # of a block
 MOST_NEAR = 4 * NEAR_WORDS - 1  # places of a list
 ABREAST = 8  # threads that look around a disk
 NONE = 0x7FFFFFFF  # the key of no event
+MET, STALE = -1, -2  # of one that happens in this round
 TICKS = 1073741824.0  # keys in a window
 # How much faster than at the window's beginning disks may be for the lists: than the fastest of the tile, and of all.
 FASTER, FASTEST_OF_ALL = 1.35, 1.15
@@ -145,9 +145,27 @@ def region_around(tile, halo, reach, gas: ti.template()):
 
 
 @ti.func
+def sides_around(tile, block: ti.template()):
+    """Left, right, lower and upper side of a tile, from its corner; ends of the box that are no periodic sides: far."""
+    tx = tile // block.grid.tiles_y
+    ty = tile - tx * block.grid.tiles_y
+    width, height = sides_of(tile, block)
+    left, right, below, above = 0.0 * width, width, 0.0 * height, height
+    if block.grid.periodic_x == 0:
+        left = ti.select(tx == 0, -FAR, left)
+        right = ti.select(tx == block.grid.tiles_x - 1, FAR, right)
+    if block.grid.periodic_y == 0:
+        below = ti.select(ty == 0, -FAR, below)
+        above = ti.select(ty == block.grid.tiles_y - 1, FAR, above)
+    return left, right, below, above
+
+
+@ti.func
 def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
     """List the disks in a tile and its halo as candidates, count them, and note the largest square of a speed."""
     part = block.grid.part
+    left, right, below, above = sides_around(tile, block)
+    fastest = 0
     for step in range(9):
         other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = gather_tile(tile, step, block)
         if other >= 0:
@@ -155,9 +173,9 @@ def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
             s, end = first + me, first + block.tile[other].count[part]
             while s < end:
                 x, y, _lap_x, _lap_y, _row = position_in_tile(s, step_y, shift_x, shift_y, region, block)
-                if lies_in(x, y, halo, tile, block):
+                if x >= left - halo and x < right + halo and y >= below - halo and y < above + halo:
                     rank = 0
-                    if lies_in(x, y, 0.0 * x, tile, block):
+                    if x >= left and x < right and y >= below and y < above:
                         rank = 1 + ti.atomic_add(block.note[OWN], 1)
                     else:
                         rank = -1 - ti.atomic_add(block.note[COPIES], 1)
@@ -167,8 +185,9 @@ def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
                         block.candidates[m].own_rank = rank
                         block.candidates[m].step = step
                     vx, vy = ti.cast(block.disk[s].vx, ti.f64), ti.cast(block.disk[s].vy, ti.f64)
-                    ti.atomic_max(block.note[SPEED], upper_half(1.000001 * (vx * vx + vy * vy)))
+                    fastest = ti.max(fastest, upper_half(1.000001 * (vx * vx + vy * vy)))
                 s += THREADS
+    ti.atomic_max(block.note[SPEED], fastest)
 
 
 @ti.func
@@ -438,8 +457,25 @@ def queue_earliest(n, block: ti.template()):
 
 
 @ti.func
-def run_queue(tile, me, limit, fastest, region: ti.template(), block: ti.template()):
-    """All queued events, each by 2 x ABREAST threads: those of one half look around one of its disks."""
+def collide_queue(tile, me, region: ti.template(), block: ti.template()):
+    """The collisions of all queued events, each by a thread: those of a warp collide at the same time.
+
+    The key of an event then says whether it was a collision (MET), or was STALE.
+    """
+    q, many = me, ti.min(block.note[QUEUED], block.slots // 4)
+    while q < many:
+        i = ti.cast(block.queue[q], ti.i32)
+        p = partner_of(i, block)
+        block.key[i] = STALE
+        if ti.cast(block.event_info[p].number, ti.i16) == ti.cast(block.event_info[i].partner_number, ti.i16):
+            block.key[i] = MET
+            collide(i, p, block.motion[i].t_hit, tile, region, block)
+        q += THREADS
+
+
+@ti.func
+def predict_queue(me, limit, fastest, region: ti.template(), block: ti.template()):
+    """Next events of the disks of all queued events, each by ABREAST threads, which look at the list of a disk."""
     lane = me % 32
     place = me % (2 * ABREAST)
     half = place // ABREAST
@@ -448,11 +484,7 @@ def run_queue(tile, me, limit, fastest, region: ti.template(), block: ti.templat
     while q < many:
         i = ti.cast(block.queue[q], ti.i32)
         p, t = partner_of(i, block), block.motion[i].t_hit
-        meets = ti.cast(block.event_info[p].number, ti.i16) == block.event_info[i].partner_number
-        ti.simt.warp.sync(mask)
-        if meets and place == 0:
-            collide(i, p, t, tile, region, block)
-        ti.simt.warp.sync(mask)
+        meets = block.key[i] == MET
         a = ti.select(half == 0, i, p)
         first = place % ABREAST + 1
         if not meets and half == 1:
@@ -518,7 +550,9 @@ def run_rounds(n, tile, me, limit, fastest, rounds, region: ti.template(), block
                 if me == 0:
                     queue_earliest(n, block)
                 ti.simt.block.sync()
-            run_queue(tile, me, limit, fastest, region, block)
+            collide_queue(tile, me, region, block)
+            ti.simt.block.sync()
+            predict_queue(me, limit, fastest, region, block)
             forget_keys(n, me, block)
             ti.simt.block.sync()
     return rounds

@@ -9,7 +9,9 @@ from .layout import AT_END, FULL_WATCHED, TRACKED
 def round_products(gas: ti.template()):
     """Round products by themselves in the loop that begins with this, on a GPU (`compiler_fixes.py`)."""
     if ti.static(on_gpu()):
-        zero = ti.cast(gas.grid.opaque_zero, ti.u64)
+        zero = ti.cast(
+            ti.cast(gas.grid.opaque_zero, ti.u32), ti.u64
+        )  # no more than the lower half of a double
         ti.static(round_products_by(zero))
 
 
