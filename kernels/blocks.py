@@ -52,7 +52,7 @@ from .tiles import (
 )
 from .windows import WINDOW, begin_window, tile_of
 
-THREADS = 512  # of a block
+THREADS = 256  # of a block
 MOST_NEAR = 4 * NEAR_WORDS - 1  # places of a list
 ABREAST = 8  # threads that look around a disk
 NONE = 0x7FFFFFFF  # the key of no event

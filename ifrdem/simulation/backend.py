@@ -243,7 +243,7 @@ def gpu_name() -> str:
 
 
 def gpu_blocks() -> int:
-    """Blocks of 512 threads that the GPU runs at the same time: two for each of its multiprocessors."""
+    """Blocks of threads that the GPU runs at the same time: two for each of its multiprocessors."""
     driver, handle = _gpu()
     count = ctypes.c_int(0)
     driver.cuDeviceGetAttribute(ctypes.byref(count), MULTIPROCESSOR_COUNT, handle)
