@@ -131,6 +131,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         - "disk_energy": also that of each disk's collisions, `State.dissipated`;
         - "partner": the disk or wall that each disk hit last, `State.last_partner`;
         - "angle": the angle by which each disk has turned, `State.angle`;
+        - "stress": the momentum that collisions transfer, in every `Measure`: `observables.stress` makes a pressure
+          tensor of two of these;
         - "wall": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
@@ -1070,6 +1072,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
+        if "stress" in self._engine.options.record:
+            ledger["virial"] = self._engine.virial
         if "wall" in self._engine.options.record:
             ledger["walls"] = self._engine.wall_sums
         return from_totals(
