@@ -561,14 +561,14 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
     notes.append(f"errors from {len(found.time)} blocks of time")
     warnings = []
-    T = series["temperature"][(series.time >= span[0]) & (series.time <= span[1])]
-    if not _is_stationary(T):
+    inside = (series.time >= span[0]) & (series.time <= span[1])
+    if "temperature" in series and not _is_stationary(T := series["temperature"][inside]):
         text = (
             "and stresses are means over that time; choose --frames over which T changes by less than a tenth"
         )
         warnings.append(f"{_stationarity_warning(trajectory, T)}, {text}")
     table: Columns = {"time": found.time}
-    table |= {f"P_{name}": found.blocks[:, at[0], at[1]] for name, at in pairs.items()}
+    table |= {f"P_{name}(t)": found.blocks[:, at[0], at[1]] for name, at in pairs.items()}
     return Evaluation(found, rows, {"": table}, notes, span, warnings)
 
 

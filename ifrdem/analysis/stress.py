@@ -77,7 +77,7 @@ def mean_stress(
     begin, end = (float(t[0]), float(t[-1])) if span is None else span
     if not t[0] <= begin < end <= t[-1]:
         raise InputError(f"span = ({begin:g}, {end:g}): must lie within time, {t[0]:g} to {t[-1]:g}")
-    inside = np.count_nonzero((t > begin) & (t <= end))
+    inside = int(np.count_nonzero((t > begin) & (t <= end)))
     edges = np.linspace(begin, end, min(BLOCKS, max(inside, 1)) + 1)
     whole, carried = (_block_means(t, one, edges) for one in parts)
     mean, of_disks = whole.mean(axis=0), carried.mean(axis=0)
@@ -89,8 +89,8 @@ def mean_stress(
     xx, xy, yy = whole[:, 0, 0], whole[:, 0, 1], whole[:, 1, 1]
     pressure = 0.5 * (xx + yy)
     # Of ratios, to first order in what blocks differ by.
-    friction = (-xy - found.friction * yy) / yy.mean()
-    normal = (xx - yy - found.normal_difference * pressure) / found.pressure
+    friction = (-xy - found.friction * yy) / (yy.mean() or np.nan)
+    normal = (xx - yy - found.normal_difference * pressure) / (found.pressure or np.nan)
     return MeanStress(
         found, np.array([[error(whole[:, a, b]) for b in (0, 1)] for a in (0, 1)]), error(pressure),
         error(friction), error(normal), 0.5 * (edges[1:] + edges[:-1]), whole,

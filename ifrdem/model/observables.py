@@ -280,13 +280,19 @@ class Stress:
 
     @property
     def friction(self) -> float:
-        """Shear over normal stress on lines along x, -P_xy / P_yy: positive for a flow u_x that grows along y."""
-        return -float(self.total[0, 1]) / float(self.total[1, 1])
+        """Shear over normal stress on lines along x, -P_xy / P_yy: positive for a flow u_x that grows along y.
+
+        nan without a normal stress.
+        """
+        return -float(self.total[0, 1]) / (float(self.total[1, 1]) or math.nan)
 
     @property
     def normal_difference(self) -> float:
-        """First normal stress difference over the pressure, N_1 = (P_xx - P_yy) / p."""
-        return float(self.total[0, 0] - self.total[1, 1]) / self.pressure
+        """First normal stress difference over the pressure, N_1 = (P_xx - P_yy) / p; nan without a pressure.
+
+        M. Alam and S. Luding, Phys. Fluids 15, 2298 (2003), doi:10.1063/1.1587723.
+        """
+        return float(self.total[0, 0] - self.total[1, 1]) / (self.pressure or math.nan)
 
 
 @validated

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, SlowRunWarning
+from ..kernels.columns import READOUT, Named
 from ..model import crush
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
@@ -558,8 +559,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def _energy_of(self, disks: Disks, state: State) -> float:
         """Kinetic and potential energy [energy] of a state; gravity acts along walled directions only."""
-        translational, rotational, *_, fall, _, _, _ = sums(disks, state, self._engine.gravity).tolist()
-        return float(translational + rotational - fall)
+        totals = Named(sums(disks, state, self._engine.gravity), READOUT)
+        return float(totals.translational + totals.rotational - totals.fall)
 
     def save_checkpoint(
         self,
