@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..model.box import describe_sides
 from ..model.density import packing_fraction
+from ..model.law import CollisionLaw
 from ..model.law_records import to_record
+from ..model.law_sampling import PAIRS
 from ..model.walls import Wall
 from ..mpi.distribution import GATHERED
 from ..simulation import backend
@@ -29,6 +32,7 @@ from .estimate import (
     step_seconds,
 )
 from .gas import CaseGas
+from .laws_section import FileKeys, RoughKeys, SmoothKeys
 from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 from .summary import COMPILING, REFUSED_HERE, clock, no_path, refuse_cadences, refused_here, size
@@ -79,10 +83,13 @@ def check(gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sli
     estimate = RunEstimate.of(gas)
     refuse_cadences(gas, estimate)
     pinches = gas.wall_pinch_warnings()
+    of_laws = gas.verify_laws()
     if ranks == 1:
         gas.verify_start()
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
-    return report(gas, estimate, (*pinches, *gas.notices, *(f"{each}: {REFUSED_HERE}" for each in here)))
+    return report(
+        gas, estimate, (*of_laws, *pinches, *gas.notices, *(f"{each}: {REFUSED_HERE}" for each in here))
+    )
 
 
 def report(gas: CaseGas, estimate: RunEstimate, warnings: tuple[str, ...] = ()) -> Report:
@@ -172,14 +179,25 @@ def _laws(gas: CaseGas) -> Iterator[ReportRow]:
         law = verdict.law
         assert law is not None  # a gas has no refused pairs
         text = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
+        if not law.is_proved:
+            text = f"custom, tried on {PAIRS} random pairs"
         values = (
             f"{key} = {value}" if isinstance(value, str) else f"{key} = {value:g}"
-            for key, value in to_record(law).items()
+            for key, value in _values(gas.case, verdict.key, law).items()
         )
         text += f" ({', '.join(values)})"
         yield ReportRow(f"law of {verdict.first}, {verdict.second}", text)
         if not verdict.strict:
             yield ReportRow("", verdict.message)
+
+
+def _values(case: CaseSections, key: str, law: CollisionLaw) -> dict[str, Any]:
+    """Name and arguments of the law that a section gives, "material[0]"."""
+    if found := re.fullmatch(r"(material|pair)\[(\d+)\]", key):
+        section = getattr(case, found[1])[int(found[2])]
+        if isinstance(section, RoughKeys | SmoothKeys | FileKeys):  # the first two make an IFR law
+            return {"law": section.law} | section.model_dump(exclude={"name", "materials", "law"})
+    return to_record(law)
 
 
 def _gravity(gas: CaseGas, units: Units) -> Iterator[ReportRow]:

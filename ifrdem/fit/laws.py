@@ -6,22 +6,22 @@ classes, whose `collide` gives the impulses between the same two steps that ever
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
 import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest, refuse, there_are
+from ..errors import InputError, nearest, refuse
+from ..model import law_files
 from ..model.ifr import REQUIRED_COEFFICIENTS, STICKING, EnergyWarning, IFRLaw
 from ..model.law import OF_PAIR, CollisionLaw
+from ..model.law_files import is_law
 from ..model.walton import Walton
 from ..tools.checked import validated
 
@@ -225,7 +225,7 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
     >>> fit.own(laws.Walton).free
     ('e_n', 'beta_0', 'mu')
     """
-    if not _is_law(kind) or kind.collide is CollisionLaw.collide:
+    if not is_law(kind) or kind.collide is CollisionLaw.collide:
         raise InputError(
             f"kind = {kind!r}: must be a class derived from ifrdem.CollisionLaw with a method collide"
         )
@@ -250,33 +250,16 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
     return Law(kind.__name__, f"{kind.__name__}, a custom law", kind, whole, {}, start_ranges)
 
 
-def _is_law(value: object) -> bool:
-    return isinstance(value, type) and issubclass(value, CollisionLaw)
-
-
 def own_from_file(text: str, ranges: Mapping[str, Range] | None = None) -> Law:
-    """`own` of FILE.py:CLASS.
+    """`own` of FILE.py:CLASS, whose code is executed.
 
     Raises InputError if there is no such file or class.
     """
-    name, colon, title = text.rpartition(":")
-    path = Path(name)
-    if not colon or path.suffix != ".py":
-        raise InputError(f"--law {text}: must be FILE.py:CLASS")
-    if not path.is_file():
-        raise InputError(f"--law {text}: there is no file {path}")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
-    except (ImportError, SyntaxError, NameError) as error:
-        raise InputError(f"--law {text}: the file cannot be imported: {error}") from error
-    kinds = [key for key, value in vars(module).items() if _is_law(value)]
-    if title not in kinds:
-        raise InputError(f"--law {text}: no law '{title}'{there_are(title, kinds)}")
-    return own(getattr(module, title), ranges)
+        kind = law_files.find(text).kind
+    except InputError as error:
+        raise InputError(f"--law {text}: {error}") from None
+    return own(kind, ranges)
 
 
 def chosen(

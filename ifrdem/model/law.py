@@ -71,6 +71,7 @@ class CollisionLaw(ReadOnlyAttributes):
     coefficients: ClassVar[tuple[str, ...]] = ()
     ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({})
     is_proved: ClassVar[bool] = False
+    _source: ClassVar[Any]  # `law_files.LawSource` of a class from a file
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -81,6 +82,14 @@ class CollisionLaw(ReadOnlyAttributes):
         for name, in_range in self.ranges.items():
             in_range(f"{type(self).__name__}: {name}", row[name])
         self._row = tuple(row.values())
+
+    def __reduce_ex__(self, protocol: Any) -> str | tuple[Any, ...]:
+        """Of a law from a file, which other processes cannot import by a name: its source and its attributes."""
+        if (source := vars(type(self)).get("_source")) is None:
+            return super().__reduce_ex__(protocol)
+        from .law_files import restored
+
+        return restored, (source,), dict(vars(self))
 
     def __getattr__(self, name: str) -> float:
         if name not in type(self).coefficients:

@@ -118,7 +118,7 @@ def _change(law: IFRLaw, disks: Disks, low: float, high: float) -> float:
 def _law(trajectory: Trajectory) -> IFRLaw:
     disks = trajectory.disks
     a, b = int(disks.material[0]), int(disks.material[disks.n // 2])
-    law = trajectory.laws[a][b]
+    law = "custom" if trajectory.has_custom_laws else trajectory.laws[a][b]
     if not isinstance(law, IFRLaw):
         raise InputError(f"{trajectory.path}: law of materials {a} and {b} is {law}: must be an IFRLaw")
     return law

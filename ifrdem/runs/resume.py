@@ -21,6 +21,7 @@ from ..case.gas import CaseGas
 from ..case.objects import choose_runtime, device_of
 from ..errors import InputError
 from ..kernels import runtime as of_kernels
+from ..model.law_records import is_custom, of_table, source_of_record
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import RunPlan
@@ -179,7 +180,21 @@ def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSec
     of_kernels.choose(name, "--runtime")
     case = CaseSections.model_validate_json(record["extra"]["case_as_set"])
     checkpoint.check_versions(record, path, case.run.device)
+    _refuse_changed_laws(record, path)
     return _with(case, runtime=of_kernels.chosen())
+
+
+def _refuse_changed_laws(record: Mapping[str, Any], path: Path) -> None:
+    """Raise InputError if the file of a custom law is not there, or has changed: the checkpoint holds no code."""
+    for each in filter(is_custom, of_table(record["gas"]["law"])):
+        try:
+            source_of_record(each, Path(each["path"]).parent)
+        except InputError as error:
+            trajectory = record["extra"]["trajectory"]
+            raise InputError(
+                f"{path}: {error}; for another law, begin a new run from a stored frame: start.positions = "
+                f'"{trajectory}"'
+            ) from None
 
 
 def _log_other_runtime(record: Mapping[str, Any], path: Path, log: Callable[[str], None]) -> None:

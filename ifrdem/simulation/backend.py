@@ -438,6 +438,16 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     return settings
 
 
+def start_unless_running(device: Device) -> Running:
+    """Start the runtime as `start`, unless it runs already, with any settings."""
+    if _running is not None and _process == os.getpid():
+        from ..kernels.language import program
+
+        if program() is not None:
+            return _running
+    return start(device)
+
+
 def start_on_ranks(device: Device, comm: Communicator) -> None:
     """Start the runtime on all ranks: each with its share of the cores of its machine, and with a GPU of its own."""
     if comm.size > 1:

@@ -40,7 +40,7 @@ from ..tools.read_only import ReadOnlyAttributes
 from . import backend, checkpoint, checks
 from .device import Device
 from .engine import CollisionTimes, Engine
-from .gas_record import arguments, differences, gas_record
+from .gas_record import arguments, differences, gas_record, laws_of
 from .schedule import (
     MOST,
     FrameCallback,
@@ -662,7 +662,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             A file of `save_checkpoint`, or NAME.checkpoint.h5 of an interrupted `ifrdem run`. It holds disks, box, law,
             walls, gravity, forces, `collapse`, device, `record`, tracked disks, seed and the present state.
         law, forces
-            The same law and forces as before: only needed if one is a custom class, whose code is not in the file.
+            The same law and forces as before: only needed if one is a custom class of Python, whose code is not in the
+            file. The code of a custom law of a case is executed from its own file, if that has not changed.
         device : Device or str, optional
             The same device with another number of threads, which changes no bit.
         comm : mpi4py.MPI.Comm or Communicator, optional
@@ -691,6 +692,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         found, meta = checkpoint.read_slice(path, comm)
         with checkpoint.as_damage_error(path, "its record"):
             checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
+            if law is None:
+                law = comm.root_result(lambda: laws_of(meta["gas"], path))
             given = arguments(
                 meta["gas"], found["state_pistons"][:, 0].tolist(), law=law, forces=forces, device=device
             )
