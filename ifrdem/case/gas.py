@@ -7,7 +7,7 @@ import json
 import math
 import operator
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning
 from ..model.law import CollisionLaw
 from ..model.observables import drift_text
-from ..model.pair_laws import PairLaws
+from ..model.pair_laws import MEAN_APPROACH, PairLaws
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
 from ..model.walls import Wall, free_directions, smooth_materials, wall_names
 from ..mpi import SERIAL, Communicator, current, distribution
@@ -194,6 +194,21 @@ class CaseGas:
         found = self.laws[a][b]
         assert found is not None  # they have disks
         return found
+
+    @property
+    def approach_speeds(self) -> Iterator[tuple[PairVerdict, float, float, float]]:
+        """Of each pair that can collide: mean g_n in collisions at the start, effective mass and radius.
+
+        Of Maxwellian velocities, and disks of the mean masses and radii of their species.
+        """
+        by_name = {each.name: each for each in self.species}
+        for verdict in self.verdicts:
+            one, other = by_name[verdict.first], by_name.get(verdict.second)  # None for a wall
+            both = [one] if other is None else [one, other]
+            V = 0.5 * sum(each.speed_rms**2 for each in both)
+            m_n = 1.0 / sum(1.0 / each.summary.mass.mean for each in both)
+            R = 1.0 / sum(1.0 / each.summary.radius.mean for each in (one, other or one))
+            yield verdict, MEAN_APPROACH * math.sqrt(V), m_n, R
 
     @property
     def warnings(self) -> list[str]:
@@ -518,6 +533,12 @@ class CaseGas:
             ),
         }
         found = self._lying(velocity, walls, gravity) if known else []
+        for verdict, *pair in self.approach_speeds:
+            try:
+                if verdict.law is not None:
+                    verdict.law.check_speed(*pair)
+            except InputError as error:
+                found.append(str(Problem(verdict.key, None, f"{verdict.first}, {verdict.second}: {error}")))
         for (section, key), check in refused.items():
             try:
                 check()

@@ -16,6 +16,7 @@ from ..model.density import packing_fraction
 from ..model.law import CollisionLaw
 from ..model.law_records import to_record
 from ..model.law_sampling import PAIRS
+from ..model.viscoelastic import Viscoelastic
 from ..model.walls import Wall
 from ..mpi.distribution import GATHERED
 from ..simulation import backend
@@ -96,7 +97,7 @@ def report(gas: CaseGas, estimate: RunEstimate, warnings: tuple[str, ...] = ()) 
     """Report on a case before it runs, and its warnings."""
     units = Units(gas.case)
     rows = [
-        *_density(gas, estimate, units), *_species(gas, estimate, units), *_laws(gas), *_gravity(gas, units),
+        *_density(gas, estimate, units), *_species(gas, estimate, units), *_laws(gas, units), *_gravity(gas, units),
         *_walls(gas, estimate, units), *_collapse(gas, units), *_forces(gas.case, estimate, units),
         *_needs(gas, estimate), *_time(gas, estimate),
     ]  # fmt: skip
@@ -174,7 +175,7 @@ def _species(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[Repo
             yield ReportRow(f"{name}: mean free path at the start", f"none: {no_path(gas)}")
 
 
-def _laws(gas: CaseGas) -> Iterator[ReportRow]:
+def _laws(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
     for verdict in gas.verdicts:
         law = verdict.law
         assert law is not None  # a gas has no refused pairs
@@ -189,6 +190,11 @@ def _laws(gas: CaseGas) -> Iterator[ReportRow]:
         yield ReportRow(f"law of {verdict.first}, {verdict.second}", text)
         if not verdict.strict:
             yield ReportRow("", verdict.message)
+    for verdict, g_n, m_n, R in gas.approach_speeds:
+        if isinstance(verdict.law, Viscoelastic) and g_n > 0.0:
+            e_n = float(verdict.law.restitutions(g_n, m_n, R))
+            name = f"e_n of {verdict.first}, {verdict.second} at the mean approach speed at the start"
+            yield ReportRow(name, f"{e_n:.4g} at {g_n:.4g}", units.speed)
 
 
 def _values(case: CaseSections, key: str, law: CollisionLaw) -> dict[str, Any]:

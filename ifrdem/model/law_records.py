@@ -6,13 +6,14 @@ A custom law from a file has the name FILE.py:CLASS, the path of the file, the h
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from ..errors import InputError
+from ..tools import checked
 from . import law_files
-from .ifr import EnergyWarning, IFRLaw
+from .ifr import EnergyWarning, IFRLaw, rough_disks, smooth_disks
 from .law import CollisionLaw
 from .law_files import LawSource
 from .viscoelastic import Viscoelastic
@@ -25,6 +26,31 @@ ARGUMENTS: Mapping[str, tuple[type[CollisionLaw], tuple[str, ...]]] = {
     "viscoelastic": (Viscoelastic, ("A", "Y", *_WITH_FRICTION)),
 }
 """Classes and names of arguments by the name of a law."""
+
+
+NAMES: Mapping[str, Callable[..., CollisionLaw]] = {
+    **{name: kind for name, (kind, _) in ARGUMENTS.items()}, "rough": rough_disks, "smooth": smooth_disks,
+}  # fmt: skip
+"""Laws by the names that cases have."""
+
+
+def any_law(name: str, law: Any) -> CollisionLaw:
+    """The law, or that of a mapping with its name and coefficients: {"law": "walton", "e_n": ...}; else InputError."""
+    if isinstance(law, CollisionLaw):
+        return law
+    if not isinstance(law, Mapping):
+        raise checked.must_be(
+            name, law, "a law, or a mapping with the name of one, {'law': 'walton', 'e_n': ...}"
+        )
+    given = dict(law)
+    kind = checked.choice(f"{name}['law']", given.pop("law", "ifr"), NAMES)
+    try:
+        return NAMES[kind](**given)
+    except TypeError as error:  # a coefficient that is missing, or unknown
+        raise InputError(f"{name} = {law!r}: {error}") from None
+
+
+AnyLaw = Annotated[CollisionLaw | Mapping[str, Any], any_law]
 
 
 def to_record(law: CollisionLaw) -> dict[str, Any]:

@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import InputError
 from ..tools.callers import outside_level
 from ..tools.checked import Array
-from .custom_code import check_constants, why_not_compiled
-from .law import OF_PAIR, CollisionLaw, EnergyWarning, compiled
+from .custom_code import why_not_compiled
+from .law import OF_PAIR, CollisionLaw, EnergyWarning, check_law_constants, compiled
 from .state import Disks
 
 PAIRS = 4096
@@ -43,7 +43,7 @@ def check_by_sampling(
     from ..kernels.language import CompilationError
     from ..kernels.layout import Uses
 
-    check_constants(f"law {kind.__name__}", kind, "collide")
+    check_law_constants(kind)
     movable = np.flatnonzero(disks.movable)
     if not len(movable):
         return

@@ -117,6 +117,7 @@ def resume(
             trajectory = path.with_name(extra["trajectory"])
             if checkpoint_of(trajectory) != path:
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
+            _refuse_changed_laws(record, path)
             original = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
             ledger = Ledger.from_record(extra["ledger"])
             plan = RunPlan.from_record(extra["plan"], case.output.frame_cadence, case.output.series_cadence)
@@ -180,7 +181,6 @@ def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSec
     of_kernels.choose(name, "--runtime")
     case = CaseSections.model_validate_json(record["extra"]["case_as_set"])
     checkpoint.check_versions(record, path, case.run.device)
-    _refuse_changed_laws(record, path)
     return _with(case, runtime=of_kernels.chosen())
 
 
@@ -211,6 +211,7 @@ def _gas_of(path: Path, runtime: str | None) -> CaseGas:
         if "case_as_set" not in record["extra"]:
             raise InputError(f"{path}: {NO_RUN}")
         case = _case_of(record, path, runtime)
+        _refuse_changed_laws(record, path)
         folder = Path(record["extra"]["case_path"]).parent
     return CaseGas.from_case(case, folder, start=False)
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ifrdem.model.ifr import Collision, IFRLaw, Regime, collide
+from ifrdem.model.collision import Collision, collide
+from ifrdem.model.ifr import IFRLaw, Regime
 
 LAWS = {
     "1 pta": IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21),

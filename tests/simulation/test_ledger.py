@@ -11,8 +11,9 @@ from support.law_examples import Driving, Weak
 from ifrdem import Device, VelocityCutoff
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.box import Box
+from ifrdem.model.collision import collide
 from ifrdem.model.forces import Drag, RandomKicks
-from ifrdem.model.ifr import IFRLaw, Regime, collide
+from ifrdem.model.ifr import IFRLaw, Regime
 from ifrdem.model.observables import MECHANISMS, REGIMES, Measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion
