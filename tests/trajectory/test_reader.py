@@ -95,9 +95,9 @@ REFUSED = {
 def test_what_does_not_fit_is_refused_by_name_and_not_called_damage(tmp_path, case):
     act, says = REFUSED[case]
     write(tmp_path / "run.h5")
-    with Trajectory(tmp_path / "run.h5") as trajectory, pytest.raises(InputError, match=says) as told:
+    with Trajectory(tmp_path / "run.h5") as trajectory, pytest.raises(InputError, match=says) as raised:
         act(trajectory)
-    assert not isinstance(told.value, DamageError)
+    assert not isinstance(raised.value, DamageError)
 
 
 def test_what_is_not_committed_is_not_read(tmp_path):
