@@ -542,7 +542,7 @@ def collisions(
         + (f", of an angle {found.angle_noise:.3g} rad" if math.isfinite(found.angle_noise) else ""),
     ]
     if loaded.missing:
-        shown.append(f"{loaded.missing} lines without a place are left out")
+        shown.append(f"{loaded.missing} lines without a position are left out")
     if found.bent:
         shown.append(
             f"{found.bent} collisions have flights that are not straight within the noise: a smaller --window helps"
@@ -577,7 +577,7 @@ def _tracked_disks(texts: list[str] | None, problems: OptionProblems) -> Disk | 
 
 
 MEASURED = """\
-MEASURED is a CSV file with a line for each place: id (the disk's number in the run, from 0, as in
+MEASURED is a CSV file with a line for each position: id (the disk's number in the run, from 0, as in
 its start file), x, y; t for a time other than the end; angle for how far a disk has turned; x_error
 and so on.
 

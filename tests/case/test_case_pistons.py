@@ -115,7 +115,7 @@ def test_frames_and_series_have_the_position_of_the_piston(tmp_path: Path) -> No
             assert piston.gap(frame.position, file.disks.radius).min() > -1e-5  # places are f4
             # The page draws it there, and the piston of the trajectory is where it began.
             drawn = Content(file)._walls(frame)[0]
-            np.testing.assert_allclose(drawn["place"], (0.0, 12.0 - s[frame.index]))
+            np.testing.assert_allclose(drawn["origin"], (0.0, 12.0 - s[frame.index]))
         assert file.walls[0].piston is not None
         assert file.walls[0].piston.displacement == 0.0
         found = file.to_xarray()
