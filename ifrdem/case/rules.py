@@ -378,7 +378,7 @@ def check_open(case: CaseSections, start_region: Box | None) -> Iterator[Problem
         return
     if case.start.placed and start_region is None:
         text = f'disks that start at "{case.start.positions}" places need a rectangle to start in'
-        yield _at(case, "box.open", f"{text}: packing_fraction or lengths beside it")
+        yield _at(case, "box.open", f"{text}: give packing_fraction or lengths too")
     if not case.start.placed and start_region is not None:
         text = "cannot be combined with box.open = true where the start says where the disks are"
         yield Problem(_size_key(case), None, text)

@@ -271,7 +271,7 @@ def material(fit: Fit, name: str) -> str:
         else "not distinguished from other laws by the data: the first of these"
     )
     if len(fit.laws) == 1:
-        chosen = "as asked for"
+        chosen = "as requested"
     tested = f", probability {fitted.probability:.3g}" if math.isfinite(fitted.probability) else ""
     disks = "; ".join(_disks(fit))
     lines = [

@@ -118,7 +118,7 @@ def _kind(table: Laws) -> type[CollisionLaw]:
     if len(kinds) > 1:
         raise InputError(
             f"law table: laws of {len(kinds)} classes, {', '.join(kind.__name__ for kind in kinds)}: one class serves "
-            "a whole simulation; write one whose collide tells them apart by a coefficient"
+            "a whole simulation; write one whose collide distinguishes them by a coefficient"
         )
     return kinds[0]
 

@@ -52,9 +52,9 @@ def find(source: str | os.PathLike[str]) -> Path:
         checkpoints = list(path.glob(f"*{CHECKPOINT}"))
         if not checkpoints:
             raise InputError(
-                f"{path}: no run can go on here: there is no *{CHECKPOINT}; a run that is done has none"
+                f"{path}: no run to resume here: there is no *{CHECKPOINT}; a run that is done has none"
             )
-        return only(checkpoints, f"{path}: several runs can go on here")
+        return only(checkpoints, f"{path}: several runs to resume here")
     if path.name.endswith(CHECKPOINT):
         return path
     if not path.exists():
@@ -62,7 +62,7 @@ def find(source: str | os.PathLike[str]) -> Path:
     found = checkpoint_of(path)
     if not found.exists():
         raise InputError(
-            f"{source}: there is no {found.name} beside it: the run is done, or was killed in its very beginning. "
+            f"{source}: there is no {found.name} next to it: the run is done, or was killed in its very beginning. "
             f'A new run can begin with a stored frame: start.positions = "{path.name}"'
         )
     return found
@@ -161,7 +161,7 @@ def resume(
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
         moment = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
         frames = f"{ledger.frames} frames, on {how(case, cores, comm.size)}{more}"
-        log(f"{case.run.name}: {gas.n} disks go on at {moment} and {frames}")
+        log(f"{case.run.name}: {gas.n} disks resume at {moment} and {frames}")
         running = Run(file, outputs, simulation, plan, ledger, queue, pending)
         before = simulation.collisions
         rate = run_root(running, started, max_hours=max_hours, log=log, warn=warn)
@@ -238,7 +238,7 @@ def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
     lines = [line for line in diff if not line.startswith(("---", "+++", "@@"))]
     more = f" (and {len(lines) - 6} lines more)" if len(lines) > 6 else ""
     raise InputError(
-        f"{path}: the case file {case} has changed since the run began: {'; '.join(lines[:6])}{more}. A run goes on "
+        f"{path}: the case file {case} has changed since the run began: {'; '.join(lines[:6])}{more}. A run resumes "
         "only as it began: put the file back, or --ignore-case-changes resumes the case as it was; for a new "
         f'case, begin a new run from a stored frame: start.positions = "{extra["trajectory"]}"'
     )

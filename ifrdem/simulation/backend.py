@@ -176,7 +176,7 @@ def show_gpu(number: int) -> None:
     visible = entries[number % len(entries)]
     if _driver_queried and visible != named:
         raise InputError(
-            f"device = 'cuda': rank {number} of this machine is to see GPU {visible}, but it has asked for GPUs "
+            f"device = 'cuda': rank {number} of this machine is to see GPU {visible}, but it has queried GPUs "
             "before, and the driver looks once: set CUDA_VISIBLE_DEVICES for each rank, or make the gas that is on "
             "several ranks first"
         )

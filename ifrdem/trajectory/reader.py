@@ -491,7 +491,11 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         for name in names:
             self._read_parameter(file["parameters"], name)
         with damage.as_damage_error(self.path, "parameter walls"):
-            self._set(walls=walls_from_json(self._text("walls", "[]")))
+            walls = self._text("walls", "[]")
+            if walls != "[]" and (version := layout.version_of(file)) < (1, 5):
+                found = ".".join(map(str, version))
+                raise InputError(f"{self.path} has layout {found}: walls can be read from layout 1.5 on")
+            self._set(walls=walls_from_json(walls))
         moments = np.zeros(0) if rows is None else self._moments(rows)
         self._set(
             observables=Series(file["observables"], self.times, "observable", self._read_rows),

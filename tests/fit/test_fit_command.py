@@ -131,7 +131,7 @@ def test_law_that_adds_energy_is_shown_but_gives_no_material(
         (["data.csv", "--M", "1", "--material-name", "a"], ["--material-name requires --write-material"]),
         (["data.csv", "--M", "1", "--json", "no/f.json"], ["output folder no: does not exist"]),
         (["data.csv", "--M", "1", "--json", "data.csv"], ["is the data file", "exists already"]),
-        (["data.csv", "--M", "1", "--json", "a", "--write-material", "a"], ["output a: is asked for twice"]),
+        (["data.csv", "--M", "1", "--json", "a", "--write-material", "a"], ["output a: is given twice"]),
         (["data.csv", "--M", "1", "--jsn", "a"], [r"unknown option --jsn.*did you mean '--json'"]),
         (["data.cvs", "--M", "1"], [r"data.cvs: there is no such file \(did you mean 'data.csv'"]),
         (

@@ -44,15 +44,15 @@ def overlap(b: float) -> float:
         root = math.sqrt(max(xi, 0.0))
         return root * (xi + b * v)
 
-    def parted(t: float, y: Any) -> float:
+    def separation(t: float, y: Any) -> float:
         return force(*y) if t > 1e-3 else 1.0
 
-    parted.terminal, parted.direction = True, -1.0  # type: ignore[attr-defined]
+    separation.terminal, separation.direction = True, -1.0  # type: ignore[attr-defined]
     motion = solve_ivp(
         lambda _, y: [y[1], -force(*y)],
         (0.0, 100.0),
         [1e-12, 1.0],
-        events=parted,
+        events=separation,
         rtol=1e-10,
         atol=1e-12,
         max_step=0.05,

@@ -145,10 +145,10 @@ def test_walls_gravity_and_heat_are_in_the_path(device):
     for disk in range(40):
         check_path(rows_of(events, disk), state, end, disk, box, (0.0, -1.0))
     assert np.count_nonzero(events.partner <= -2) == simulation.wall_collisions
-    floor, lid = events.partner == -2, events.partner == -3
+    floor, ceiling = events.partner == -2, events.partner == -3
     assert floor.any()
-    assert lid.any()
-    assert set(events.regime[lid]) == {UNKNOWN}
+    assert ceiling.any()
+    assert set(events.regime[ceiling]) == {UNKNOWN}
     assert np.count_nonzero(events.regime == ELASTIC) > 0
     # The floor's velocity at the contact is that of its motion: 2 pi f A cos(2 pi f t).
     speed = 0.2 * 2.0 * np.pi * np.cos(2.0 * np.pi * events.time[floor])

@@ -148,7 +148,7 @@ def test_a_dense_sheared_gas_is_that_of_enskog_s_equation(law: IFRLaw, theta_off
     velocity -= velocity.mean(axis=0)  # which the flow would shear
     spin = rng.normal(size=n) * math.sqrt(8.0 * T_rot)
     often = 8.0 * phi * theory.contact_value(phi)
-    dt, seen = 0.02 / (often * math.sqrt(T / math.pi)), []
+    dt, observed = 0.02 / (often * math.sqrt(T / math.pi)), []
     steps = round(20.0 / dt)
     for step in range(steps):
         velocity[:, 0] -= 0.5 * dt * velocity[:, 1]
@@ -165,8 +165,8 @@ def test_a_dense_sheared_gas_is_that_of_enskog_s_equation(law: IFRLaw, theta_off
         velocity[pair[hit]], spin[pair[hit]] = new, after.spin
         velocity[:, 0] -= 0.5 * dt * velocity[:, 1]
         if step > steps // 5:
-            seen.append((0.5 * np.mean(np.sum(velocity**2, axis=1)), np.mean(spin**2) / 8.0))
-    found, found_rot = np.mean(seen, axis=0)
+            observed.append((0.5 * np.mean(np.sum(velocity**2, axis=1)), np.mean(spin**2) / 8.0))
+    found, found_rot = np.mean(observed, axis=0)
     assert pytest.approx(found, rel=0.04) == T
     if theta_off is not None:
         assert T_rot / T == pytest.approx(found_rot / found, rel=theta_off)
