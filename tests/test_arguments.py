@@ -235,7 +235,7 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "Turn": {"kind": "sine", "center": (0.0, 0.0), "rate": 1.0, "amplitude": 1.0, "frequency": 1.0, "phase": 0.0},
     "Turn.angle": {"self": ifrdem.Turn("steady", rate=1.0), "t": 1.0},
     "VelocityCutoff": {"speed": 0.1},
-    "Wall": {"shape": "arc", "place": (1.0, 1.0), "towards": (0.0, 1.0), "radius": 1.0, "angles": (0.0, 1.0),
+    "Wall": {"shape": "arc", "origin": (1.0, 1.0), "towards": (0.0, 1.0), "radius": 1.0, "angles": (0.0, 1.0),
              "points": (), "holds": "both", **WALLS},
     "Wall.line": {"point": (0.0, 0.0), "normal": (0.0, 1.0), **WALLS},
     "Wall.segment": {"start": (0.0, 0.0), "end": (0.0, 1.0), **WALLS},

@@ -514,7 +514,7 @@ def _pressure_by_rate(
     mass, radius = float(disks.mass[0]), float(disks.radius[0])
     chi = pressure.contact_from_rate(rate, packing_fraction=phi, temperature=mean, mass=mass, radius=radius)
     rows = [Reading("g at contact, from the collision rate", chi, chi / np.sqrt(collisions))]
-    if "laws" in trajectory.parameters:
+    if "laws" in trajectory.parameters and not trajectory.has_custom_laws:
         material = int(disks.material[0])
         law = trajectory.laws[material][material]
         if isinstance(law, IFRLaw | Walton):

@@ -382,6 +382,8 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     law: Any = gas.law()
     if gas.box.is_open or len(gas.species) > 1 or not each.equal or getattr(law, "rho", 0.0) > 0.0:
         return None, end, per_disk
+    if not law.is_proved:  # a custom law
+        return None, end, per_disk
     if isinstance(law, Viscoelastic) and (shear_rate or case.force):  # only its cooling is known
         return None, end, per_disk
     mass, radius = each.summary.mass.low, each.summary.radius.low

@@ -832,7 +832,7 @@ class Engine:
             how = "have flown apart" if self.box.is_open else "all fly at one velocity"
             apart = f"the disks {how}, and none" if self._no_future_collisions and moving else "no disk"
             raise NoMoreCollisions(
-                f"t = {self.time:.6g}: {apart} can meet another one any more, but collisions are asked for"
+                f"t = {self.time:.6g}: {apart} can meet another one any more, but more collisions are requested"
             )
         stop = min(stop, rest_at)
         if resting:

@@ -247,7 +247,7 @@ def predicted(case: CaseSections, folder: Path, end: float) -> tuple[NDArray[np.
     gas = CaseGas.from_case(case, folder)
     if not case.homogeneous or gas.box.is_open or end <= 0.0:
         return None
-    laws = [[gas.law() if one is None else one for one in row] for row in gas.laws]
+    laws = gas.law_table
     numbers = [each.number for each in gas.species]
     speed, spin = (
         np.repeat([getattr(each, name) for each in gas.species], numbers)

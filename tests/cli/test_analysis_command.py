@@ -269,9 +269,9 @@ def test_a_gas_that_does_not_cool_by_haffs_law_is_reported_and_gets_no_errors(
     assert record["values"]["t_H"]["error"] is None
     assert len(record["warnings"]) == 2
     with Trajectory(path) as trajectory:
-        said = texts(pictures.figure(trajectory, "cooling"))
-    assert said.count("(poor)") == 4  # in two labels and two warnings
-    assert "nan" not in said
+        message = texts(pictures.figure(trajectory, "cooling"))
+    assert message.count("(poor)") == 4  # in two labels and two warnings
+    assert "nan" not in message
 
 
 def test_pressure_and_diffusion_of_a_cooling_gas_warn_that_it_is_not_stationary(
@@ -391,7 +391,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
         group["collisions_by_regime"].attrs["columns"] = columns
     with Trajectory(path) as trajectory:
         outcome_ = catalogue.ANALYSES["impact"].of(trajectory, None)
-        said = texts(pictures.figure(trajectory, "impact"))
+        message = texts(pictures.figure(trajectory, "impact"))
     found = outcome_.result
     assert found.regime_collisions == 4 * 2000
     assert {name: share for name, (share, _) in found.regimes.items()} == {
@@ -402,7 +402,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
     }
     assert found.regimes["sliding"][1] == pytest.approx(np.sqrt(0.05 * 0.95 / 8000))
     assert "of all 8000 collisions of two disks" in " ".join(outcome_.notes)
-    assert "regimes of 8000 collisions" in said
+    assert "regimes of 8000 collisions" in message
     # A custom law has no regimes, and its counts mean nothing.
     with h5py.File(path, "r+") as file:
         file["histories/events/regime"][...] = -1
@@ -440,14 +440,14 @@ def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Pat
         assert isinstance(figure, Figure)
         for axes in figure.axes[:2]:
             assert axes.get_xlabel() or axes.get_ylabel()
-        said = texts(figure)
+        message = texts(figure)
         for word in {
             "rdf": "at contact",
             "velocity": "Gaussian",
             "impact": "molecular chaos",
             "msd": "free flight",
         }.get(what, "").split("|"):
-            assert word in said
+            assert word in message
         figure.draw_without_rendering()  # labels that mathtext cannot read fail here
 
 
@@ -529,7 +529,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
     assert run("plot", "run.h5", "disks", "--color", "speed", "-o", "light") == 0
     assert imread("light.png")[0, 0, :3].min() > 0.9
     assert run("plot", "run.h5", "temperatures", "--over", "tau") == 0
-    for words, said in (
+    for words, message in (
         (("disks", "--color", "sped"), "--color sped: must be one of spin, speed"),
         (("energy", "--color", "speed"), "color = speed: only of disks, not of energy"),
         (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
@@ -539,12 +539,12 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         ),
     ):
         assert run("plot", "run.h5", *words, "-o", "no.png") == 2
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err
     assert not Path("no.png").exists()
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("analyse", "run.h5", "velocty"), "no analysis is called 'velocty' (did you mean 'velocity'?)"),
         (
@@ -572,7 +572,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
 )
 def test_bad_input_ends_with_one_message(
     words: tuple[str, ...],
-    said: str,
+    message: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -580,7 +580,7 @@ def test_bad_input_ends_with_one_message(
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "run.h5")
     assert run(*words) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not Path("run-analysis").exists()
 
 
@@ -605,10 +605,10 @@ def test_missing_observables_are_named_with_the_key_that_stores_them(
             state = State(rng.random((N, 2)) * 30.0, rng.normal(size=(N, 2)), np.ones(N), time=time)
             writer.write(state, {"temperature": 1.0})
     assert run("analyse", str(path), "pressure") == 2
-    said = capsys.readouterr().err
-    assert "gas.h5 holds no observable collisions (collisions of each disk" in said
+    message = capsys.readouterr().err
+    assert "gas.h5 holds no observable collisions (collisions of each disk" in message
     code = '{"collisions": measure.collisions}'
-    assert f"file.write(state, {code})" in said
+    assert f"file.write(state, {code})" in message
     totals = eval(code, {"measure": observables.measure(disks, state)})  # the test's own text
     assert totals == {"collisions": 0}
     with Trajectory(path) as trajectory, pytest.raises(InputError, match=r'"ledger_residual": \.\.\.}'):
@@ -672,12 +672,12 @@ def test_several_files_give_means_with_errors_and_curves_together(
     for name in ("a", "b"):
         write(tmp_path / f"{name}.h5", driven=1.0)
     assert cli.main(["analyse", "a.h5", "b.h5", "velocity"]) == 0
-    told = capsys.readouterr().out
-    assert "mean over 2 files" in told
+    printed = capsys.readouterr().out
+    assert "mean over 2 files" in printed
     one = json.loads((tmp_path / "b-analysis" / "b.json").read_text())["analyses"]["velocity"]["values"][
         "a20"
     ]["value"]
-    assert re.search(rf"velocity: a20 +{one:.3f}", told)  # of two equal files
+    assert re.search(rf"velocity: a20 +{one:.3f}", printed)  # of two equal files
     assert cli.main(["plot", "a.h5", "b.h5", "theta", "--over", "tau"]) == 0
     (axes,) = drawn[0].axes
     assert [line.get_label() for line in axes.lines] == ["a", "b"]
