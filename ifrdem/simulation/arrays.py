@@ -44,8 +44,8 @@ from ..model.walls import Wall
 from . import backend
 from .checks import MANTISSA, position_spacing
 from .domain import Domain
+from .extra_tally import ExtraTally
 from .tiling import RESTING_FALL, RESTING_WINDOW, Tiling, filled_region, split_of
-from .wall_tally import WallTally
 
 if TYPE_CHECKING:
     from .engine import EngineOptions
@@ -126,8 +126,10 @@ class DeviceArrays:
         self.law: Any = ti.ndarray(self._type, law_table.shape)
         from_numpy(self.law, law_table.astype(self.real))
         self.wall_rows: NDArray[np.float64] = walls.reshape(-1, WALL.width)
-        self.wall_tally: WallTally = WallTally.of(self.wall_rows, summed=uses.summed)
-        self.columns: int = self.wall_tally.width
+        self.extra_tally: ExtraTally = ExtraTally.of(
+            self.wall_rows, summed=uses.summed, stressed=uses.stressed
+        )
+        self.columns: int = self.extra_tally.width
         self.walls: Any
         self.make("walls", len(self.wall_rows))
         if len(self.wall_rows):
@@ -166,7 +168,7 @@ class DeviceArrays:
 
         Kernels on a CPU take NumPy arrays as they are; a GPU has arrays of its own for them (`launch`).
         """
-        n, pistons = self.n, self.wall_tally.pistons
+        n, pistons = self.n, self.extra_tally.pistons
         self.counter: Named = blank("counter", np.int32)
         self.clock: Named = blank("clock")
         self.grid: Named = blank("grid", np.int32)

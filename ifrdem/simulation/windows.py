@@ -61,7 +61,7 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
-        tally, pistons = arrays.wall_tally, named(arrays.wall_rows, "walls").piston
+        tally, pistons = arrays.extra_tally, named(arrays.wall_rows, "walls").piston
         states = tally.piston_states(self._done)
         states.displacement, states.speed = pistons.displacement[tally.pistons], pistons.speed[tally.pistons]
         # Times and numbers of collisions at which a run will stop.
