@@ -56,7 +56,7 @@ class Launcher:
         identities = list(map(id, held))
         if self._launch is None or identities != self._identities or self._have_changed(given):
             self._held, self._identities = held, identities  # kept, so that identities stay theirs
-            self._launch_anew(numbers, given)
+            self._launch_first(numbers, given)
             return
         for set_number, number in zip(self._set_numbers, numbers, strict=True):
             set_number(number)
@@ -68,7 +68,7 @@ class Launcher:
         """True if arrays are of other types than those of the last launch."""
         return any((given[name].dtype, given[name].ndim) != kind for name, kind in self._kinds.items())
 
-    def _launch_anew(self, numbers: tuple[float, ...], given: dict[str, Any]) -> None:
+    def _launch_first(self, numbers: tuple[float, ...], given: dict[str, Any]) -> None:
         """Have the runtime check the arguments and launch the kernel; list them for the next launch."""
         self._launch, held = None, iter(self._held)
         arrays = [given[name] if name in self._given else next(held) for name in self._names[len(numbers) :]]
