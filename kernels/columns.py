@@ -68,6 +68,7 @@ class Columns:
                 self.at[name] = Several(at, count, of)
             at += self.at[name].width
         self.width: int = at - first
+        vars(self).update(self.at)  # read thousands of times a second
 
     def moved(self, first: int) -> "Columns":
         """This table with its first column at another number."""

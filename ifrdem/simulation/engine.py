@@ -305,7 +305,7 @@ class Engine:
         return self.windows.now
 
     def _sum(self, column: int) -> float:
-        return float(self.windows.sums[column])
+        return self.windows.sum(column)
 
     @property
     def collisions(self) -> int:
@@ -682,7 +682,7 @@ class Engine:
         watching = k.PAIRS if self.keep_collisions else k.TRACKED if self.tracking is not None else 0
         if self.keep_collisions and self.tracking is not None:
             raise EngineError("collisions of all disks cannot be kept while some are tracked")
-        before, was = windows.sums[TALLY.collisions], self.time
+        before, was = windows.sum(TALLY.collisions), self.time
         first = self._before[0]
         most = 1 if watching else self._windows_to_check if self.box.is_open else self.arrays.burst
         windows_before = self.statistics.windows
@@ -709,7 +709,7 @@ class Engine:
         if watching:
             self._take_watched(watching, was)
         self.statistics.elastic = windows.elastic
-        if windows.sums[TALLY.collisions] > before:  # of several ranks, all ask here: one may later, alone
+        if windows.sum(TALLY.collisions) > before:  # of several ranks, all ask here: one may later, alone
             self._collided_at = self.time
             self._resting = 0
         elif not math.isfinite(stop.time):

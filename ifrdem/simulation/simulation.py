@@ -981,31 +981,32 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             self._call_at_frame(frame_callbacks, stored)
             if between is not None:
                 between()
-        pace = SlowRunCheck(end)
-        while not end.reached(self.time, self.collisions) or plan.next_frame == 1:
-            while not (frame := plan.point(frames, plan.next_frame)).reached(self.time, self.collisions):
+        pace, now = SlowRunCheck(end), (self.time, self.collisions)
+        while not end.reached(*now) or plan.next_frame == 1:
+            while not (frame := plan.point(frames, plan.next_frame)).reached(*now):
                 row = plan.point(rows, plan.next_row)
                 stop = frame.earlier(row) if exact else frame
                 self._engine.advance(
                     t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions,
                     rest_at=frame.time, ends=end.time, next_points=partial(plan.next_points, exact),
                 )  # fmt: skip
+                now = self.time, self.collisions
                 if progress is not None:
-                    progress(self.time, self.collisions)
-                slow = pace.trouble(self.time, self.collisions, self._engine.free_time)
+                    progress(*now)
+                slow = pace.trouble(*now, self._engine.free_time)
                 if slow is not None and self.comm.is_root:
                     warnings.warn(slow, SlowRunWarning, stacklevel=outside_level())
-                if plan.series is not None and row.reached(self.time, self.collisions):
-                    plan.next_row = plan.first_not_reached(rows, plan.next_row, self.time, self.collisions)
+                if plan.series is not None and row.reached(*now):
+                    plan.next_row = plan.first_not_reached(rows, plan.next_row, *now)
                     if sampling:
                         self._call_at_row(series_callbacks)
-                if between is not None and not frame.reached(self.time, self.collisions):
+                if between is not None and not frame.reached(*now):
                     between()
                 self._stop_if_asked()
             # First: a callback that raises has had its frame.
-            plan.next_frame = plan.first_not_reached(frames, plan.next_frame + 1, self.time, self.collisions)
+            plan.next_frame = plan.first_not_reached(frames, plan.next_frame + 1, *now)
             self._call_at_frame(frame_callbacks, stored)
-            if between is not None and not end.reached(self.time, self.collisions):
+            if between is not None and not end.reached(*now):
                 between()
 
     def _report_gain(self) -> None:
