@@ -95,14 +95,18 @@ MOVIE = f"clusters.h5 --frames ::3 --fps 10 --size 480x424 --color direction {DA
 """Words of `ifrdem movie` for the README's picture."""
 
 
-def shrink(picture: Path, small: Path, width: int = WIDTH, colours: int = COLOURS) -> None:
+def shrink(
+    picture: Path,
+    small: Path,
+    width: int = WIDTH,
+    colours: int = COLOURS,
+    method: Image.Quantize = Image.Quantize.MAXCOVERAGE,
+) -> None:
     """Write a copy of a picture that is so many pixels wide, in so many colours."""
     with Image.open(picture) as image:
         height = round(image.height * width / image.width)
         copy = image.convert("RGB").resize((width, height), Image.Resampling.LANCZOS)
-        copy.quantize(colours, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
-            small, optimize=True
-        )
+        copy.quantize(colours, method=method, dither=Image.Dither.NONE).save(small, optimize=True)
 
 
 def on_the_wall(name: str) -> str:
@@ -219,7 +223,7 @@ def laws(runs: Path) -> None:
     picture = runs / "laws-report" / "gas_laws.png"
     if not picture.exists():
         ifrdem("validate", "gas_laws", "-o", "laws-report", "--force", cwd=runs)
-    shrink(picture, DOCS / "gallery" / "laws.png", 1200, 64)
+    shrink(picture, DOCS / "gallery" / "laws.png", 1200, 192, Image.Quantize.FASTOCTREE)
 
 
 def main(runs: Path) -> None:
