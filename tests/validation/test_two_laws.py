@@ -8,6 +8,7 @@ import pytest
 import ifrdem
 from ifrdem.model.walton import Walton
 from ifrdem.validation.gas import laws
+from ifrdem.validation.report.registry import Result
 
 
 def test_angles_are_those_of_the_paper() -> None:
@@ -29,6 +30,27 @@ def test_walton_s_law_is_fitted_to_the_impacts() -> None:
     assert walton.mu == pytest.approx(law.mu, abs=0.01)
     assert 0.0 < found.chi_square < 1.0
     assert np.abs(found.difference[:, laws.FINE < 72.0]).max() < laws.ERROR
+
+
+@pytest.mark.parametrize(("swapped", "passes"), [(False, True), (True, False)])
+def test_a_gas_of_the_wrong_law_fails_the_row_of_its_spins(swapped: bool, passes: bool) -> None:
+    """Ratios of a gas of the IFR law with itself are 1; the theories of both laws differ by 3 % in theta."""
+    rng = np.random.default_rng(1)
+
+    def gas(theta: float) -> laws.Cooling:
+        noise = 1.0 + 0.004 * rng.normal(size=(2, 10, 11))
+        return laws.Cooling(np.arange(11.0), noise[0], theta * noise[1], noise[0], noise[0])
+
+    def dsmc(theta: float) -> np.ndarray:
+        noise = 1.0 + 0.004 * rng.normal(size=(2, 20, len(laws.AT)))
+        return np.array([noise[0], theta * noise[0] * noise[1]])
+
+    result = Result()
+    pair = [gas(0.3), gas(0.3 if swapped else 0.309)]
+    laws._compare_cooling(result, range(10), pair, [dsmc(0.3), dsmc(0.309)])
+    of_theta = [row for row in result.rows if row.quantity.startswith("theta")]
+    assert [row.passed for row in of_theta] == [passes]
+    assert all(row.passed for row in result.rows if row not in of_theta)
 
 
 def test_density_and_streams_in_cells() -> None:

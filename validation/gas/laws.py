@@ -259,7 +259,7 @@ def _gas_table(result: Result, gases: list[Cooling], driven: list[Array]) -> Non
         ):
             both = [Mean.of(getattr(gas, what)[:, at]) for gas in gases]
             lines.append((f"cooling, tau = {tau:g}: {text}", *_cells(both)))
-    for text, at in (("T", 0), ("theta", 1)):
+    for text, at in (("T", 0), ("theta", 1)) if driven else ():
         lines.append((f"driven: {text}", *_cells([Mean.of(_means(each)[at]) for each in driven])))
     result.table(
         f"{COIN}, simulated", ("quantity", "IFR", "Walton", "Walton less IFR (%)"), lines,
