@@ -20,12 +20,12 @@ from .model.coin_table import coins as coins
 from .model.collapse import ContactTime as ContactTime
 from .model.collapse import Rest as Rest
 from .model.collapse import VelocityCutoff as VelocityCutoff
+from .model.collision import collide as collide
 from .model.crush import WallWarning as WallWarning
 from .model.gravity import RotatingGravity as RotatingGravity
 from .model.ifr import EnergyWarning as EnergyWarning
 from .model.ifr import IFRLaw as IFRLaw
 from .model.ifr import Regime as Regime
-from .model.ifr import collide as collide
 from .model.law import CollisionLaw as CollisionLaw
 from .model.state import Disks as Disks
 from .model.state import State as State

@@ -15,8 +15,9 @@ from .signature import Arrays, kernel
 def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     """Add a disk at a place in the box to the sums; nothing for a disk of infinite mass. In double precision.
 
-    Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls. Velocities
-    are those beyond the flow; then the excess of kinetic energy in the frames of rows of tiles, and the mass.
+    Kinetic energies, momentum, m v_x v_y and m v_x^2, mass times the way along gravity, collisions with disks and
+    walls. Velocities are those beyond the flow; then the excess of kinetic energy in the frames of rows of tiles, and
+    the mass.
     """
     disk = gas.disk[s]
     kind = listed_kind(s, gas)
@@ -31,6 +32,7 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     total[READOUT.momentum_y] += mass * vy
     total[READOUT.translational] += 0.5 * mass * (vx * vx + vy * vy)
     total[READOUT.rotational] += 0.5 * ti.cast(gas.kinds[kind].inertia, ti.f64) * spin * spin
+    total[READOUT.momentum_flux_xx] += mass * vx * vx
     total[READOUT.momentum_flux_xy] += mass * vx * vy
     total[READOUT.fall] += (x * gas.scale.gx + y * gas.scale.gy) * mass
     total[READOUT.mass] += mass

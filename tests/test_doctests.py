@@ -19,7 +19,8 @@ from ifrdem.initial import radii
 FACES: list[ModuleType] = [ifrdem, initial, radii, forces, observables, theory, analysis, fit, bullet, plots]
 
 MADE_BY_FUNCTIONS = {
-    "Measure", "MixtureTemperatures", "Prediction", "ShearModes", "CoolingRatio", "Clusters", "ContactValue",
+    "MeanStress", "Measure", "Stress",
+    "MixtureTemperatures", "Prediction", "ShearModes", "CoolingRatio", "Clusters", "ContactValue",
     "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts", "PairCorrelation", "Pressure", "RatioFit",
     "SonineCoefficients", "StructureFactor", "VelocityDistribution", "Data", "Design", "Estimate", "Fit", "Fitted",
     "Interval", "Law",
@@ -84,6 +85,6 @@ def test_example_in_the_docstring_prints_the_stated_output(
     assert test.examples, f"{name} has no example"
     if any("import pybullet" in example.source for example in test.examples):
         pytest.importorskip("pybullet", reason="the extra `bullet`, of Python 3.11 and older")
-    said: list[str] = []
-    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test, out=said.append)
-    assert not said, "".join(said)
+    message: list[str] = []
+    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test, out=message.append)
+    assert not message, "".join(message)

@@ -116,8 +116,8 @@ def freud_frame(position: Array, box: Box, reach: float, time: float, purpose: s
     low = np.where(periodic, low, low - 1.25 * reach)
     if reach >= 0.5 * lengths.min():
         raise InputError(
-            f"{purpose}: neighbours up to {reach:.4g} are asked for, and half the shortest side of the box is "
-            f"{0.5 * lengths.min():.4g}: choose a shorter distance"
+            f"{purpose}: neighbours up to {reach:.4g}: must be less than half the shortest side of the box, "
+            f"{0.5 * lengths.min():.4g}; choose a shorter distance"
         )
     shift = box.image_above(time) if box.shear_rate else 0.0
     shift -= lengths[0] if shift > 0.5 * lengths[0] else 0.0

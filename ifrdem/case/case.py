@@ -17,7 +17,7 @@ from ..initial import radii
 from ..kernels.columns import MOST_IDS
 from ..model.box import Box
 from ..model.gravity import DEFAULT_STEP, MAX_STEP
-from .laws_section import CoinName, Material, PairOfMaterials
+from .laws_section import CoinName, FileKeys, Material, PairOfMaterials
 from .output_section import OutputSection
 from .section import Name, Section, exclusive_with, field, refusal
 from .walls_section import Pair, Wall
@@ -572,6 +572,12 @@ class CaseSections(Section):
             each.motion is not None or each.turn is not None or each.piston is not None for each in self.wall
         )
         return self.box.shear_rate != 0.0 or any(kicked) or moving or any(self.box.gravity)
+
+    @property
+    def law_files(self) -> tuple[str, ...]:
+        """Paths of the files of custom laws, as the case has them."""
+        sections = [each for each in (*self.material, *self.pair) if isinstance(each, FileKeys)]
+        return tuple(dict.fromkeys(each.law.rpartition(":")[0] for each in sections))
 
     @property
     def materials_of_walls(self) -> tuple[str, ...]:

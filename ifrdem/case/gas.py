@@ -7,7 +7,7 @@ import json
 import math
 import operator
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,10 +24,11 @@ from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning
 from ..model.law import CollisionLaw
 from ..model.observables import drift_text
+from ..model.pair_laws import MEAN_APPROACH, PairLaws
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
 from ..model.walls import Wall, free_directions, smooth_materials, wall_names
 from ..mpi import SERIAL, Communicator, current, distribution
-from ..simulation import checks
+from ..simulation import backend, checks
 from ..simulation.simulation import Simulation
 from ..simulation.turning import FASTEST_DRUM
 from ..tools import seeds
@@ -183,6 +184,13 @@ class CaseGas:
         return FreeArea(self.box, self._walls_at_start, self.begin[0])
 
     @property
+    def stress_area(self) -> float | None:
+        """Free area at the start, which stresses refer to [length^2]; None without output.stress."""
+        if not self.case.output.stress:
+            return None
+        return self.free_area.area() if self.free_area.all_walls else self.box.area
+
+    @property
     def begin(self) -> tuple[float, int]:
         """Time of the run's clock at the start [time], and number of collisions of all disks until then."""
         return (0.0, 0) if self.given is None else (self.given.time, self.given.collisions)
@@ -193,6 +201,21 @@ class CaseGas:
         found = self.laws[a][b]
         assert found is not None  # they have disks
         return found
+
+    @property
+    def approach_speeds(self) -> Iterator[tuple[PairVerdict, float, float, float]]:
+        """Of each pair that can collide: mean g_n in collisions at the start, effective mass and radius.
+
+        Of Maxwellian velocities, and disks of the mean masses and radii of their species.
+        """
+        by_name = {each.name: each for each in self.species}
+        for verdict in self.verdicts:
+            one, other = by_name[verdict.first], by_name.get(verdict.second)  # None for a wall
+            both = [one] if other is None else [one, other]
+            V = 0.5 * sum(each.speed_rms**2 for each in both)
+            m_n = 1.0 / sum(1.0 / each.summary.mass.mean for each in both)
+            R = 1.0 / sum(1.0 / each.summary.radius.mean for each in (one, other or one))
+            yield verdict, MEAN_APPROACH * math.sqrt(V), m_n, R
 
     @property
     def warnings(self) -> list[str]:
@@ -308,6 +331,32 @@ class CaseGas:
         velocity, spin = self._drawn_motion()
         return State(position=position, velocity=velocity + self.box.flow(position), spin=spin, **past)
 
+    def verify_laws(self) -> list[str]:
+        """Try custom laws on random pairs of disks, as a simulation does: a text if collisions add energy.
+
+        Imports the runtime, and starts it if it does not run. Raises InputError if disks would pass through each other,
+        or the law cannot be compiled.
+        """
+        if self.law().is_proved:
+            return []
+        choose_runtime(self.case.run)
+        laws = PairLaws.of(self.law_table, self.kinds.rows, self._materials_of_walls)
+        speeds = (max(each.speed_rms, each.spin_rms * each.summary.radius.mean) for each in self.species)
+        with backend.sole_use(), warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always", EnergyWarning)
+            backend.start_unless_running(replace(device_of(self.case.run), name="cpu"))
+            laws.check_by_sampling(self.kinds.rows, self._materials_of_walls, max(speeds) or 1.0)
+        return [str(each.message) for each in found if issubclass(each.category, EnergyWarning)]
+
+    @property
+    def _materials_of_walls(self) -> list[int]:
+        return [wall.material for wall in self.free_area.all_walls]
+
+    @property
+    def law_table(self) -> list[list[CollisionLaw]]:
+        """The laws, with any where two walls would meet, which never happens."""
+        return [[self.law() if one is None else one for one in row] for row in self.laws]
+
     def verify_start(self) -> None:
         """Make the start as a run does, if that takes about a second at most; InputError if it is impossible."""
         positions = self.case.start.positions if self.case.start.placed else ""
@@ -368,8 +417,9 @@ class CaseGas:
         return drawn, np.concatenate(spin)
 
     def _coefficient(self, name: str) -> NDArray[np.float64]:
-        """A coefficient of the law of each pair of materials, shape (M, M); nan where there is none."""
-        return np.array([[getattr(law, name, math.nan) for law in row] for row in self.laws])
+        """A coefficient of the law of each pair of materials, shape (M, M); nan without one, and of a custom law."""
+        known = ([law if law is not None and law.is_proved else None for law in row] for row in self.laws)
+        return np.array([[getattr(law, name, math.nan) for law in row] for row in known])
 
     @functools.cached_property
     def free(self) -> tuple[bool, bool]:
@@ -490,6 +540,12 @@ class CaseGas:
             ),
         }
         found = self._lying(velocity, walls, gravity) if known else []
+        for verdict, *pair in self.approach_speeds:
+            try:
+                if verdict.law is not None:
+                    verdict.law.check_speed(*pair)
+            except InputError as error:
+                found.append(str(Problem(verdict.key, None, f"{verdict.first}, {verdict.second}: {error}")))
         for (section, key), check in refused.items():
             try:
                 check()
@@ -557,15 +613,16 @@ class CaseGas:
                     begin = self.start() if mode == "drawn" else state
         if tracked is None:
             tracked = comm.result_of_holders(lambda: self.tracked(begin))
-        any_law = self.law()  # stands where two walls would meet, which never happens
         given: dict[str, Any] = {
             "disks": disks, "box": self.box, "state": begin,
-            "law": [[any_law if one is None else one for one in row] for row in self.laws], "device": device_of(run),
+            "law": self.law_table, "device": device_of(run),
             "walls": self._walls_at_start,
             "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
             "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
             "tracked": tracked, "comm": comm,
         }  # fmt: skip
+        if not self.law().is_proved:  # the simulation checks it
+            return Simulation(**given)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
             return Simulation(**given)
@@ -614,7 +671,8 @@ def validate_case(
     many `ranks` of MPI read it in slices, they do so later (`with_start`).
     """
     species = species_of(case)
-    verdicts = (*pair_rules.verdicts(case, species), *pair_rules.wall_verdicts(case, species))
+    laws, law_problems = rules.laws_from_files(case, folder)
+    verdicts = (*pair_rules.verdicts(case, species, laws), *pair_rules.wall_verdicts(case, species, laws))
     # The engine makes the sides of the first one.
     sides = () if case.box.material is None else (case.box.material,)
     materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
@@ -622,6 +680,7 @@ def validate_case(
     walls, shape_problems = rules.made_walls(case, rows, folder)
     found = [
         *rules.check_names(case),
+        *law_problems,
         *rules.check_pairs(verdicts),
         *rules.check_one_law(verdicts),
         *rules.check_motion(case),

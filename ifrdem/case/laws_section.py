@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Discriminator, Tag
+from pydantic import AfterValidator, ConfigDict, Discriminator, Tag
 
 from ..errors import there_are
+from ..model import law_files
 from ..model.coin_table import coins
 from ..model.ifr import REQUIRED_COEFFICIENTS, IFRLaw, rough_disks, smooth_disks
 from ..model.viscoelastic import Viscoelastic
@@ -63,7 +64,8 @@ class PairSection(Section):
 
 LAW = (
     'law of collisions: "ifr" (e_n, e_t, mu), "walton" (e_n, beta_0, mu), "viscoelastic" (A, Y; e_t, mu), "rough" '
-    '(e_n, beta) or "smooth" (e_n)'
+    '(e_n, beta), "smooth" (e_n), or "FILE.py:CLASS", a custom law in a file (path from the case file), whose code is '
+    "executed, with its coefficients as keys"
 )
 
 
@@ -140,6 +142,20 @@ class SmoothKeys(Section):
         return smooth_disks(self.e_n)
 
 
+class FileKeys(Section):
+    """A custom law in a file of Python, with its coefficients as further keys."""
+
+    model_config: ClassVar[ConfigDict] = ConfigDict(extra="allow")
+    kind_name: ClassVar[str] = law_files.FORM
+
+    law: str = field("mylaw.py:Viscoelastic", description=LAW)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """What is given for coefficients, by name."""
+        return dict(self.__pydantic_extra__ or {})
+
+
 class IFRMaterial(MaterialSection):
     """The IFR law, independent friction-restitution, by its coefficients or the name of one of its coins."""
 
@@ -184,6 +200,14 @@ class SmoothMaterial(MaterialSection, SmoothKeys):
     """Smooth disks, normal restitution only."""
 
 
+class FileMaterial(MaterialSection, FileKeys):
+    """A custom law in a file of Python, with its coefficients as further keys."""
+
+
+class FilePair(PairSection, FileKeys):
+    """A custom law in a file of Python, with its coefficients as further keys."""
+
+
 class WaltonPair(PairSection, WaltonKeys):
     """Walton's law: constant restitution of the slip up to Coulomb's limit."""
 
@@ -202,18 +226,19 @@ class SmoothPair(PairSection, SmoothKeys):
 
 def law(section: Any) -> Any:
     """The law of a section, of which "ifr" is the default; pydantic's messages have this function's name as the key."""
-    return section.get("law", "ifr") if isinstance(section, dict) else getattr(section, "law", None)
+    found = section.get("law", "ifr") if isinstance(section, dict) else getattr(section, "law", None)
+    return law_files.FORM if law_files.is_reference(found) else found
 
 
 Material = Annotated[
     Annotated[IFRMaterial, Tag("ifr")] | Annotated[WaltonMaterial, Tag("walton")]
     | Annotated[ViscoelasticMaterial, Tag("viscoelastic")] | Annotated[RoughMaterial, Tag("rough")]
-    | Annotated[SmoothMaterial, Tag("smooth")],
+    | Annotated[SmoothMaterial, Tag("smooth")] | Annotated[FileMaterial, Tag(law_files.FORM)],
     Discriminator(law),
 ]  # fmt: skip
 PairOfMaterials = Annotated[
     Annotated[IFRPair, Tag("ifr")] | Annotated[WaltonPair, Tag("walton")]
     | Annotated[ViscoelasticPair, Tag("viscoelastic")] | Annotated[RoughPair, Tag("rough")]
-    | Annotated[SmoothPair, Tag("smooth")],
+    | Annotated[SmoothPair, Tag("smooth")] | Annotated[FilePair, Tag(law_files.FORM)],
     Discriminator(law),
 ]  # fmt: skip

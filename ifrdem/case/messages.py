@@ -113,6 +113,8 @@ def _unknown(name: str, location: Location) -> str:
 
 def kind_of(model: type[Section]) -> str | None:
     """The name of a kind of section; None of a section that has no kinds."""
+    if model.kind_name is not None:
+        return model.kind_name
     found = model.model_fields.get(model.kind_key)
     return str(get_args(found.annotation)[0]) if found and get_args(found.annotation) else None
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import itertools
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 from ..errors import InputError, nearest
@@ -14,7 +15,7 @@ from ..model.coin_table import coins
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw
 from .case import CaseSections
-from .laws_section import IFRMaterial
+from .laws_section import FileKeys, IFRMaterial, Material, PairOfMaterials
 from .species import Species
 
 
@@ -33,18 +34,26 @@ class PairVerdict(NamedTuple):
 
 Coefficients = tuple[str, Callable[[float], CollisionLaw]]
 """The key that coefficients come from, and what makes the law of a mean shape number k."""
+FromFiles = Mapping[str, CollisionLaw]
 
 
 def _of_coin(key: str, law: IFRLaw) -> Coefficients:
     return key, lambda k: replace(law, k=k)
 
 
-def _coefficients(case: CaseSections, a: str, b: str) -> Coefficients | str | None:
+def _of_section(key: str, section: Material | PairOfMaterials, from_files: FromFiles) -> Coefficients | None:
+    if not isinstance(section, FileKeys):
+        return key, section.made
+    law = from_files.get(key)
+    return None if law is None else (key, lambda _k: law)
+
+
+def _coefficients(case: CaseSections, a: str, b: str, from_files: FromFiles) -> Coefficients | str | None:
     """The coefficients of a pair of materials; what is wrong if there are none; None if that is unknown."""
     if a != b:
         for i, pair in enumerate(case.pair):
             if set(pair.materials) == {a, b}:
-                return f"pair[{i}]", pair.made
+                return _of_section(f"pair[{i}]", pair, from_files)
         coin_a, coin_b = _coin_of(case, a), _coin_of(case, b)
         if coin_a is not None and coin_b is not None:
             with contextlib.suppress(InputError):  # the paper did not measure this pair: the case has to say
@@ -54,7 +63,7 @@ def _coefficients(case: CaseSections, a: str, b: str) -> Coefficients | str | No
         return f"missing for the materials '{a}' and '{b}': give their {given} in a [[pair]]"
     for i, material in enumerate(case.material):
         if material.name == a:
-            return f"material[{i}]", material.made
+            return _of_section(f"material[{i}]", material, from_files)
     return _of_coin(f"coin '{a}'", coins[a].law) if a in coins and _coin_of(case, a) == a else None
 
 
@@ -70,25 +79,33 @@ def _coin_of(case: CaseSections, material: str) -> str | None:
     return material if material in used else None
 
 
-def verdicts(case: CaseSections, species: Sequence[Species]) -> Iterator[PairVerdict]:
-    """Verdicts on the energy of collisions, for every pair of species whose coefficients are known."""
+def verdicts(
+    case: CaseSections, species: Sequence[Species], from_files: FromFiles = MappingProxyType({})
+) -> Iterator[PairVerdict]:
+    """Verdicts on the energy of collisions, for every pair of species whose coefficients are known.
+
+    `from_files` has the custom laws of sections, by keys such as "material[0]".
+    """
     order = list(dict.fromkeys(each.material for each in species))
     for one, other in itertools.combinations_with_replacement(species, 2):
         # In one order, so that a pair that is missing is named once.
-        made_of = _coefficients(case, *sorted((one.material, other.material), key=order.index))
+        a, b = sorted((one.material, other.material), key=order.index)
+        made_of = _coefficients(case, a, b, from_files)
         if isinstance(made_of, str):
             yield PairVerdict(one.name, other.name, "pair", False, False, made_of, None)
         elif made_of is not None:
             yield _worst(made_of, one, other)
 
 
-def wall_verdicts(case: CaseSections, species: Sequence[Species]) -> Iterator[PairVerdict]:
-    """Verdicts on the energy of collisions, for every species and every material of walls."""
+def wall_verdicts(
+    case: CaseSections, species: Sequence[Species], from_files: FromFiles = MappingProxyType({})
+) -> Iterator[PairVerdict]:
+    """Verdicts on the energy of collisions, for every species and every material of walls; as `verdicts`."""
     names = [each.name for each in case.material] + [name for pair in case.pair for name in pair.materials]
     for material in case.materials_of_walls:
         wall = f"wall ({material})"
         for each in species:
-            made_of = _coefficients(case, each.material, material)
+            made_of = _coefficients(case, each.material, material, from_files)
             if isinstance(made_of, str):
                 text = made_of + ("" if material in names else nearest(material, names))
                 yield PairVerdict(each.name, wall, "pair", False, False, text, None)
@@ -124,6 +141,7 @@ def _verdict(
             if isinstance(law, IFRLaw):
                 return PairVerdict(first, second, key, *law.admissibility(k_1, k_2, m_1, m_2), law)
             law.check(k_1, k_2, m_1, m_2)
-        return PairVerdict(first, second, key, True, True, f"{law}: no collision adds energy", law)
+        about = "no collision adds energy" if law.is_proved else "whether collisions add energy is not proved"
+        return PairVerdict(first, second, key, True, True, f"{law}: {about}", law)
     except InputError as error:
         return PairVerdict(first, second, key, False, False, str(error), None)

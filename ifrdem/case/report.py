@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..model.box import describe_sides
 from ..model.density import packing_fraction
+from ..model.law import CollisionLaw
 from ..model.law_records import to_record
+from ..model.law_sampling import PAIRS
+from ..model.viscoelastic import Viscoelastic
 from ..model.walls import Wall
 from ..mpi.distribution import GATHERED
 from ..simulation import backend
@@ -29,6 +33,7 @@ from .estimate import (
     step_seconds,
 )
 from .gas import CaseGas
+from .laws_section import FileKeys, RoughKeys, SmoothKeys
 from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 from .summary import COMPILING, REFUSED_HERE, clock, no_path, refuse_cadences, refused_here, size
@@ -79,17 +84,20 @@ def check(gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sli
     estimate = RunEstimate.of(gas)
     refuse_cadences(gas, estimate)
     pinches = gas.wall_pinch_warnings()
+    of_laws = gas.verify_laws()
     if ranks == 1:
         gas.verify_start()
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
-    return report(gas, estimate, (*pinches, *gas.notices, *(f"{each}: {REFUSED_HERE}" for each in here)))
+    return report(
+        gas, estimate, (*of_laws, *pinches, *gas.notices, *(f"{each}: {REFUSED_HERE}" for each in here))
+    )
 
 
 def report(gas: CaseGas, estimate: RunEstimate, warnings: tuple[str, ...] = ()) -> Report:
     """Report on a case before it runs, and its warnings."""
     units = Units(gas.case)
     rows = [
-        *_density(gas, estimate, units), *_species(gas, estimate, units), *_laws(gas), *_gravity(gas, units),
+        *_density(gas, estimate, units), *_species(gas, estimate, units), *_laws(gas, units), *_gravity(gas, units),
         *_walls(gas, estimate, units), *_collapse(gas, units), *_forces(gas.case, estimate, units),
         *_needs(gas, estimate), *_time(gas, estimate),
     ]  # fmt: skip
@@ -167,19 +175,35 @@ def _species(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[Repo
             yield ReportRow(f"{name}: mean free path at the start", f"none: {no_path(gas)}")
 
 
-def _laws(gas: CaseGas) -> Iterator[ReportRow]:
+def _laws(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
     for verdict in gas.verdicts:
         law = verdict.law
         assert law is not None  # a gas has no refused pairs
         text = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
+        if not law.is_proved:
+            text = f"custom, tried on {PAIRS} random pairs"
         values = (
             f"{key} = {value}" if isinstance(value, str) else f"{key} = {value:g}"
-            for key, value in to_record(law).items()
+            for key, value in _values(gas.case, verdict.key, law).items()
         )
         text += f" ({', '.join(values)})"
         yield ReportRow(f"law of {verdict.first}, {verdict.second}", text)
         if not verdict.strict:
             yield ReportRow("", verdict.message)
+    for verdict, g_n, m_n, R in gas.approach_speeds:
+        if isinstance(verdict.law, Viscoelastic) and g_n > 0.0:
+            e_n = float(verdict.law.restitutions(g_n, m_n, R))
+            name = f"e_n of {verdict.first}, {verdict.second} at the mean approach speed at the start"
+            yield ReportRow(name, f"{e_n:.4g} at {g_n:.4g}", units.speed)
+
+
+def _values(case: CaseSections, key: str, law: CollisionLaw) -> dict[str, Any]:
+    """Name and arguments of the law that a section gives, "material[0]"."""
+    if found := re.fullmatch(r"(material|pair)\[(\d+)\]", key):
+        section = getattr(case, found[1])[int(found[2])]
+        if isinstance(section, RoughKeys | SmoothKeys | FileKeys):  # the first two make an IFR law
+            return {"law": section.law} | section.model_dump(exclude={"name", "materials", "law"})
+    return to_record(law)
 
 
 def _gravity(gas: CaseGas, units: Units) -> Iterator[ReportRow]:

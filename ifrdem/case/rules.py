@@ -18,8 +18,10 @@ from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import StartData
 from ..kernels.columns import MOST_IDS, MOST_WALLS
+from ..model import law_files
 from ..model.box import Box
 from ..model.free_area import FreeArea
+from ..model.law import CollisionLaw
 from ..model.overlaps import check_no_overlap, relax
 from ..model.state import DiskKinds
 from ..model.wall_checks import check as check_free_of_walls
@@ -31,6 +33,7 @@ from ..simulation.checks import check_pistons
 from ..simulation.schedule import first_after, time_of
 from ..simulation.tiling import tiles_on_ranks
 from .case import GROWN, IMPACT_SCAN, CaseSections
+from .laws_section import FileKeys
 from .objects import options_of
 from .pair_rules import PairVerdict
 from .section import Problem
@@ -92,14 +95,41 @@ def check_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
 
 def check_one_law(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
     """Laws of several classes, of which a gas has one."""
-    keys: dict[str, str] = {}
+    keys: dict[type, str] = {}
     for each in verdicts:
         if each.law is not None:
-            keys.setdefault(type(each.law).__name__, each.key)
+            keys.setdefault(type(each.law), each.key)
     if len(keys) > 1:
-        named = ", ".join(f"{name} ({key})" for name, key in keys.items())
+        named = ", ".join(f"{kind.__name__} ({key})" for kind, key in keys.items())
         text = f"laws of {len(keys)} classes, {named}: all materials and pairs of a case must have one"
         yield Problem([*keys.values()][1], None, text)
+
+
+def laws_from_files(case: CaseSections, folder: Path) -> tuple[dict[str, CollisionLaw], list[Problem]]:
+    """The custom laws of a case by their sections, "material[0]", whose code is executed; and all that is wrong."""
+    laws, problems = {}, []
+    for name in ("material", "pair"):
+        for i, section in enumerate(getattr(case, name)):
+            key = f"{name}[{i}]"
+            if not isinstance(section, FileKeys):
+                continue
+            try:
+                kind = law_files.find(section.law, folder).kind
+            except InputError as error:
+                problems.append(_at(case, f"{key}.law", str(error)))
+                continue
+            keys = [each for each in kind.coefficients if each in type(section).model_fields]
+            if keys:
+                text = f"{keys[0]} cannot be a coefficient: it is a key of [[{name}]]; rename it in the file"
+                problems.append(_at(case, f"{key}.law", text))
+                continue
+            law, wrong = law_files.made(kind, section.values)
+            for one, text in wrong:
+                given = json.dumps(section.values[one], default=str) if one in section.values else None
+                problems.append(Problem(f"{key}.{one}" if one else key, given, text))
+            if law is not None:
+                laws[key] = law
+    return laws, problems
 
 
 def check_motion(case: CaseSections) -> Iterator[Problem]:
@@ -233,6 +263,10 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
             f"{len(case.wall)} walls: of {MOST_SUMMED} at most; make polylines of those that belong together"
         )
         yield Problem("output.wall_sums", "true", text)
+    if output.stress:
+        text = _no_stress(case)
+        if text:
+            yield Problem("output.stress", "true", text)
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:
             text = "it is there already; each may be given once"
@@ -258,6 +292,19 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
         rate = f"box.gravity_rotation_rate = {case.box.gravity_rotation_rate:g}"
         text = f"not where gravity turns ({rate}): leave histories out"
         yield Problem("output.histories", None, text)
+
+
+def _no_stress(case: CaseSections) -> str:
+    """Reason why a gas has no pressure tensor; "" if it has one."""
+    if case.box.open:
+        return "an open box has no area that a stress could refer to"
+    if case.run.resting_speed is not None:
+        text = "forces between resting disks, which are no collisions, carry a part of it"
+        return f'cannot be combined with run.collapse = "rest": {text}'
+    for i, each in enumerate(case.wall):
+        if each.piston is not None:
+            return f"cannot be combined with wall[{i}].piston, which changes the area of the gas"
+    return ""
 
 
 NOT_GROWN_ON_RANKS = (
@@ -348,7 +395,7 @@ def check_open(case: CaseSections, start_region: Box | None) -> Iterator[Problem
         return
     if case.start.placed and start_region is None:
         text = f'disks that start at "{case.start.positions}" places need a rectangle to start in'
-        yield _at(case, "box.open", f"{text}: packing_fraction or lengths beside it")
+        yield _at(case, "box.open", f"{text}: give packing_fraction or lengths too")
     if not case.start.placed and start_region is not None:
         text = "cannot be combined with box.open = true where the start says where the disks are"
         yield Problem(_size_key(case), None, text)

@@ -76,6 +76,8 @@ class Section(BaseModel):
     """Alternatives that are no such groups, as the templates of cases say them."""
     kind_key: ClassVar[str] = "kind"
     """The key that selects the kind of a section, where there are several."""
+    kind_name: ClassVar[str | None] = None
+    """The name of the kind, where it is not the only value of that key."""
 
     @model_validator(mode="wrap")
     @classmethod

@@ -315,9 +315,7 @@ def _progress(fits: int) -> AbstractContextManager[Any]:
 def _check_files(paths: Sequence[Path], data: Path, force: bool, problems: OptionProblems) -> None:
     """Note reasons why files cannot be written."""
     problems += [f"output {path}: is the data file" for path in paths if path == data]
-    problems += [
-        f"output {path}: is asked for twice" for path in dict.fromkeys(paths) if paths.count(path) > 1
-    ]
+    problems += [f"output {path}: is given twice" for path in dict.fromkeys(paths) if paths.count(path) > 1]
     try:
         check_files(paths, force=force, elsewhere="another name keeps it")
     except InputError as error:
@@ -464,7 +462,7 @@ def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
 TRACKS = """\
 TRACKS is a CSV file with a line for each disk in each frame: id, x, y, and t or frame (with
 --fps); angle where disks are seen to turn. Units stand in brackets, as in x (mm) or angle (rad);
-angles are in degrees unless told.
+angles are in degrees by default.
 
   ifrdem collisions tracks.csv --fps 120 --disk 1.19e-3,10.5e-3,2 -o hits.csv
   ifrdem fit hits.csv
@@ -482,12 +480,12 @@ def _line(_kind: object, tokens: Sequence[Token]) -> tuple[float, float, float, 
 
 
 def collisions(
-    tracks: Annotated[str, Parameter(name="TRACKS", help="a CSV file of places per frame, see above")],
+    tracks: Annotated[str, Parameter(name="TRACKS", help="a CSV file of positions per frame, see above")],
     /,
     *,
     disk: Annotated[
         list[str] | None,
-        option("[ID=]MASS,RADIUS,K", "all disks, or the one with this id; K is 2 unless told; repeatable"),
+        option("[ID=]MASS,RADIUS,K", "all disks, or the one with this id; K is 2 by default; repeatable"),
     ] = None,
     fps: Annotated[
         float | None, real("N", "frames per second, with a column frame", POSITIVE, positive)
@@ -544,7 +542,7 @@ def collisions(
         + (f", of an angle {found.angle_noise:.3g} rad" if math.isfinite(found.angle_noise) else ""),
     ]
     if loaded.missing:
-        shown.append(f"{loaded.missing} lines without a place are left out")
+        shown.append(f"{loaded.missing} lines without a position are left out")
     if found.bent:
         shown.append(
             f"{found.bent} collisions have flights that are not straight within the noise: a smaller --window helps"
@@ -579,7 +577,7 @@ def _tracked_disks(texts: list[str] | None, problems: OptionProblems) -> Disk | 
 
 
 MEASURED = """\
-MEASURED is a CSV file with a line for each place: id (the disk's number in the run, from 0, as in
+MEASURED is a CSV file with a line for each position: id (the disk's number in the run, from 0, as in
 its start file), x, y; t for a time other than the end; angle for how far a disk has turned; x_error
 and so on.
 
@@ -590,7 +588,7 @@ and so on.
 
 def compare(
     file: File,
-    measured: Annotated[str, Parameter(name="MEASURED", help="a CSV file of measured places, see above")],
+    measured: Annotated[str, Parameter(name="MEASURED", help="a CSV file of measured positions, see above")],
     /,
     *,
     error: Annotated[
@@ -623,7 +621,7 @@ def compare(
     seed: Annotated[int | None, integer("N", "seed of the drawn starts (default: 1)", 0, MOST_SEED)] = None,
     table: TableOptions = TableOptions(),
     picture: Annotated[
-        str | None, option("NAME", "NAME.png and NAME.pdf: the run, measured places on top")
+        str | None, option("NAME", "NAME.png and NAME.pdf: the run, measured positions on top")
     ] = None,
     output: Output = None,
     force: Force = False,

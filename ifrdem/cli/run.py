@@ -99,7 +99,7 @@ def resume(
     threads: Annotated[int | None, integer("N", "CPU threads; the result does not depend on it", 1)] = None,
     runtime: Runtime = None,
     ignore_case_changes: Annotated[
-        bool, flag("go on with the case as it was, though its file has changed")
+        bool, flag("resume the case as it was, though its file has changed")
     ] = False,
     no_picture: NoPicture = False,
     max_hours: MaxHours = None,

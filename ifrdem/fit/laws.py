@@ -6,22 +6,21 @@ classes, whose `collide` gives the impulses between the same two steps that ever
 
 from __future__ import annotations
 
-import importlib.util
-import inspect
 import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from types import MappingProxyType, SimpleNamespace
-from typing import Any
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest, refuse, there_are
+from ..errors import InputError, nearest, refuse
+from ..model import law_files
+from ..model.collision import impulses
 from ..model.ifr import REQUIRED_COEFFICIENTS, STICKING, EnergyWarning, IFRLaw
-from ..model.law import OF_PAIR, CollisionLaw
+from ..model.law import CollisionLaw
+from ..model.law_files import is_law
 from ..model.walton import Walton
 from ..tools.checked import validated
 
@@ -109,36 +108,9 @@ class Law:
         g_n, g_t, m_n, m_t = law.relative_motion(*motion)
         _, _, im_i, R_i, k_i, _, _, w_i, im_j, R_j, k_j, _, _, w_j = motion
         pair = (g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j)
-        P_n, P_t, T = self._impulses(pair, tuple(of[name] for name in self.kind.coefficients))
+        P_n, P_t, T = impulses(self.kind, pair, [of[name] for name in self.kind.coefficients])
         none = np.zeros(np.shape(P_n))
         return (*law.after_impulses(P_n, P_t, T, *motion), P_n, P_t, none, none)
-
-    def _named(self, row: Sequence[Any]) -> SimpleNamespace:
-        """Coefficients as `collide` takes them."""
-        return SimpleNamespace(**dict(zip(self.kind.coefficients, row, strict=True)))
-
-    def _impulses(self, pair: Sequence[Array], row: Sequence[Array]) -> tuple[Array, ...]:
-        if self.kind is Walton:
-            impulses: tuple[Array, ...] = Walton.collide(
-                SimpleNamespace(**dict(zip(OF_PAIR, pair, strict=True))), self._named(row)
-            )
-            return impulses
-        function = inspect.unwrap(self.kind.collide)  # that of Python, also of a function of Taichi
-
-        def one(*numbers: float) -> tuple[float, ...]:
-            named = SimpleNamespace(**dict(zip(OF_PAIR, numbers, strict=False)))
-            P_n, P_t, T = function(named, self._named(numbers[len(OF_PAIR) :]))
-            return float(P_n), float(P_t), float(T)
-
-        try:
-            impulses = tuple(np.vectorize(one, otypes=[float] * 3)(*pair, *row))
-        except (TypeError, ValueError, ArithmeticError, AttributeError) as error:
-            raise InputError(
-                f"{self.kind.__name__}.collide cannot be called with numbers: {error}"
-            ) from error
-        if not all(np.isfinite(each).all() for each in impulses):
-            raise InputError(f"{self.kind.__name__}.collide gives impulses that are not finite")
-        return impulses
 
     def stick(self, values: Array, probe: Sequence[Array]) -> Array:
         """c = P_stick / (m_n |g_t|) of friction that stops the slip, (..., n): by the law itself.
@@ -225,7 +197,7 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
     >>> fit.own(laws.Walton).free
     ('e_n', 'beta_0', 'mu')
     """
-    if not _is_law(kind) or kind.collide is CollisionLaw.collide:
+    if not is_law(kind) or kind.collide is CollisionLaw.collide:
         raise InputError(
             f"kind = {kind!r}: must be a class derived from ifrdem.CollisionLaw with a method collide"
         )
@@ -250,33 +222,16 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
     return Law(kind.__name__, f"{kind.__name__}, a custom law", kind, whole, {}, start_ranges)
 
 
-def _is_law(value: object) -> bool:
-    return isinstance(value, type) and issubclass(value, CollisionLaw)
-
-
 def own_from_file(text: str, ranges: Mapping[str, Range] | None = None) -> Law:
-    """`own` of FILE.py:CLASS.
+    """`own` of FILE.py:CLASS, whose code is executed.
 
     Raises InputError if there is no such file or class.
     """
-    name, colon, title = text.rpartition(":")
-    path = Path(name)
-    if not colon or path.suffix != ".py":
-        raise InputError(f"--law {text}: must be FILE.py:CLASS")
-    if not path.is_file():
-        raise InputError(f"--law {text}: there is no file {path}")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
-    except (ImportError, SyntaxError, NameError) as error:
-        raise InputError(f"--law {text}: the file cannot be imported: {error}") from error
-    kinds = [key for key, value in vars(module).items() if _is_law(value)]
-    if title not in kinds:
-        raise InputError(f"--law {text}: no law '{title}'{there_are(title, kinds)}")
-    return own(getattr(module, title), ranges)
+        kind = law_files.find(text).kind
+    except InputError as error:
+        raise InputError(f"--law {text}: {error}") from None
+    return own(kind, ranges)
 
 
 def chosen(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import textwrap
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..model.law_files import source_of
 from ..model.walton import Walton
 from ..tools.checked import Count, Seed, validated
 from .data import Data
@@ -255,9 +257,9 @@ def material(fit: Fit, name: str) -> str:
     '# Fitted to 18 impacts of data.csv (delta_1, delta_2) by `ifrdem fit`; M = 1, k_1 = 2, k_2 = 2.'
     """
     fitted = fit.laws[fit.best]
-    if fitted.law.sticking is None and fitted.law.kind is not Walton:
+    if fitted.law.sticking is None and fitted.law.kind is not Walton and source_of(fitted.law.kind) is None:
         raise InputError(
-            f"no material is written: a case knows laws by name only, and {fit.best}, which fits best, has none; "
+            f"no material is written: a case knows laws by name or file, and {fit.best}, which fits best, has neither; "
             "--model chooses"
         )
     verdict = fitted.admissibility
@@ -269,7 +271,7 @@ def material(fit: Fit, name: str) -> str:
         else "not distinguished from other laws by the data: the first of these"
     )
     if len(fit.laws) == 1:
-        chosen = "as asked for"
+        chosen = "as requested"
     tested = f", probability {fitted.probability:.3g}" if math.isfinite(fitted.probability) else ""
     disks = "; ".join(_disks(fit))
     lines = [
@@ -283,8 +285,10 @@ def material(fit: Fit, name: str) -> str:
 
 
 def _material(name: str, fitted: Fitted) -> list[str]:
-    walton = fitted.law.kind is Walton
-    law = ['law = "walton"'] * walton
+    law = ['law = "walton"'] * (fitted.law.kind is Walton)
+    if (source := source_of(fitted.law.kind)) is not None:
+        reference = f"{os.path.relpath(source.path).replace(os.sep, '/')}:{source.name}"
+        law = [f"law = {json.dumps(reference)}  # path from the case file, which runs its code"]
     lines = ["[[material]]", f"name = {json.dumps(name, ensure_ascii=False)}", *law]
     for key, number in fitted.coefficients.items():
         if key == "rho" and number == 0.0:
@@ -296,7 +300,7 @@ def _material(name: str, fitted: Fitted) -> list[str]:
             each = fitted.estimates[key]
             about = f"interval {_short(each.interval.low)} to {_short(each.interval.high)}"
         lines.append(f"{key} = {value!r}  # {unit}, {about}")
-    return lines if walton else [*lines, f'sticking = "{fitted.law.sticking}"']
+    return lines if law else [*lines, f'sticking = "{fitted.law.sticking}"']
 
 
 @validated

@@ -56,7 +56,7 @@ class Tracks:
     # (f,): the angle by which it has turned, counter-clockwise, unwrapped [rad]; empty if none was tracked
     angle: Mapping[int, Array]
     source: str
-    missing: int = 0  # lines without a place
+    missing: int = 0  # lines without a position
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class FoundCollisions:
     # (n,): a table as `ifrdem.fit.read` takes it: t, id_1, id_2, nx, ny, velocities and spins with their errors
     # and covariances, and mass, radius and k of the disks
     columns: Mapping[str, Array]
-    noise: float  # standard error of a coordinate of a place [length]
+    noise: float  # standard error of a coordinate of a position [length]
     angle_noise: float  # of an angle [rad]; NaN if none was tracked
     left_out: tuple[str, ...]  # encounters that gave no collision, and why
     bent: int  # flights that are not straight within the noise
@@ -152,7 +152,7 @@ def find(
     window : int
         Frames of a flight that are used at most.
     noise : float, optional
-        Standard error of a coordinate of a place [length]; by the scatter about the flights without it.
+        Standard error of a coordinate of a position [length]; by the scatter about the flights without it.
     """
     problems = []
     if window < LEAST:

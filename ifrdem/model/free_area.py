@@ -139,7 +139,7 @@ class FreeArea:
         """The boundary of the free area is made of parts of these; walls first."""
         found: list[Boundary] = []
         for wall in self.all_walls:
-            origin = wall.transform(np.array([wall.place]), self.time)[0]
+            origin = wall.transform(np.array([wall.origin]), self.time)[0]
             if (boundary := wall.geometry.boundary(origin, inset)) is not None:
                 found.append(boundary)
         return found + [self._side(axis, end) for axis in (0, 1) if self.box.periodic[axis] for end in (0, 1)]

@@ -1,7 +1,7 @@
-"""The collision law: its coefficients, whether they can add energy, and its NumPy face `collide`.
+"""The IFR law: its coefficients, and whether they can add energy.
 
 Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions". The formula
-itself is `ifrdem.kernels.law.collide_pair`, which the engine calls too.
+itself is `ifrdem.kernels.law.collide_pair`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from enum import IntEnum
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..tools import checked
-from ..tools.checked import LEAST, MOST, Array, Number, Numbers, validated
+from ..tools.callers import outside_level
+from ..tools.checked import Array, Number, validated
 from .custom_code import FromKernels
 from .law import CollisionLaw, EnergyWarning
 
@@ -27,9 +28,6 @@ STICKING = ("percussion_center", "contact_point")
 # Two sides of an inequality of admissibility that agree to this are equal: what rounding leaves of values
 # that are chosen on the boundary. A collision can gain 1e-12 of its energy by it, no more than rounding does.
 _ROUND_OFF = 1e-12
-
-# A normal may be off unit length by what dividing by its length leaves, with room for a few operations more.
-_UNIT = 1e-12
 
 # Of k and of mu: powers of both are multiplied.
 _MOST = 1e50
@@ -81,21 +79,6 @@ class Admissibility(NamedTuple):
     """admissible, strict: no collision adds energy; not even the tangential impulses taken alone do."""
     message: str
     """The reason, with the inequality that decides and its numbers."""
-
-
-class Collision(NamedTuple):
-    """The outcome of `collide`; the leading axes `...` are those of its arguments."""
-
-    velocity: Array
-    spin: Array
-    """velocity, spin: after the collision: velocities [length/time], disk, then component; spins, counter-clockwise
-    [rad/time]."""
-    P_n: Array
-    P_t: Array
-    """P_n, P_t: impulses [mass length/time] that the first disk gives to the second along the normal n and along t =
-    (-n_y, n_x); shape (...)."""
-    regime: NDArray[np.int8]
-    """Values of `Regime`; shape (...)."""
 
 
 _Mass = Annotated[float, Number(float(np.finfo(float).tiny), math.inf, "a positive number, or inf")]
@@ -177,7 +160,7 @@ class IFRLaw(CollisionLaw):
         verdict = self._admissibility(self.k)  # kbar = k for a like pair, whatever the masses
         if not verdict.admissible:
             raise InputError(f"{verdict.message}; for disks of another shape pass their k")
-        self._act_on(verdict, stacklevel=5)
+        self._act_on(verdict)
 
     @validated
     def admissibility(self, k_i: float, k_j: float, m_i: _Mass = 1.0, m_j: _Mass = 1.0) -> Admissibility:
@@ -191,7 +174,7 @@ class IFRLaw(CollisionLaw):
             raise InputError(
                 f"m_i = {m_i}, m_j = {m_j}: must be positive masses, at most one of them infinite"
             )
-        return self._admissibility(float(_mean_k(k_i, k_j, m_i, m_j)))
+        return self._admissibility(float(mean_k(k_i, k_j, m_i, m_j)))
 
     @validated
     def check(self, k_i: float, k_j: float, m_i: _Mass = 1.0, m_j: _Mass = 1.0) -> None:
@@ -200,7 +183,7 @@ class IFRLaw(CollisionLaw):
         InputError if a collision of such a pair can add energy. EnergyWarning if only the loss along the line of
         centres keeps it from that.
         """
-        self._act_on(self.admissibility(k_i, k_j, m_i, m_j), stacklevel=4)
+        self._act_on(self.admissibility(k_i, k_j, m_i, m_j))
 
     def table_row(self) -> tuple[float, float, float, float, float]:
         """The numbers that `collide_pair` takes: e_n, e_t, mu, contact_point (1.0 or 0.0), rho [length]."""
@@ -211,11 +194,11 @@ class IFRLaw(CollisionLaw):
         """True if e_n is below 1."""
         return self.e_n < 1.0
 
-    def _act_on(self, verdict: Admissibility, stacklevel: int) -> None:
+    def _act_on(self, verdict: Admissibility) -> None:
         if not verdict.admissible:
             raise InputError(verdict.message)
         if not verdict.strict:
-            warnings.warn(verdict.message, EnergyWarning, stacklevel=stacklevel)
+            warnings.warn(verdict.message, EnergyWarning, stacklevel=outside_level())
 
     def _admissibility(self, k_bar: float) -> Admissibility:
         e_n, e_t, mu = self.e_n, self.e_t, self.mu
@@ -309,7 +292,7 @@ def rough_disks(e_n: float, beta: _Beta) -> IFRLaw:
     return IFRLaw(e_n=e_n, e_t=beta, mu=0.0)
 
 
-def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> Array:
+def mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> Array:
     """kbar = (k_i m_j + k_j m_i) / (m_i + m_j): exact where k_i = k_j, and for a mass that is infinite."""
     k_i, k_j = np.asarray(k_i, dtype=np.float64), np.asarray(k_j, dtype=np.float64)
     with np.errstate(over="ignore", under="ignore"):
@@ -317,115 +300,7 @@ def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> A
     return k_i + (k_j - k_i) / (1.0 + ratio)
 
 
-_Masses = Annotated[ArrayLike, Numbers(("...", 2), LEAST, math.inf, f"positive, from {LEAST:g}, or inf")]
-_Shapes = Annotated[ArrayLike, Numbers(("...", 2), LEAST, MOST, f"positive, from {LEAST:g} to {MOST:g}")]
-_Pairs = Annotated[ArrayLike, Numbers(("...", 2))]
-_Velocities = Annotated[ArrayLike, Numbers(("...", 2, 2))]
-
-
 COEFFICIENTS = tuple(each.name for each in fields(IFRLaw) if each.compare)
 """Names of the coefficients of a law in cases, files and tables: all but k, which is one of the disks."""
 REQUIRED_COEFFICIENTS = tuple(each.name for each in fields(IFRLaw) if each.default is MISSING)
 """Those without a default: e_n, e_t and mu."""
-
-
-@validated
-def collide(
-    law: IFRLaw,
-    normal: _Pairs,
-    mass: _Masses,
-    radius: _Masses,
-    k: _Shapes,
-    velocity: _Velocities,
-    spin: _Pairs,
-) -> Collision:
-    """Collide pairs of disks, or disks with walls.
-
-    All arguments may have leading axes `...`, which broadcast; the axis of length 2 after them is the disk. Computed
-    in float64. InputError if a shape does not fit, a value is not finite or not positive where it must be, a normal
-    is not a unit vector, both masses are infinite, or the law can add energy for these k. EnergyWarning if k is
-    larger than the law was made for, and only the loss along the line of centres keeps the energy.
-
-    Parameters
-    ----------
-    law : IFRLaw
-        The law of the pair's materials.
-    normal : array (..., 2)
-        Unit vectors from the centre of the first disk to that of the second.
-    mass, radius : array (..., 2)
-        Masses [mass] and radii [length]. An infinite mass is a wall, which keeps its velocity and spin; its radius may
-        be infinite, a flat wall. For rolling friction that counts as the partner's, so that the paper's r is the
-        partner's.
-    k : array (..., 2)
-        Shape numbers in I = m R^2 / k.
-    velocity, spin : arrays (..., 2, 2) and (..., 2)
-        Before the collision: velocities [length/time], disk, then component; spins, counter-clockwise [rad/time], 0 for
-        a flat wall.
-
-    Returns
-    -------
-    Collision
-        Velocities and spins after, impulses, regime. Pairs that separate come back unchanged.
-
-    Notes
-    -----
-    The collision is instantaneous and the coefficients are constants: no dependence on the impact speed, no
-    adhesion. Rolling friction (rho > 0) keeps linear momentum but takes angular momentum from the pair.
-
-    Examples
-    --------
-    An aluminium coin of 1.19 g and 21 mm hits an equal one, at rest, at 45 degrees:
-
-    >>> from ifrdem import IFRLaw, Regime, collide
-    >>> law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
-    >>> n = [0.5**0.5, 0.5**0.5]
-    >>> after = collide(law, n, [1.19e-3] * 2, [10.5e-3] * 2, [2, 2], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
-    >>> Regime(int(after.regime)).name
-    'SLIDING'
-    """
-    from ..kernels.law import collide_pair  # imports Taichi, which is slow
-
-    n, m, R, k_, w = (np.asarray(value, dtype=np.float64) for value in (normal, mass, radius, k, spin))
-    v = np.asarray(velocity, dtype=np.float64)
-    wall, flat = np.isinf(m), np.isinf(R)
-    _refuse("mass", m, np.all(wall, axis=-1, keepdims=True) & wall, "only one of the two may be infinite")
-    try:
-        shape = np.broadcast_shapes(m.shape, R.shape, k_.shape, w.shape, n.shape, v.shape[:-1])
-    except ValueError:
-        shapes = ", ".join(str(array.shape) for array in (n, m, R, k_, v, w))
-        raise InputError(
-            f"normal, mass, radius, k, velocity, spin have shapes {shapes}: their leading axes must broadcast"
-        ) from None
-    _refuse("radius", R, flat & ~wall, "only an infinite mass may have an infinite radius")
-    _refuse("spin", w, flat & (w != 0.0), "a flat wall (infinite radius) cannot spin")
-    off = ~(np.abs(np.hypot(n[..., :1], n[..., 1:]) - 1.0) <= _UNIT)
-    _refuse("normal", n, off, "must be a unit vector, to 1e-12")
-
-    largest_k = float(np.max(_mean_k(k_[..., 0], k_[..., 1], m[..., 0], m[..., 1]), initial=0.0))
-    if largest_k > law.k:  # at or below law.k its construction has already said what is to be said
-        law._act_on(law._admissibility(largest_k), stacklevel=4)
-
-    inverse = 1.0 / m
-    R = np.where(flat, R[..., ::-1], R)
-    out = collide_pair(
-        *law.table_row(),
-        n[..., 0],
-        n[..., 1],
-        *(inverse[..., 0], R[..., 0], k_[..., 0], v[..., 0, 0], v[..., 0, 1], w[..., 0]),
-        *(inverse[..., 1], R[..., 1], k_[..., 1], v[..., 1, 0], v[..., 1, 1], w[..., 1]),
-    )
-    vx_i, vy_i, w_i, vx_j, vy_j, w_j, P_n, P_t, sticks, rolls = (np.broadcast_to(a, shape[:-1]) for a in out)
-    regime = 1 + sticks.astype(np.int8)
-    if law.rho > 0.0:
-        regime = np.where(rolls > 0.0, regime + 2, regime + 4)
-    after = np.stack([np.stack([vx_i, vy_i], axis=-1), np.stack([vx_j, vy_j], axis=-1)], axis=-2)
-    regime = np.where(P_n > 0.0, regime, 0).astype(np.int8)
-    return Collision(after, np.stack([w_i, w_j], axis=-1), np.array(P_n), np.array(P_t), regime)
-
-
-def _refuse(name: str, value: Array, invalid: NDArray[np.bool_], needed: str) -> None:
-    """Raise for the first value that is wrong, if one is."""
-    if np.any(invalid):
-        value, invalid = np.broadcast_arrays(value, invalid)
-        where = tuple(int(axis) for axis in np.argwhere(invalid)[0])
-        raise InputError(f"{name}[{', '.join(map(str, where))}] = {value[where]:g}: {needed}")

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from ..errors import nearest
 from ..tools.checked import Array, Number
 from ..tools.read_only import ReadOnlyAttributes
-from .custom_code import FromKernels, check_signature, declared_names, named_numbers
+from .custom_code import FromKernels, check_constants, check_signature, declared_names, named_numbers
 
 OF_PAIR = (
     "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
@@ -71,6 +71,7 @@ class CollisionLaw(ReadOnlyAttributes):
     coefficients: ClassVar[tuple[str, ...]] = ()
     ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({})
     is_proved: ClassVar[bool] = False
+    _source: ClassVar[Any]  # `law_files.LawSource` of a class from a file
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -81,6 +82,14 @@ class CollisionLaw(ReadOnlyAttributes):
         for name, in_range in self.ranges.items():
             in_range(f"{type(self).__name__}: {name}", row[name])
         self._row = tuple(row.values())
+
+    def __reduce_ex__(self, protocol: Any) -> str | tuple[Any, ...]:
+        """Of a law from a file, which other processes cannot import by a name: its source and its attributes."""
+        if (source := vars(type(self)).get("_source")) is None:
+            return super().__reduce_ex__(protocol)
+        from .law_files import restored
+
+        return restored, (source,), dict(vars(self))
 
     def __getattr__(self, name: str) -> float:
         if name not in type(self).coefficients:
@@ -155,8 +164,26 @@ class CollisionLaw(ReadOnlyAttributes):
         found: Array = table[..., cls.coefficients.index(name)]
         return found
 
+    def check_speed(self, g_n: float, m_n: float, R: float) -> None:
+        """Refuse a law that does not hold at a typical speed of approach g_n [length/time]. Here none.
+
+        m_n, R : effective mass [mass] and radius R_i R_j / (R_i + R_j) [length] of the pair.
+        """
+
     def check(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> None:
         """Refuse disks with which the law cannot be used: k, and masses [any one unit]. Here none."""
+
+
+def parts_of(kind: type[CollisionLaw]) -> Callable[..., Any] | None:
+    """`parts` of a class of laws; None without, and of a base whose `collide` another one replaces."""
+    owners = [next(each for each in kind.__mro__ if name in vars(each)) for name in ("parts", "collide")]
+    return kind.parts if issubclass(*owners) else None
+
+
+def check_law_constants(kind: type[CollisionLaw]) -> None:
+    """Raise InputError if a variable from outside of a class of laws has changed since its first use."""
+    methods = ("collide",) if parts_of(kind) is None else ("collide", "parts")
+    check_constants(f"law {kind.__name__}", kind, *methods)
 
 
 @functools.cache
@@ -167,7 +194,6 @@ def compiled(kind: type[CollisionLaw]) -> Any:
 
     if not isinstance(inspect.getattr_static(kind, "collide"), FromKernels):
         check_signature(f"law {kind.__name__}", kind.collide, ("pair", "law"))
-    owners = [next(each for each in kind.__mro__ if name in vars(each)) for name in ("parts", "collide")]
-    parts = kind.parts if issubclass(*owners) else None  # not of a law whose `collide` another one replaces
+    parts = parts_of(kind)
     names = tuple(kind.coefficients) or ("none",)
     return CompiledLaw(declared(kind.collide), names, parts and declared(parts))

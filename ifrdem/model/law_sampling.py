@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import InputError
 from ..tools.callers import outside_level
 from ..tools.checked import Array
-from .custom_code import check_constants, why_not_compiled
-from .law import OF_PAIR, CollisionLaw, EnergyWarning, compiled
+from .custom_code import why_not_compiled
+from .law import OF_PAIR, CollisionLaw, EnergyWarning, check_law_constants, compiled
 from .state import Disks
 
 PAIRS = 4096
@@ -43,7 +43,7 @@ def check_by_sampling(
     from ..kernels.language import CompilationError
     from ..kernels.layout import Uses
 
-    check_constants(f"law {kind.__name__}", kind, "collide")
+    check_law_constants(kind)
     movable = np.flatnonzero(disks.movable)
     if not len(movable):
         return
@@ -80,7 +80,7 @@ def check_by_sampling(
     if gaining := np.count_nonzero(gain > _ROUND_OFF):
         most = f"one of them {100.0 * gain.max():.3g} % of the pair's"
         text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
-        more = "Simulation.dissipated_energy tells what becomes of it"
+        more = "Simulation.dissipated_energy counts it, as a negative loss"
         warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=outside_level())
 
 

@@ -282,7 +282,7 @@ _MOST_NAMED = 20
 def relax(
     box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float, *, time: float = 0.0
 ) -> NDArray[np.float64]:
-    """Move disks apart that overlap by a little, as measured places do.
+    """Move disks apart that overlap by a little, as measured positions do.
 
     Of each overlapping pair both disks move by half of the overlap, along the line of centres, until none overlaps.
     Of ranks of MPI, each gives the disks of its slice (`Communicator`); the root moves those that can be in question.

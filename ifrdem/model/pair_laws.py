@@ -16,6 +16,8 @@ from .law_sampling import check_by_sampling
 from .state import Disks
 
 Laws = list[list[CollisionLaw]]
+MEAN_APPROACH = math.sqrt(0.5 * math.pi)
+"""Mean of g_n over collisions of equal disks in a Maxwellian gas, per rms speed."""
 MOST_COEFFICIENT = {"f32": 1e30, "f64": 1e100}
 """Largest coefficient of a law: products of it with impulses and masses are formed."""
 
@@ -65,6 +67,18 @@ class PairLaws:
         """True if it is known that no collision adds energy; else `check_by_sampling` tries some."""
         return self.kind.is_proved
 
+    def check_speed(self, disks: Disks, speed_rms: float) -> None:
+        """Refuse laws that hold for no pair of these disks at the mean approach speed of disks with this rms speed.
+
+        Collisions of a Maxwellian gas have sqrt(pi / 2) of the rms speed as mean of g_n. The law is taken at its most
+        elastic: of the heaviest disks, with the smallest radius.
+        """
+        movable = np.isfinite(disks.mass)
+        if speed_rms > 0.0 and movable.any():
+            m_n, R = 0.5 * float(disks.mass[movable].max()), 0.5 * float(disks.radius.min())
+            for law in {law for row in self.table for law in row}:
+                law.check_speed(MEAN_APPROACH * speed_rms, m_n, R)
+
     def check_by_sampling(self, disks: Disks, of_walls: Sequence[int], speed: float) -> None:
         """Try laws that are not known to be passive on random pairs (`law_sampling.py`)."""
         if not self.is_passive:
@@ -104,7 +118,7 @@ def _kind(table: Laws) -> type[CollisionLaw]:
     if len(kinds) > 1:
         raise InputError(
             f"law table: laws of {len(kinds)} classes, {', '.join(kind.__name__ for kind in kinds)}: one class serves "
-            "a whole simulation; write one whose collide tells them apart by a coefficient"
+            "a whole simulation; write one whose collide distinguishes them by a coefficient"
         )
     return kinds[0]
 

@@ -30,7 +30,7 @@ class Pieces(NamedTuple):
     """Pieces of a wall, of one kind of `kinds.PIECES`, with what rows of `columns.WALL` hold of them."""
 
     kind: str
-    place: Array  # (pieces, 2)
+    origin: Array  # (pieces, 2)
     towards: Array = np.zeros(2)  # (pieces, 2) or (2,)
     radius: float = 0.0
     half: float = 0.0
@@ -59,9 +59,9 @@ class Shape:
     faces, side = 2, 0.0
 
     def __init__(self, wall: Wall) -> None:
-        self.place, self.towards, self.radius = wall.place, np.array(wall.towards), wall.radius
+        self.origin, self.towards, self.radius = wall.origin, np.array(wall.towards), wall.radius
         self.angles, self.points, self.holds = wall.angles, wall.points, wall.holds
-        self.start = np.array((wall.place,), dtype=np.float64)
+        self.start = np.array((wall.origin,), dtype=np.float64)
 
     @classmethod
     def checked(cls, name: str, wall: Wall) -> dict[str, Any]:
@@ -97,8 +97,8 @@ class Shape:
         """Distance of its farthest point from a centre [length]."""
         return float(np.hypot(*(self.outline() - center).T).max())
 
-    def boundary(self, place: Any, inset: float) -> Boundary | None:
-        """The boundary `inset` [length] inside a wall that bounds the free area; `place` is its reference point."""
+    def boundary(self, origin: Any, inset: float) -> Boundary | None:
+        """The boundary `inset` [length] inside a wall that bounds the free area; `origin` is its reference point."""
         return None
 
     @property
@@ -125,7 +125,7 @@ class Line(Shape):
         return [Pieces("line", self.start, self.towards)]
 
     def nearest(self, position: Array) -> tuple[Array, Array]:
-        d = position - self.place
+        d = position - self.origin
         return np.broadcast_to(self.towards, d.shape), d @ self.towards
 
     def outline(self, step: float = 0.05) -> Array:
@@ -134,17 +134,17 @@ class Line(Shape):
     def path(self, lengths: tuple[float, float]) -> Array:
         size = 2.0 * math.hypot(*lengths)
         along = np.array((self.towards[1], -self.towards[0]))
-        foot = np.array(self.place) + ((0.5 * np.array(lengths) - self.place) @ along) * along
+        foot = np.array(self.origin) + ((0.5 * np.array(lengths) - self.origin) @ along) * along
         return np.array((foot - size * along, foot + size * along))
 
     def extremes(self) -> Array:
-        return np.array((self.place,))
+        return np.array((self.origin,))
 
     def lever(self, center: Any) -> float:
         return 0.0
 
-    def boundary(self, place: Any, inset: float) -> Boundary:
-        x, y = place + inset * self.towards
+    def boundary(self, origin: Any, inset: float) -> Boundary:
+        x, y = origin + inset * self.towards
         return LineBoundary((float(x), float(y)), (float(self.towards[0]), float(self.towards[1])))
 
 
@@ -163,14 +163,14 @@ class Segment(Shape):
         return [Pieces("segment", self.start, self.towards)]
 
     def nearest(self, position: Array) -> tuple[Array, Array]:
-        d = position - self.place
+        d = position - self.origin
         along = np.clip(d @ self.towards / (self.towards @ self.towards), 0.0, 1.0)
         d = d - along[:, None] * self.towards
         r = np.hypot(d[:, 0], d[:, 1])
         return unit(d, r), r
 
     def outline(self, step: float = 0.05) -> Array:
-        return np.array((self.place, np.add(self.place, self.towards)))
+        return np.array((self.origin, np.add(self.origin, self.towards)))
 
 
 class Circle(Shape):
@@ -182,7 +182,7 @@ class Circle(Shape):
 
     def on_circle(self, angle: Any) -> Array:
         """Points at angles [rad], shape (angles, 2)."""
-        return np.array(self.place) + self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
+        return np.array(self.origin) + self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
 
     def outline(self, step: float = 0.05) -> Array:
         begin, end = self.range
@@ -194,21 +194,21 @@ class Circle(Shape):
         return 0.0, FULL_TURN
 
     def extremes(self) -> Array:
-        return np.array((np.subtract(self.place, self.radius), np.add(self.place, self.radius)))
+        return np.array((np.subtract(self.origin, self.radius), np.add(self.origin, self.radius)))
 
     def lever(self, center: Any) -> float:
-        return self.radius + math.hypot(*np.subtract(self.place, center))
+        return self.radius + math.hypot(*np.subtract(self.origin, center))
 
     def outwards(self, position: Array) -> tuple[Array, Array]:
         """Unit vectors from the centre to points, and distances from it."""
-        d = position - self.place
+        d = position - self.origin
         r = np.hypot(d[:, 0], d[:, 1])
         return unit(d, r), r
 
-    def boundary(self, place: Any, inset: float) -> Boundary | None:
+    def boundary(self, origin: Any, inset: float) -> Boundary | None:
         inside = self.side > 0.0
         radius = self.radius - inset if inside else self.radius + inset
-        return CircleBoundary((float(place[0]), float(place[1])), radius, inside)
+        return CircleBoundary((float(origin[0]), float(origin[1])), radius, inside)
 
 
 class Container(Circle):
@@ -283,7 +283,7 @@ class Arc(Circle):
         return [*faces, Pieces("post", self.ends)]
 
     def nearest(self, position: Array) -> tuple[Array, Array]:
-        d = position - self.place
+        d = position - self.origin
         away, r = self.outwards(position)
         distance = r - self.radius
         away, distance = away * np.where(distance < 0.0, -1.0, 1.0)[:, None], np.abs(distance)
@@ -307,7 +307,7 @@ class Arc(Circle):
     def lever(self, center: Any) -> float:
         return Shape.lever(self, center)
 
-    def boundary(self, place: Any, inset: float) -> None:
+    def boundary(self, origin: Any, inset: float) -> None:
         return None
 
 
@@ -319,7 +319,7 @@ class Polyline(Shape):
     @classmethod
     def checked(cls, name: str, wall: Wall) -> dict[str, Any]:
         points = outlines.checked_points(name, wall.points, closed=cls.closed)
-        return {"points": tuple(points), "place": points[0]}
+        return {"points": tuple(points), "origin": points[0]}
 
     def pieces(self) -> list[Pieces]:
         corners = self.outline()

@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import InputError
 from ..tools import checked
 from ..tools.checked import Array, Number, Positive, validated
 from .custom_code import FromKernels
@@ -17,6 +18,8 @@ from .ifr import STICKING, IFRLaw
 from .law import CollisionLaw
 
 _POSITIVE = (1e-100, 1e100)
+LEAST_E_N = 0.05
+"""Least e_n of typical impacts: the approximant is 15 % too high there, and more further down."""
 
 
 class Viscoelastic(CollisionLaw):
@@ -24,9 +27,9 @@ class Viscoelastic(CollisionLaw):
 
     e_n falls with the speed of approach g_n as 1 - 1.15345 b + 0.79826 b^2 - ..., with b = (3/2) A (k / m_n)^(2/5)
     g_n^(1/5), k = 2 Y sqrt(R) / 3, effective mass m_n and radius R = R_i R_j / (R_i + R_j). It is computed by a Pade
-    approximant that holds at any speed (within 1e-5 of the equation of motion where e_n > 0.93, 1e-3 where e_n > 0.7,
-    5e-3 at 0.4). Slow impacts are elastic: such a gas cools as t^(-5/3). InputError if a coefficient is out of range,
-    or the law could add energy.
+    approximant (within 1e-5 of the equation of motion where e_n > 0.93, 1e-3 where e_n > 0.7, 5e-3 at 0.4, 9e-3 down to
+    0.05; gases whose typical impacts have less are refused). Slow impacts are elastic: such a gas cools as t^(-5/3).
+    InputError if a coefficient is out of range, or the law could add energy.
 
     Parameters
     ----------
@@ -100,6 +103,15 @@ class Viscoelastic(CollisionLaw):
         """Refuse the law for disks with these k and masses if a collision could add energy; see `IFRLaw.check`."""
         self._slow(self.k).check(k_i, k_j, m_i, m_j)
 
+    def check_speed(self, g_n: float, m_n: float, R: float) -> None:
+        """Refuse the law if e_n of an impact is below `LEAST_E_N`, where the approximant does not hold."""
+        e_n = float(self.restitutions(g_n, m_n, R)) if g_n > 0.0 else 1.0
+        if e_n < LEAST_E_N:
+            raise InputError(
+                f"A = {self.A:g}, Y = {self.Y:g}: e_n = {e_n:.3g} at the approach speed {g_n:.4g}: must be at least "
+                f"{LEAST_E_N:g}, down to where the approximant holds; decrease A, the dissipative time"
+            )
+
     @property
     def is_dissipative(self) -> bool:
         """True if A is above 0."""
@@ -122,7 +134,7 @@ class Viscoelastic(CollisionLaw):
     @classmethod
     @validated
     def of_restitution(
-        cls, e_n: Annotated[float, Number(0.05, 1.0, "a number from 0.05 to 1")], *, g_n: Positive, mass: Positive,
+        cls, e_n: Annotated[float, Number(LEAST_E_N, 1.0, "a number from 0.05 to 1")], *, g_n: Positive, mass: Positive,
         radius: Positive, Y: Positive = 1.0, **friction: Any,
     ) -> Viscoelastic:  # fmt: skip
         """The law with which two equal disks have the restitution e_n at a speed of approach.

@@ -54,7 +54,7 @@ def check_place(wall: Wall, box: Box) -> None:
             )
         if low[axis] - reach < 0.0 or high[axis] + reach > side:
             raise InputError(
-                f"at ({wall.place[0]:.6g}, {wall.place[1]:.6g}) it reaches beyond a periodic side of the box, where "
+                f"at ({wall.origin[0]:.6g}, {wall.origin[1]:.6g}) it reaches beyond a periodic side of the box, where "
                 "walls are not repeated; move it inside, or make that direction not periodic"
             )
 
@@ -62,7 +62,7 @@ def check_place(wall: Wall, box: Box) -> None:
 def _check_spans(wall: Wall, box: Box) -> None:
     """Raise InputError unless a segment reaches across the box along an axis: its ends would be hit aslant."""
     for axis in range(2):
-        ends = wall.place[axis], wall.place[axis] + wall.towards[axis]
+        ends = wall.origin[axis], wall.origin[axis] + wall.towards[axis]
         if wall.towards[1 - axis] == 0.0 and min(ends) <= 0.0 and max(ends) >= box.lengths[axis]:
             return
     raise InputError(

@@ -86,9 +86,9 @@ class Wall:
     """
 
     shape: Literal["line", "segment", "container", "post", "arc", "polyline", "polygon"]
-    place: Point
+    origin: Point
     towards: Point = (0.0, 0.0)
-    """place, towards: a point of a line and its unit normal towards the disks; the beginning of a segment and the
+    """origin, towards: a point of a line and its unit normal towards the disks; the beginning of a segment and the
     vector to its end [length]; the centre of a circle [length]."""
     radius: Size = 0.0
     """Of a circle or arc [length]."""
@@ -243,11 +243,11 @@ class Wall:
     def rows(self) -> Array:
         """The pieces of the wall as rows of `columns.WALL`, shape (pieces, columns)."""
         pieces = self.geometry.pieces()
-        array = np.zeros((sum(len(each.place) for each in pieces), WALL.width))
+        array = np.zeros((sum(len(each.origin) for each in pieces), WALL.width))
         first = 0
         for each in pieces:
-            self._write_pieces(named(array[first : first + len(each.place)], "walls"), each)
-            first += len(each.place)
+            self._write_pieces(named(array[first : first + len(each.origin)], "walls"), each)
+            first += len(each.origin)
         rows = named(array, "walls")
         rows.material, rows.surface_speed = self.material, self.surface_speed
         rows.temperature, rows.heat = self.temperature or 0.0, -1.0
@@ -260,11 +260,11 @@ class Wall:
 
     def _write_pieces(self, rows: Named, pieces: Pieces) -> None:
         rows.kind, rows.radius, rows.half = PIECES.index(pieces.kind), pieces.radius, pieces.half
-        rows.x, rows.y = pieces.place.T
+        rows.x, rows.y = pieces.origin.T
         rows.towards_x, rows.towards_y = pieces.towards.T
-        lever = np.hypot(*(pieces.place - self.turn.center).T)
+        lever = np.hypot(*(pieces.origin - self.turn.center).T)
         if pieces.kind == "segment":
-            lever = np.maximum(lever, np.hypot(*(pieces.place + pieces.towards - self.turn.center).T))
+            lever = np.maximum(lever, np.hypot(*(pieces.origin + pieces.towards - self.turn.center).T))
         rows.turn.lever = lever + pieces.radius
 
     def _write_motion(self, row: Named) -> None:
@@ -536,7 +536,7 @@ def smooth_materials(e_t: ArrayLike, mu: ArrayLike, of_disks: Iterable[int]) -> 
 
 def pieces(walls: Sequence[Wall]) -> int:
     """Number of pieces of walls."""
-    return sum(len(group.place) for wall in walls for group in wall.geometry.pieces())
+    return sum(len(group.origin) for wall in walls for group in wall.geometry.pieces())
 
 
 def wall_names(walls: Sequence[Wall], box: Box) -> tuple[str, ...]:
@@ -549,17 +549,18 @@ def wall_names(walls: Sequence[Wall], box: Box) -> tuple[str, ...]:
 
 def to_json(walls: Sequence[Wall]) -> str:
     """Walls as text, for the record of a trajectory."""
-    found = [asdict(wall) for wall in walls]
-    for one in found:  # a file of walls without pistons stays what it was
-        if one["piston"] is None:
-            del one["piston"]
-    return json.dumps(found)
+    return json.dumps([asdict(wall) for wall in walls])
 
 
 def from_json(text: str) -> tuple[Wall, ...]:
     """Walls from the text of `to_json`."""
     made = {"motion": Motion, "turn": Turn, "piston": Piston}
     return tuple(
-        Wall(**{key: made[key](**value) if key in made else value for key, value in one.items()})
+        Wall(
+            **{
+                key: made[key](**value) if key in made and value is not None else value
+                for key, value in one.items()
+            }
+        )
         for one in json.loads(text)
     )

@@ -342,7 +342,7 @@ def draw_walls(
 def _wall(axes: Axes, wall: Wall, lengths: tuple[float, float], time: float) -> None:
     from matplotlib.patches import Circle
 
-    center = wall.transform(np.array([wall.place]), time)[0]
+    center = wall.transform(np.array([wall.origin]), time)[0]
     colour = foreground(axes) if wall.temperature is None else HOT
     if not wall.geometry.is_circle:
         ends = wall.transform(wall.geometry.path(lengths), time)

@@ -12,7 +12,8 @@ from scipy.optimize import bisect
 
 from ..errors import InputError
 from ..initial import impact_scan as scan
-from ..model.ifr import IFRLaw, Regime, collide
+from ..model.collision import collide
+from ..model.ifr import IFRLaw, Regime
 from ..model.state import Disks
 from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
@@ -118,7 +119,7 @@ def _change(law: IFRLaw, disks: Disks, low: float, high: float) -> float:
 def _law(trajectory: Trajectory) -> IFRLaw:
     disks = trajectory.disks
     a, b = int(disks.material[0]), int(disks.material[disks.n // 2])
-    law = trajectory.laws[a][b]
+    law = "custom" if trajectory.has_custom_laws else trajectory.laws[a][b]
     if not isinstance(law, IFRLaw):
         raise InputError(f"{trajectory.path}: law of materials {a} and {b} is {law}: must be an IFRLaw")
     return law

@@ -172,7 +172,7 @@ def _temperatures(axes: Axes, trajectory: Trajectory, profile: Strips) -> None:
     for wall in trajectory.walls:
         if wall.temperature is None or wall.shape != "line" or wall.towards[profile.axis] == 0.0:
             continue
-        at = wall.place[profile.axis]
+        at = wall.origin[profile.axis]
         pair = (wall.temperature, at) if profile.axis == 1 else (at, wall.temperature)
         axes.plot(*pair, "D", color=HOT, ms=7, clip_on=False, zorder=5, label=text)
         text = "_"  # once in the legend

@@ -112,6 +112,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
         (trajectory.box.is_open, "open box"),
         (not disks.movable.all(), "immovable disks"),
         ("laws" not in trajectory.parameters, "no law in the file"),
+        (trajectory.has_custom_laws, "custom law"),
         (kinds > MOST_KINDS, f"more than {MOST_KINDS} kinds of disks"),
     ):
         if invalid:

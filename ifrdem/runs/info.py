@@ -149,7 +149,7 @@ def _describe_files(trajectory: Trajectory) -> list[str]:
         if view.exists():
             old = ", older than the trajectory: `ifrdem link` renews it" if view in stale else ""
             lines.append(f"  view              {view.name}{old}")
-    return ["beside it", *lines] if lines else []
+    return ["files next to it", *lines] if lines else []
 
 
 def _status(path: Path) -> str:

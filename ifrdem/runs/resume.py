@@ -21,6 +21,7 @@ from ..case.gas import CaseGas
 from ..case.objects import choose_runtime, device_of
 from ..errors import InputError
 from ..kernels import runtime as of_kernels
+from ..model.law_records import is_custom, of_table, source_of_record
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import RunPlan
@@ -51,9 +52,9 @@ def find(source: str | os.PathLike[str]) -> Path:
         checkpoints = list(path.glob(f"*{CHECKPOINT}"))
         if not checkpoints:
             raise InputError(
-                f"{path}: no run can go on here: there is no *{CHECKPOINT}; a run that is done has none"
+                f"{path}: no run to resume here: there is no *{CHECKPOINT}; a run that is done has none"
             )
-        return only(checkpoints, f"{path}: several runs can go on here")
+        return only(checkpoints, f"{path}: several runs to resume here")
     if path.name.endswith(CHECKPOINT):
         return path
     if not path.exists():
@@ -61,7 +62,7 @@ def find(source: str | os.PathLike[str]) -> Path:
     found = checkpoint_of(path)
     if not found.exists():
         raise InputError(
-            f"{source}: there is no {found.name} beside it: the run is done, or was killed in its very beginning. "
+            f"{source}: there is no {found.name} next to it: the run is done, or was killed in its very beginning. "
             f'A new run can begin with a stored frame: start.positions = "{path.name}"'
         )
     return found
@@ -116,6 +117,7 @@ def resume(
             trajectory = path.with_name(extra["trajectory"])
             if checkpoint_of(trajectory) != path:
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
+            _refuse_changed_laws(record, path)
             original = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
             ledger = Ledger.from_record(extra["ledger"])
             plan = RunPlan.from_record(extra["plan"], case.output.frame_cadence, case.output.series_cadence)
@@ -159,7 +161,7 @@ def resume(
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
         moment = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
         frames = f"{ledger.frames} frames, on {how(case, cores, comm.size)}{more}"
-        log(f"{case.run.name}: {gas.n} disks go on at {moment} and {frames}")
+        log(f"{case.run.name}: {gas.n} disks resume at {moment} and {frames}")
         running = Run(file, outputs, simulation, plan, ledger, queue, pending)
         before = simulation.collisions
         rate = run_root(running, started, max_hours=max_hours, log=log, warn=warn)
@@ -182,6 +184,19 @@ def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSec
     return _with(case, runtime=of_kernels.chosen())
 
 
+def _refuse_changed_laws(record: Mapping[str, Any], path: Path) -> None:
+    """Raise InputError if the file of a custom law is not there, or has changed: the checkpoint holds no code."""
+    for each in filter(is_custom, of_table(record["gas"]["law"])):
+        try:
+            source_of_record(each, Path(each["path"]).parent)
+        except InputError as error:
+            trajectory = record["extra"]["trajectory"]
+            raise InputError(
+                f"{path}: {error}; for another law, begin a new run from a stored frame: start.positions = "
+                f'"{trajectory}"'
+            ) from None
+
+
 def _log_other_runtime(record: Mapping[str, Any], path: Path, log: Callable[[str], None]) -> None:
     """Log that the run continues with another runtime, which gives the same bits."""
     written, here = map(of_kernels.of_versions, (record["versions"], package_versions()))
@@ -196,6 +211,7 @@ def _gas_of(path: Path, runtime: str | None) -> CaseGas:
         if "case_as_set" not in record["extra"]:
             raise InputError(f"{path}: {NO_RUN}")
         case = _case_of(record, path, runtime)
+        _refuse_changed_laws(record, path)
         folder = Path(record["extra"]["case_path"]).parent
     return CaseGas.from_case(case, folder, start=False)
 
@@ -222,7 +238,7 @@ def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
     lines = [line for line in diff if not line.startswith(("---", "+++", "@@"))]
     more = f" (and {len(lines) - 6} lines more)" if len(lines) > 6 else ""
     raise InputError(
-        f"{path}: the case file {case} has changed since the run began: {'; '.join(lines[:6])}{more}. A run goes on "
+        f"{path}: the case file {case} has changed since the run began: {'; '.join(lines[:6])}{more}. A run resumes "
         "only as it began: put the file back, or --ignore-case-changes resumes the case as it was; for a new "
         f'case, begin a new run from a stored frame: start.positions = "{extra["trajectory"]}"'
     )

@@ -150,7 +150,7 @@ def run(
     with queue:
         if start is not None:
             queue.begin_histories(tracked, start)
-        running = Run(file, outputs, simulation, plan, Ledger(), queue)
+        running = Run(file, outputs, simulation, plan, Ledger(area=gas.stress_area), queue)
         before = simulation.collisions
         rate = run_root(running, started, max_hours=max_hours, log=log, warn=warn)
     finish(running, started, before, rate, log)
@@ -455,8 +455,8 @@ def finish(running: Run, started: float, before: int, rate: float, log: Callable
             )
         if jammed := statistics.jammed:
             log(
-                f"  {jammed} times a disk jammed between others fell asleep at speed; if that is often beside its "
-                "collisions, look for a start that is too dense, or walls that close on disks"
+                f"  {jammed} times a disk jammed between others fell asleep at speed; if that is often, compared with "
+                "its collisions, look for a start that is too dense, or walls that close on disks"
             )
     rows, frames = running.writer.series_rows, len(running.writer)
     log(
@@ -497,7 +497,7 @@ def _remains(running: Run, reason: str) -> str:
     if running.outputs.checkpoint.exists():
         path = str(trajectory)  # relative to where the user is, as it was given
         path = os.path.join(os.curdir, path) if path.startswith("-") else path
-        text += f"\nto go on: ifrdem resume {shlex.quote(path)}"
+        text += f"\nto resume: ifrdem resume {shlex.quote(path)}"
     return text
 
 

@@ -158,7 +158,7 @@ def find(path: str | os.PathLike[str]) -> Path:
         return found[-1]
     status = given if given.name.endswith(ENDING) else path_of(given)
     if not os.path.isfile(status):
-        raise InputError(f"{path}: there is no status file {status}; a run writes it beside its trajectory")
+        raise InputError(f"{path}: there is no status file {status}; a run writes it next to its trajectory")
     return status
 
 

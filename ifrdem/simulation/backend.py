@@ -177,7 +177,7 @@ def show_gpu(number: int) -> None:
     visible = entries[number % len(entries)]
     if _driver_queried and visible != named:
         raise InputError(
-            f"device = 'cuda': rank {number} of this machine is to see GPU {visible}, but it has asked for GPUs "
+            f"device = 'cuda': rank {number} of this machine is to see GPU {visible}, but it has queried GPUs "
             "before, and the driver looks once: set CUDA_VISIBLE_DEVICES for each rank, or make the gas that is on "
             "several ranks first"
         )
@@ -445,6 +445,16 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     LOG.debug("device %s, %d threads, %s", settings.device, settings.threads, settings.precision)
     LOG.debug("kernel cache %s", cache or "none")
     return settings
+
+
+def start_unless_running(device: Device) -> Running:
+    """Start the runtime as `start`, unless it runs already, with any settings."""
+    if _running is not None and _process == os.getpid():
+        from ..kernels.language import program
+
+        if program() is not None:
+            return _running
+    return start(device)
 
 
 def start_on_ranks(device: Device, comm: Communicator) -> None:

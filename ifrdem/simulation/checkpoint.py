@@ -325,7 +325,7 @@ def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], devi
     ):
         if not same:
             raise InputError(
-                f"{path} was written by {' '.join(map(str, before))}, this is {' '.join(now)}: a run goes on to the "
+                f"{path} was written by {' '.join(map(str, before))}, this is {' '.join(now)}: a run resumes to the "
                 f"bit with the same version only. {_remedy(*written) if now is here else ''}Begin a new run from a "
                 'stored frame: start.positions = "NAME.h5"'
             )

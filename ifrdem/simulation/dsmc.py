@@ -282,6 +282,7 @@ class DSMC(ReadOnlyAttributes):
         kind: Any = laws.kind  # mypy does not take a class for hashable
         self._make_arrays(start, compiled(kind), laws.coefficients)
         fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
+        laws.check_speed(disks, float(np.sqrt(np.mean(np.sum(np.square(start.velocity), axis=1)))))
         laws.check_by_sampling(disks, [], fastest or 1.0)
         self._set(time=0.0, collisions=0, energy_input=0.0, candidates=0, cut_for_speed=0)
         self._batches = self._kicks = 0

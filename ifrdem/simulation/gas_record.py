@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from ..errors import InputError
@@ -13,7 +15,8 @@ from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.gravity import RotatingGravity
 from ..model.law import CollisionLaw
-from ..model.law_records import ARGUMENTS, from_record, to_record
+from ..model.law_files import source_of
+from ..model.law_records import ARGUMENTS, from_record, is_custom, to_record
 from ..model.state import COLUMNS
 from .device import Device
 
@@ -60,15 +63,16 @@ def arguments(
     record: dict[str, Any],
     displacements: Sequence[float],
     *,
-    law: Any = None,
+    law: Any,
     forces: Sequence[Force] | None = None,
     device: Device | str | None = None,
 ) -> dict[str, Any]:
     """Arguments of `Simulation` from a record, but for disks, state, tracked ids and ranks.
 
-    Pistons are at these displacements [length]. `law`, `forces` and `device` stand in place of those of the record.
+    Pistons are at these displacements [length]. `law` is used (`laws_of`), and `forces` and `device` in place of those
+    of the record.
 
-    InputError if a custom law or force is not given, or the device is another one, but for its threads.
+    InputError if a custom force is not given, or the device is another one, but for its threads.
     """
     was = Device(**record["device"])
     chosen = was if device is None else Device.of(device)
@@ -78,7 +82,7 @@ def arguments(
     given = walls.from_json(json.dumps(record["walls"]))
     return {
         "box": Box(**_with_tuples(record["box"])),
-        "law": _laws(record["law"]) if law is None else law,
+        "law": law,
         "walls": walls.at_displacements(given, displacements),
         "gravity": RotatingGravity(**_with_tuples(gravity)) if isinstance(gravity, dict) else tuple(gravity),
         "forces": _forces_of(record["forces"]) if forces is None else forces,
@@ -95,7 +99,8 @@ def _with_tuples(record: dict[str, Any]) -> dict[str, Any]:
 
 def _compared(record: dict[str, Any]) -> dict[str, Any]:
     device = {key: value for key, value in record["device"].items() if key != "threads"}
-    law = [[{key: value for key, value in one.items() if key != "k"} for one in row] for row in record["law"]]
+    left_out = ("k", "path")
+    law = [[{key: one[key] for key in one if key not in left_out} for one in row] for row in record["law"]]
     given = [dict(wall) for wall in record["walls"]]
     for wall in given:
         if piston := wall.get("piston"):  # where a piston starts, as where disks do
@@ -110,15 +115,25 @@ def _kind(one: Any, ours: Sequence[type]) -> str:
 
 
 def _law_record(law: CollisionLaw) -> dict[str, Any]:
-    if any(type(law) is kind for kind, _ in ARGUMENTS.values()):
+    if source_of(law) is not None or any(type(law) is kind for kind, _ in ARGUMENTS.values()):
         return to_record(law)
     return {"law": f"custom {law!r}"}
 
 
-def _laws(table: list[list[dict[str, Any]]]) -> list[list[CollisionLaw]]:
-    if (kind := table[0][0]["law"]) not in ARGUMENTS:
-        raise InputError(f"law = None: must be the {kind} of the gas: a checkpoint does not hold its code")
-    return [[from_record(one) for one in row] for row in table]
+def laws_of(record: dict[str, Any], path: str | os.PathLike[str]) -> list[list[CollisionLaw]]:
+    """The laws of a record in a checkpoint file; the code of custom ones from files is executed.
+
+    InputError for other custom laws, and for files that are not there or have changed.
+    """
+    table = record["law"]
+    if (kind := table[0][0]["law"]) not in ARGUMENTS and not is_custom(table[0][0]):
+        raise InputError(
+            f"{os.fspath(path)}: law = None: must be the {kind} of the gas: a checkpoint does not hold its code"
+        )
+    try:
+        return [[from_record(one, Path(path).parent) for one in row] for row in table]
+    except InputError as error:
+        raise InputError(f"{os.fspath(path)}: {error}") from None
 
 
 def _forces() -> list[type[Force]]:

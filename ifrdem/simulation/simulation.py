@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, SlowRunWarning
+from ..kernels.columns import READOUT, Named
 from ..model import crush
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
 from ..model.custom_code import check_constants
 from ..model.gravity import RotatingGravity
 from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw
+from ..model.law import CollisionLaw, check_law_constants
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
 from ..model.pair_laws import PairLaws
@@ -40,7 +41,7 @@ from ..tools.read_only import ReadOnlyAttributes
 from . import backend, checkpoint, checks
 from .device import Device
 from .engine import CollisionTimes, Engine
-from .gas_record import arguments, differences, gas_record
+from .gas_record import arguments, differences, gas_record, laws_of
 from .schedule import (
     MOST,
     FrameCallback,
@@ -131,6 +132,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         - "disk_energy": also that of each disk's collisions, `State.dissipated`;
         - "partner": the disk or wall that each disk hit last, `State.last_partner`;
         - "angle": the angle by which each disk has turned, `State.angle`;
+        - "stress": the momentum that collisions transfer, in every `Measure`: `observables.stress` makes a pressure
+          tensor of two of these;
         - "wall": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
@@ -238,8 +241,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             else:
                 self._first = comm.result_of_holders(lambda: self._energy_of(disks, begin))
             self._passive_known = self._laws.is_passive
-            if not self._passive_known:
-                self._check_by_sampling(self._laws, begin if known else self._engine.state_here())
+            self._check_laws(self._laws, begin if known else None)
 
     def _follow_disks(
         self, tracked: Sequence[int] | NDArray[np.integer], n: int, box: Box, walls: Sequence[Wall]
@@ -308,8 +310,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         materials = [wall.material for wall in self._engine.walls]
         laws = PairLaws.of(law, self.disks, materials, self._engine.precision)
         with backend.sole_use():
-            if not laws.is_passive:
-                self._check_by_sampling(laws, self._engine.state_here())
+            self._check_laws(laws, None)
             self._engine.set_law(laws.coefficients, laws.kind)
         self._laws = laws
         self._passive_known = self._passive_known and laws.is_passive
@@ -390,13 +391,29 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             after.energy + after.potential_energy - before.energy - before.potential_energy
         )
 
-    def _check_by_sampling(self, laws: PairLaws, state: State) -> None:
-        """Check laws that are not known to be passive on random pairs of disks as fast as those of a state."""
+    def _check_laws(self, laws: PairLaws, state: State | None) -> None:
+        """Check laws at the speeds of a state, by default the present one.
+
+        Laws that are not known to be passive are checked on random pairs of disks as fast as those.
+        """
+        has_range = laws.kind.check_speed is not CollisionLaw.check_speed
+        if laws.is_passive and not has_range:
+            return
+        state = self._engine.state_here() if state is None else state
+        if has_range:
+            rms = math.sqrt(float(np.sum(np.square(state.velocity))) / max(len(state.velocity), 1))
+            rms = self.comm.largest(rms)
+            self.comm.run_on_all(lambda: laws.check_speed(self._kinds_of_disks, rms))
+        if laws.is_passive:
+            return
         fastest = self.comm.largest(checks.fastest(self.disks_here, state.velocity, state.spin))
-        disks = self._engine.kinds
-        disks = disks.rows if isinstance(disks, DiskKinds) else disks
         of_walls = [wall.material for wall in self._engine.walls]
-        self.comm.run_on_root(lambda: laws.check_by_sampling(disks, of_walls, fastest or 1.0))
+        self.comm.run_on_root(lambda: laws.check_by_sampling(self._kinds_of_disks, of_walls, fastest or 1.0))
+
+    @property
+    def _kinds_of_disks(self) -> Disks:
+        kinds = self._engine.kinds
+        return kinds.rows if isinstance(kinds, DiskKinds) else kinds
 
     @property
     def tracked(self) -> NDArray[np.int32]:
@@ -556,8 +573,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def _energy_of(self, disks: Disks, state: State) -> float:
         """Kinetic and potential energy [energy] of a state; gravity acts along walled directions only."""
-        translational, rotational, *_, fall, _, _, _ = sums(disks, state, self._engine.gravity).tolist()
-        return float(translational + rotational - fall)
+        totals = Named(sums(disks, state, self._engine.gravity), READOUT)
+        return float(totals.translational + totals.rotational - totals.fall)
 
     def save_checkpoint(
         self,
@@ -662,7 +679,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             A file of `save_checkpoint`, or NAME.checkpoint.h5 of an interrupted `ifrdem run`. It holds disks, box, law,
             walls, gravity, forces, `collapse`, device, `record`, tracked disks, seed and the present state.
         law, forces
-            The same law and forces as before: only needed if one is a custom class, whose code is not in the file.
+            The same law and forces as before: only needed if one is a custom class of Python, whose code is not in the
+            file. The code of a custom law of a case is executed from its own file, if that has not changed.
         device : Device or str, optional
             The same device with another number of threads, which changes no bit.
         comm : mpi4py.MPI.Comm or Communicator, optional
@@ -691,6 +709,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         found, meta = checkpoint.read_slice(path, comm)
         with checkpoint.as_damage_error(path, "its record"):
             checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
+            if law is None:
+                law = comm.root_result(lambda: laws_of(meta["gas"], path))
             given = arguments(
                 meta["gas"], found["state_pistons"][:, 0].tolist(), law=law, forces=forces, device=device
             )
@@ -910,7 +930,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 raise InputError(f"{name} = {value!r}: must be a function")
         self._stopping = False
         kind = self._laws.kind
-        check_constants(f"law {kind.__name__}", kind, "collide")
+        check_law_constants(kind)
         for i, force in enumerate(self.forces):
             check_constants(f"forces[{i}] = {type(force).__name__}", type(force), "act", "measure")
         self._engine.check_duration(plan.end.time)
@@ -961,31 +981,32 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             self._call_at_frame(frame_callbacks, stored)
             if between is not None:
                 between()
-        pace = SlowRunCheck(end)
-        while not end.reached(self.time, self.collisions) or plan.next_frame == 1:
-            while not (frame := plan.point(frames, plan.next_frame)).reached(self.time, self.collisions):
+        pace, now = SlowRunCheck(end), (self.time, self.collisions)
+        while not end.reached(*now) or plan.next_frame == 1:
+            while not (frame := plan.point(frames, plan.next_frame)).reached(*now):
                 row = plan.point(rows, plan.next_row)
                 stop = frame.earlier(row) if exact else frame
                 self._engine.advance(
                     t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions,
                     rest_at=frame.time, ends=end.time, next_points=partial(plan.next_points, exact),
                 )  # fmt: skip
+                now = self.time, self.collisions
                 if progress is not None:
-                    progress(self.time, self.collisions)
-                slow = pace.trouble(self.time, self.collisions, self._engine.free_time)
+                    progress(*now)
+                slow = pace.trouble(*now, self._engine.free_time)
                 if slow is not None and self.comm.is_root:
                     warnings.warn(slow, SlowRunWarning, stacklevel=outside_level())
-                if plan.series is not None and row.reached(self.time, self.collisions):
-                    plan.next_row = plan.first_not_reached(rows, plan.next_row, self.time, self.collisions)
+                if plan.series is not None and row.reached(*now):
+                    plan.next_row = plan.first_not_reached(rows, plan.next_row, *now)
                     if sampling:
                         self._call_at_row(series_callbacks)
-                if between is not None and not frame.reached(self.time, self.collisions):
+                if between is not None and not frame.reached(*now):
                     between()
                 self._stop_if_asked()
             # First: a callback that raises has had its frame.
-            plan.next_frame = plan.first_not_reached(frames, plan.next_frame + 1, self.time, self.collisions)
+            plan.next_frame = plan.first_not_reached(frames, plan.next_frame + 1, *now)
             self._call_at_frame(frame_callbacks, stored)
-            if between is not None and not end.reached(self.time, self.collisions):
+            if between is not None and not end.reached(*now):
                 between()
 
     def _report_gain(self) -> None:
@@ -1082,5 +1103,5 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
             "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,
-            "about_mean": free,
+            "about_mean": free, "virial": self._engine.virial if "stress" in self._engine.options.record else None,
         }  # fmt: skip

@@ -15,14 +15,15 @@ from ..errors import InputError
 from ..kernels import layout as k
 from ..kernels.columns import named
 from ..model.box import Box, below
-from ..model.ifr import EnergyWarning, IFRLaw, collide
-from ..model.law import CollisionLaw
+from ..model.collision import UNKNOWN, collide
+from ..model.ifr import EnergyWarning
+from ..model.law import CollisionLaw, parts_of
 from ..model.state import Disks
 from ..model.walls import Wall
 
 KICK = -1
 """In place of a partner: a force changed the disk's velocity or spin."""
-UNKNOWN, ELASTIC = -1, 9
+ELASTIC = 9
 """In place of a `law.Regime`: a custom law or a thermal wall; elastic by a remedy for collapse."""
 
 
@@ -256,7 +257,7 @@ class Tracking:
         regime = np.full(len(ids), UNKNOWN, dtype=np.int8)
         for a, b in {(int(a), int(b)) for a, b in zip(one, two, strict=True)}:
             law = self.laws[a][b]
-            if not isinstance(law, IFRLaw):
+            if not law.is_proved or parts_of(type(law)) is None:
                 continue
             rows = np.flatnonzero((one == a) & (two == b))
             wall, p = at_wall[rows], other[rows]

@@ -254,7 +254,7 @@ class Plan:
         for point, case in good.items():
             kept = self.output.model_dump(exclude={"series", "series_spacing"})  # which the case has
             record = case.model_dump(mode="json", exclude={"run": {"name", "threads"}})
-            names = filter(None, (case.start.file, case.start.trajectory))
+            names = [*filter(None, (case.start.file, case.start.trajectory)), *case.law_files]
             outside = {name: _digest(self.path.parent / name) for name in names}
             for i, seed in enumerate(self.seeds):
                 record["run"]["seed"] = seed

@@ -65,7 +65,7 @@ def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
             size *= len(one)
         most = dataset.file.id.get_filesize() * EXPANSION[compression(dataset)]
         if size > most:
-            raise ValueError(f"{size} bytes of it are asked for, and the file can hold no more than {most}")
+            raise ValueError(f"{size} bytes of it are requested, and the file can hold no more than {most}")
         value = dataset[selection]
         if _lacks_chunk(dataset, chosen, value):
             raise ValueError("a chunk is missing")

@@ -29,7 +29,7 @@ from .file import staged
 from .parts import Part, Parts
 
 H5MD_VERSION = (1, 1)
-LAYOUT_VERSION = (1, 4)
+LAYOUT_VERSION = (1, 5)
 PARTICLES = "particles/all"
 EDGES = f"{PARTICLES}/box/edges"
 FRAMES = "frames"

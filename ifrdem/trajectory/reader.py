@@ -32,7 +32,7 @@ from ..errors import (
 from ..model.box import Box
 from ..model.free_area import FreeArea
 from ..model.law import CollisionLaw
-from ..model.law_records import from_record
+from ..model.law_records import checked_record, from_record, is_custom, of_table
 from ..model.state import Disks
 from ..model.walls import OF_PISTONS, Wall, at_displacements
 from ..model.walls import from_json as walls_from_json
@@ -491,7 +491,11 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         for name in names:
             self._read_parameter(file["parameters"], name)
         with damage.as_damage_error(self.path, "parameter walls"):
-            self._set(walls=walls_from_json(self._text("walls", "[]")))
+            walls = self._text("walls", "[]")
+            if walls != "[]" and (version := layout.version_of(file)) < (1, 5):
+                found = ".".join(map(str, version))
+                raise InputError(f"{self.path} has layout {found}: walls can be read from layout 1.5 on")
+            self._set(walls=walls_from_json(walls))
         moments = np.zeros(0) if rows is None else self._moments(rows)
         self._set(
             observables=Series(file["observables"], self.times, "observable", self._read_rows),
@@ -592,10 +596,25 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def laws(self) -> list[list[CollisionLaw | None]]:
         """The law of each pair of materials, [a][b]; None for materials that never meet.
 
-        Raises InputError if the run stored none, or they are damaged.
+        A custom law is made from its file: its code is executed, if the file is that of the run.
+
+        Raises InputError if the run stored none, they are damaged, or the file of a custom one is not there or has
+        changed.
         """
         materials = int(self.disks.material.max(initial=-1)) + 1
-        return self.record("laws", lambda given: _laws(given, materials))
+        table = self.record("laws", lambda given: _laws(given, materials))
+        try:
+            return [
+                [from_record(one, self.path.parent) if isinstance(one, Mapping) else one for one in row]
+                for row in table
+            ]
+        except InputError as error:
+            raise InputError(f"{self.path}: {error}") from None
+
+    @property
+    def has_custom_laws(self) -> bool:
+        """True if laws are custom ones from files, whose code `laws` executes."""
+        return self.record("laws", lambda given: any(map(is_custom, of_table(given))), "[]")
 
     def __enter__(self) -> Trajectory:
         return self
@@ -890,10 +909,17 @@ def check_file(path: Path) -> None:
         raise InputError(f"{path} is {what}: must be a trajectory file")
 
 
-def _laws(given: Any, materials: int) -> list[list[CollisionLaw | None]]:
+def _laws(given: Any, materials: int) -> list[list[Any]]:
+    """Laws of a table of records; of a custom law, its record."""
     if not materials <= len(given) or any(len(row) != len(given) for row in given):
         raise ValueError(f"must have a row and a column for each of {materials} materials")
-    return [[None if one is None else from_record(one) for one in row] for row in given]
+
+    def law(record: Any) -> Any:
+        return (
+            None if record is None else checked_record(record) if is_custom(record) else from_record(record)
+        )
+
+    return [[law(one) for one in row] for row in given]
 
 
 def _box(attributes: Mapping[str, Any]) -> Box:

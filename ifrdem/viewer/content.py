@@ -297,7 +297,7 @@ class Content:
         done = plot_disks.collisions_of(frame) if any(one.opens_after is not None for one in walls) else 0
         return [
             {
-                "shape": one.shape, "place": one.transform(np.array([one.place]), time)[0].tolist(),
+                "shape": one.shape, "origin": one.transform(np.array([one.origin]), time)[0].tolist(),
                 "towards": one.towards, "radius": one.radius, "surface": one.surface_speed,
                 "hot": one.temperature is not None,
                 "points": [] if one.geometry.is_circle else one.outline(time).tolist(),

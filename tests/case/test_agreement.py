@@ -71,9 +71,9 @@ def test_check_reports_what_run_would_refuse_on_this_machine(
     path.write_text(cases.text_of(BASE), encoding="utf-8")
     many = f"run.threads={backend.cores() + 1}"
     assert main(["check", str(path), "--set", many]) == 0
-    said = capsys.readouterr().err
-    assert f"threads = {backend.cores() + 1}: must" in said
-    assert "`ifrdem run` would refuse it here" in said
+    message = capsys.readouterr().err
+    assert f"threads = {backend.cores() + 1}: must" in message
+    assert "`ifrdem run` would refuse it here" in message
     assert main(["run", str(path), "-o", f"{tmp_path}/", "--set", many]) == 2
     assert f"threads = {backend.cores() + 1}: must" in capsys.readouterr().err
 

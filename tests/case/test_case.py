@@ -64,14 +64,14 @@ def case_of(text: str = SMALL, *overrides: str) -> CaseSections:
     return CaseSections.model_validate(raw)
 
 
-def mistakes(*overrides: str, text: str = SMALL, folder: Path = Path()) -> list[str]:
+def problems(*overrides: str, text: str = SMALL, folder: Path = Path()) -> list[str]:
     raw = tomllib.loads(text)
     for assignment in overrides:
         case_file.override(raw, assignment)
     return [str(problem) for problem in case_file.validate_parsed(raw, folder)[-1]]
 
 
-def mistakes_of_key(section: type[Section], key: str, value: object) -> list[str]:
+def problems_of_key(section: type[Section], key: str, value: object) -> list[str]:
     """What a section says of one of its keys, whatever else is missing."""
     try:
         section.model_validate({key: value})
@@ -139,7 +139,7 @@ def test_template_shows_every_key_once_per_section(kind: str) -> None:
 
 def test_every_line_behind_a_hash_is_valid_when_it_is_uncommented() -> None:
     text = template.write("cooling")
-    tried = 0
+    attempts = 0
     kinds: list[type[Section]] = [RunSection]
     for line in text.splitlines():
         if heading := re.match(r"(?:# )?\[+(\w+)\]+$", line):
@@ -148,9 +148,9 @@ def test_every_line_behind_a_hash_is_valid_when_it_is_uncommented() -> None:
             ((key, value),) = tomllib.loads(option[1]).items()
             # The rest of the section does not matter here: only an error at this key would be wrong.
             able = [each for each in kinds if key in each.model_fields]
-            assert any(mistakes_of_key(each, key, value) == [] for each in able), line
-            tried += 1
-    assert tried > 15
+            assert any(problems_of_key(each, key, value) == [] for each in able), line
+            attempts += 1
+    assert attempts > 15
 
 
 def test_unknown_template_names_the_nearest() -> None:
@@ -162,7 +162,7 @@ def test_unknown_template_names_the_nearest() -> None:
 
 
 def test_good_case_has_no_mistakes() -> None:
-    assert mistakes() == []
+    assert problems() == []
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_good_case_has_no_mistakes() -> None:
     ],
 )
 def test_wrong_value_is_named_with_what_is_allowed(override: str, key: str, says: str) -> None:
-    found = mistakes(override)
+    found = problems(override)
     assert len(found) == 1, found
     assert found[0].startswith(key)
     assert re.search(says, found[0])
@@ -238,9 +238,9 @@ def test_wrong_value_is_named_with_what_is_allowed(override: str, key: str, says
 
 def test_one_disk_alone_cannot_be_run_to_a_number_of_collisions() -> None:
     alone = ("species[0].number=1", "box.packing_fraction=", "box.lengths=[1.0, 1.0]")
-    (found,) = mistakes(*alone)
+    (found,) = problems(*alone)
     assert found.startswith("run.collisions_per_disk = 5: one disk alone never collides")
-    assert mistakes(*alone, "run.collisions_per_disk=", "run.t_end=1.0") == []
+    assert problems(*alone, "run.collisions_per_disk=", "run.t_end=1.0") == []
 
 
 def test_one_disk_alone_has_no_expected_collisions() -> None:
@@ -302,12 +302,12 @@ def test_a_run_validates_its_case_once(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_mistakes_of_one_section_and_a_wrong_combination_of_keys_are_all_found() -> None:
-    found = mistakes("run.t_end=-1.0", "run.seed=x", "run.colour=red")
+    found = problems("run.t_end=-1.0", "run.seed=x", "run.colour=red")
     assert [line.split()[0].rstrip(":") for line in found] == ["run", "run.seed", "run.t_end", "run.colour"]
 
 
 def test_unknown_key_does_not_hide_the_physics() -> None:
-    found = mistakes("material[0].e_nn=0.9", "material[0].e_t=0.3", "material[0].e_n=1.0")
+    found = problems("material[0].e_nn=0.9", "material[0].e_t=0.3", "material[0].e_n=1.0")
     assert len(found) == 2
     assert found[0].startswith("material[0].e_nn")
     assert "would add energy" in found[1]
@@ -394,9 +394,9 @@ def test_admissibility_depends_on_the_k_of_the_species() -> None:
     # At e_n = 1 no loss along the line of centres can save it: a (1 - e_n) = 0 is less than
     # (e_s^2 - 1) (1 + e_n) mu^2/c^2.
     wrong = ("material[0].e_n=1.0", "material[0].e_t=0.0")
-    assert len(mistakes(*wrong)) == 1
-    assert "a collision would add energy" in mistakes(*wrong)[0]
-    assert mistakes(*wrong, "species[0].k=1.0") == []
+    assert len(problems(*wrong)) == 1
+    assert "a collision would add energy" in problems(*wrong)[0]
+    assert problems(*wrong, "species[0].k=1.0") == []
 
 
 def test_law_saved_by_the_total_budget_only_is_allowed_with_a_warning() -> None:
@@ -436,7 +436,7 @@ mu = 0.3
 
 
 def test_pair_of_materials_without_coefficients_is_refused() -> None:
-    (found,) = mistakes(text=TWO)
+    (found,) = problems(text=TWO)
     assert found == (
         "pair: missing for the materials 'aluminium' and 'steel': give their e_n, e_t and mu in a [[pair]]"
     )
@@ -465,7 +465,7 @@ def test_pair_gives_the_law_in_both_orders() -> None:
     ],
 )
 def test_wrong_names_of_pairs_and_sections_are_found(change: str, says: str) -> None:
-    assert any(re.search(says, line) for line in mistakes(change, text=TWO + PAIR))
+    assert any(re.search(says, line) for line in problems(change, text=TWO + PAIR))
 
 
 def test_coin_brings_mass_size_and_law() -> None:
@@ -482,9 +482,9 @@ def test_coin_brings_mass_size_and_law() -> None:
     assert gas.disks.mass.tolist() == [1.19e-3] * 10  # Sec. III
     assert gas.disks.radius.tolist() == [10.5e-3] * 10
     assert gas.laws[0][0].table_row() == (0.87, -0.88, 0.21, 0.0, 0.0)  # Table II
-    assert mistakes("species[0].k=2.0", text=text) == ["species[0]: k cannot be combined with coin"]
-    assert "did you mean '1 pta'" in mistakes("species[0].coin=1 peseta", text=text)[0]
-    assert "in SI" in mistakes("run.units=reduced", text=text)[0]
+    assert problems("species[0].k=2.0", text=text) == ["species[0]: k cannot be combined with coin"]
+    assert "did you mean '1 pta'" in problems("species[0].coin=1 peseta", text=text)[0]
+    assert "in SI" in problems("run.units=reduced", text=text)[0]
 
 
 def test_coins_of_two_kinds_take_the_papers_pair_and_no_other() -> None:
@@ -530,11 +530,11 @@ def test_seed_decides_the_start_and_species_draw_apart() -> None:
 
 def test_dense_gas_starts_on_a_lattice() -> None:
     dense = ("box.packing_fraction=0.7", "start.positions=hexagonal")
-    assert mistakes(*dense) == []
+    assert problems(*dense) == []
     case = case_of(SMALL, *dense)
     gas = CaseGas.from_case(case)
     check_no_overlap(gas.box, gas.disks.radius, gas.start().position)
-    (found,) = mistakes("box.packing_fraction=0.9", "start.positions=hexagonal")
+    (found,) = problems("box.packing_fraction=0.9", "start.positions=hexagonal")
     assert found.startswith('start.positions = "hexagonal": 100 disks')
 
 
@@ -559,14 +559,14 @@ def start_case(tmp_path: Path, rows: str, *, number: int = 2) -> list[str]:
 
 
 def test_a_csv_file_for_positions_is_refused_with_the_right_key(tmp_path: Path) -> None:
-    (found,) = mistakes("start.positions=start.csv", folder=tmp_path)
+    (found,) = problems("start.positions=start.csv", folder=tmp_path)
     assert found.endswith('; a CSV file is named by file = "start.csv"')
 
 
 def test_start_file_gives_positions_and_motion(tmp_path: Path) -> None:
     rows = "# made by hand\nspin, x, y, vx, vy\n0.5, 1.0, 1.0, 3.0, 4.0\n\n-0.5, 5.0, 7.9, 0.0, 0.0\n"
     wanted = [*start_case(tmp_path, rows), "species[0].speed_rms="]
-    assert mistakes(*wanted, folder=tmp_path) == []
+    assert problems(*wanted, folder=tmp_path) == []
     case = case_of(SMALL, *wanted)
     gas = CaseGas.from_case(case, tmp_path)
     state = gas.start()
@@ -610,14 +610,14 @@ def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_pat
     ],
 )
 def test_wrong_start_file_is_refused_by_line(rows: str, says: str, tmp_path: Path) -> None:
-    found = mistakes(*start_case(tmp_path, rows), folder=tmp_path)
+    found = problems(*start_case(tmp_path, rows), folder=tmp_path)
     assert any(re.search(says, line) for line in found), found
     assert all(line.startswith('start.file = "start.csv": ') for line in found)
 
 
 @pytest.mark.parametrize("rows", ["1.0,1.0\n5.0,7.9\n", "# x y\n\n1e0, -1,0,0,.5\n3,3,0,0,0\n"])
 def test_start_file_without_header_is_refused_in_one_line(tmp_path: Path, rows: str) -> None:
-    (found,) = mistakes(*start_case(tmp_path, rows), folder=tmp_path)
+    (found,) = problems(*start_case(tmp_path, rows), folder=tmp_path)
     first = next(i for i, row in enumerate(rows.splitlines(), start=1) if row[:1].isdigit())
     assert found.startswith(f'start.file = "start.csv": line {first}: there is no header')
     assert "must name the columns (x, y, vx, vy, spin, id)" in found
@@ -634,11 +634,11 @@ def test_start_file_at_rest_cannot_be_run_to_a_number_of_collisions(
     tmp_path: Path, rows: str, says: str
 ) -> None:
     wanted = [*start_case(tmp_path, rows), "species[0].speed_rms="]
-    (found,) = mistakes(*wanted, folder=tmp_path)
+    (found,) = problems(*wanted, folder=tmp_path)
     assert found.startswith("run.collisions_per_disk = 5: nothing moves at the start")
     assert 'start.file = "start.csv"' in found
     assert says in found
-    assert mistakes(*wanted, "run.collisions_per_disk=", "run.t_end=1.0", folder=tmp_path) == []
+    assert problems(*wanted, "run.collisions_per_disk=", "run.t_end=1.0", folder=tmp_path) == []
 
 
 def test_start_file_with_other_names_units_and_small_overlaps(tmp_path: Path) -> None:
@@ -651,17 +651,17 @@ def test_start_file_with_other_names_units_and_small_overlaps(tmp_path: Path) ->
     case = case_of(SMALL, *wanted)
     position = CaseGas.from_case(case, tmp_path).start().position
     np.testing.assert_allclose(position, [[0.98, 1.0], [1.98, 1.0]], atol=1e-6)
-    found = mistakes(*wanted, "start.relax=0.03", folder=tmp_path)
+    found = problems(*wanted, "start.relax=0.03", folder=tmp_path)
     assert found == ['start.file = "start.csv": disks 0 and 1 overlap by 0.04, more than relax = 0.03']
-    (found,) = mistakes(*wanted, 'start.units={x = "mn"}', folder=tmp_path)
+    (found,) = problems(*wanted, 'start.units={x = "mn"}', folder=tmp_path)
     assert "unit x=mn: must be m, cm, mm, um or a positive factor (did you mean 'm" in found
-    (found,) = mistakes("start.relax=0.1", 'start.positions="random"', folder=tmp_path)
+    (found,) = problems("start.relax=0.1", 'start.positions="random"', folder=tmp_path)
     assert "relax" in found
 
 
 def test_speeds_in_the_case_and_in_the_start_file_contradict(tmp_path: Path) -> None:
     wanted = start_case(tmp_path, "x,y,vx,vy,spin\n1,1,1,0,0\n3,3,-1,0,0\n")
-    (found,) = mistakes(*wanted, folder=tmp_path)
+    (found,) = problems(*wanted, folder=tmp_path)
     assert found.startswith("species[0].speed_rms = 1: cannot be combined with velocities in the start file")
 
 
@@ -735,7 +735,7 @@ def test_expected_end_is_where_theory_has_the_given_collisions() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         # One temperature: the balls' speed is sqrt(1.19 / 2) of the coins'. Both only cool.
         ([f"species[1].speed_rms={(1.19 / 2.0) ** 0.5}"], "at most"),
@@ -747,14 +747,14 @@ def test_expected_end_is_where_theory_has_the_given_collisions() -> None:
         ),  # T_rot = 1.1 T
     ],
 )
-def test_mixture_run_to_a_time_gets_a_bound_only_if_it_cools(changes: list[str], said: str) -> None:
+def test_mixture_run_to_a_time_gets_a_bound_only_if_it_cools(changes: list[str], message: str) -> None:
     case = case_of(TWO + PAIR, "run.collisions_per_disk=", "run.t_end=0.1", *changes)
     gas = CaseGas.from_case(case)
     estimate = RunEstimate.of(gas)
-    assert estimate.collisions_are == said
+    assert estimate.collisions_are == message
     words = report.report(gas, estimate).text
-    assert f": {said} {estimate.collisions:.4g} collisions" in words
-    assert (", by the rate at the start" in words) == (said == "about")
+    assert f": {message} {estimate.collisions:.4g} collisions" in words
+    assert (", by the rate at the start" in words) == (message == "about")
     numbers, rates = np.array([100, 50]), np.array(estimate.collision_rate)
     assert estimate.collisions == pytest.approx(0.5 * 0.1 * numbers @ rates, rel=1e-12)
 
@@ -853,9 +853,9 @@ def test_a_second_error_next_to_a_wrong_choice_is_reported_too(tmp_path):
     path.write_text(SMALL)
     with pytest.raises(InputError) as caught:
         case_file.read(path, ["run.t_end=1e300"])
-    told = str(caught.value)
-    assert "exactly one of t_end" in told
-    assert "run.t_end = 1e+300: must be of a magnitude" in told
+    printed = str(caught.value)
+    assert "exactly one of t_end" in printed
+    assert "run.t_end = 1e+300: must be of a magnitude" in printed
 
 
 def test_a_collapse_that_is_no_text_is_refused(tmp_path):

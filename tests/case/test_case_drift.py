@@ -78,9 +78,9 @@ def test_estimates_of_a_gas_in_motion_are_those_of_the_gas_at_rest(tmp_path: Pat
     assert found.collisions == pytest.approx(expected.collisions, rel=1e-9)
     assert drifting.drift == pytest.approx((20.0, 0.0), rel=1e-13)
     assert drifting.drift_share == pytest.approx(400.0 / 402.0, rel=1e-12)
-    (said,) = drifting.notices
-    assert said.startswith("the whole gas drifts at (20, 0)")
-    assert "99.5 % of the kinetic energy" in said
+    (message,) = drifting.notices
+    assert message.startswith("the whole gas drifts at (20, 0)")
+    assert "99.5 % of the kinetic energy" in message
     assert rest.notices == []
 
 
@@ -104,8 +104,8 @@ def test_with_walls_or_a_medium_the_frame_of_speeds_and_temperatures_is_stated(t
     assert gas_of(shifted, folder=tmp_path).drift[0] == pytest.approx(20.0, abs=0.2)
     assert gas_of(shifted.replace("mu = 0.0", "mu = 0.1"), folder=tmp_path).drift == (0.0, 0.0)
     drag = '[[force]]\nkind = "drag"\nstep = 0.1\nrate = 0.1\n'
-    (said,) = gas_of(text + drag, folder=tmp_path).notices
-    assert "the medium of drag is at rest" in said
+    (message,) = gas_of(text + drag, folder=tmp_path).notices
+    assert "the medium of drag is at rest" in message
 
 
 @pytest.mark.parametrize("shear", ["", "shear_rate = 0.3\n"])
@@ -149,8 +149,8 @@ def test_a_run_of_a_gas_in_motion_is_analysed_as_the_gas_at_rest(
     assert main(["run", "rest.toml", "--no-picture"]) == main(["check", "moving.toml"]) == 0
     capsys.readouterr()
     assert main(["run", "moving.toml", "--no-picture"]) == 0
-    told = "".join(capsys.readouterr())
-    assert told.count("the whole gas drifts at (20, 0)") == 2  # before it, and at its end
+    printed = "".join(capsys.readouterr())
+    assert printed.count("the whole gas drifts at (20, 0)") == 2  # before it, and at its end
     with Trajectory("rest.h5") as rest, Trajectory("moving.h5") as other:
         T, T_other = (each.observables["temperature"] for each in (rest, other))
         # Shifts by rounding, 1e-15, grow tenfold with each of 3 collisions of a disk and more.

@@ -60,15 +60,15 @@ def changed(*overrides: str) -> dict[str, object]:
     return raw
 
 
-def mistakes(*overrides: str) -> list[str]:
+def problems(*overrides: str) -> list[str]:
     return [str(problem) for problem in case_file.validate_parsed(changed(*overrides), Path())[-1]]
 
 
 def test_the_case_is_in_order() -> None:
     """At rest at the start, which kicks allow even where collisions end the run."""
-    assert mistakes() == []
-    assert mistakes("run.t_end=", "run.collisions_per_disk=5.0") == []
-    (found,) = mistakes("run.t_end=", "run.collisions_per_disk=5.0", "force=[]")
+    assert problems() == []
+    assert problems("run.t_end=", "run.collisions_per_disk=5.0") == []
+    (found,) = problems("run.t_end=", "run.collisions_per_disk=5.0", "force=[]")
     assert "nothing moves at the start" in found
 
 
@@ -119,14 +119,14 @@ def test_the_case_is_in_order() -> None:
     ],
 )
 def test_a_wrong_force_is_named_with_what_is_allowed(overrides: list[str], key: str, says: str) -> None:
-    found = mistakes(*overrides)
+    found = problems(*overrides)
     assert len(found) == 1, found
     assert found[0].startswith(key)
     assert re.search(says, found[0])
 
 
 def test_mistakes_of_a_force_come_with_all_others() -> None:
-    found = mistakes(
+    found = problems(
         "force[0].kind=drag", "force[0].power=", "force[0].step=x", "run.sede=1", "material[0].e_n=2.0"
     )
     assert {line.split(" ")[0].rstrip(":") for line in found} == {

@@ -93,9 +93,9 @@ def test_wrong_pistons_are_named(
     path = tmp_path / "lid.toml"
     path.write_text(CASE.replace(old, new))
     assert main(["check", str(path)]) == 2
-    told = capsys.readouterr().err
-    assert says in told
-    assert "Traceback" not in told
+    printed = capsys.readouterr().err
+    assert says in printed
+    assert "Traceback" not in printed
 
 
 def test_frames_and_series_have_the_position_of_the_piston(tmp_path: Path) -> None:
@@ -111,11 +111,11 @@ def test_frames_and_series_have_the_position_of_the_piston(tmp_path: Path) -> No
         s = file.observables["piston_displacement"][:, 0]
         assert np.ptp(s) > 1.0
         for frame in file:
-            (lid,) = frame.walls
-            assert lid.gap(frame.position, file.disks.radius).min() > -1e-5  # places are f4
+            (piston,) = frame.walls
+            assert piston.gap(frame.position, file.disks.radius).min() > -1e-5  # places are f4
             # The page draws it there, and the piston of the trajectory is where it began.
             drawn = Content(file)._walls(frame)[0]
-            np.testing.assert_allclose(drawn["place"], (0.0, 12.0 - s[frame.index]))
+            np.testing.assert_allclose(drawn["origin"], (0.0, 12.0 - s[frame.index]))
         assert file.walls[0].piston is not None
         assert file.walls[0].piston.displacement == 0.0
         found = file.to_xarray()

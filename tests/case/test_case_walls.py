@@ -94,14 +94,14 @@ def changed(*overrides: str, text: str = SHAKEN) -> dict[str, object]:
     return raw
 
 
-def mistakes(*overrides: str, text: str = SHAKEN) -> list[str]:
+def problems(*overrides: str, text: str = SHAKEN) -> list[str]:
     return [str(problem) for problem in case_file.validate_parsed(changed(*overrides, text=text), Path())[-1]]
 
 
 def test_the_case_is_in_order() -> None:
     """Coins at rest too: the floor and gravity move them. The post needs no pair: it is made of what the coins are."""
-    assert mistakes() == []
-    assert mistakes("species[0].speed_rms=", "run.t_end=", "run.collisions_per_disk=5.0") == []
+    assert problems() == []
+    assert problems("species[0].speed_rms=", "run.t_end=", "run.collisions_per_disk=5.0") == []
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_the_case_is_in_order() -> None:
     ],
 )
 def test_a_wrong_wall_is_named_with_what_is_allowed(overrides: list[str], key: str, says: str) -> None:
-    found = mistakes(*overrides)
+    found = problems(*overrides)
     assert found, overrides
     assert any(line.startswith(key) and re.search(says, line) for line in found), found
 
@@ -220,13 +220,13 @@ def test_invalid_shapes_are_refused_with_their_position_in_the_list(
     path = tmp_path / "case.toml"
     path.write_text(f'{SHAKEN}\n[[wall]]\nmaterial = "steel"\n{wall}\n')
     assert main(["check", str(path)]) == 2
-    told = capsys.readouterr().err
-    assert "wall[2]" in told, told
-    assert re.search(says, told), told
+    message = capsys.readouterr().err
+    assert "wall[2]" in message, message
+    assert re.search(says, message), message
 
 
 def test_mistakes_of_walls_come_with_all_others() -> None:
-    found = mistakes("wall[0].motion.kind=sin", "wall[1].radius=x", "run.sede=1", "box.gravity=[0.0, nan]")
+    found = problems("wall[0].motion.kind=sin", "wall[1].radius=x", "run.sede=1", "box.gravity=[0.0, nan]")
     assert {line.split(" ")[0].rstrip(":") for line in found} == {
         "run.sede",
         "box.gravity[1]",
@@ -236,7 +236,7 @@ def test_mistakes_of_walls_come_with_all_others() -> None:
 
 
 def test_a_wall_that_can_add_energy_is_refused_with_its_pair() -> None:
-    (found,) = mistakes("pair[1].e_t=1.0")
+    (found,) = problems("pair[1].e_t=1.0")
     assert found.startswith("pair[1]")
     assert "energy" in found
 
@@ -377,8 +377,10 @@ def test_remedies_for_collapse_reach_the_engine(
     assert (
         main(["check", str(tmp_path / "case.toml"), *(w for each in overrides for w in ("--set", each))]) == 0
     )
-    told = rf"  (collisions (slower|sooner) .* are elastic|contacts slower than this last) +{value:g}( |\n)"
-    assert re.search(told, capsys.readouterr().out)
+    message = (
+        rf"  (collisions (slower|sooner) .* are elastic|contacts slower than this last) +{value:g}( |\n)"
+    )
+    assert re.search(message, capsys.readouterr().out)
 
 
 def test_check_refuses_rest_where_the_run_would() -> None:
@@ -398,17 +400,17 @@ def test_rotating_gravity_reaches_the_engine_and_check_gives_its_rate(
     (tmp_path / "case.toml").write_text(SHAKEN)
     words = [word for each in overrides for word in ("--set", each)]
     assert main(["check", str(tmp_path / "case.toml"), *words]) == 0
-    said = capsys.readouterr()
+    message = capsys.readouterr()
     # Omega^2 R / g with R = 24 / 2, half of the longer side.
     assert re.search(
         r"rotation of gravity +-0\.05\n +step of the rotation +0\.01 +rad\n +Froude number of such a drum +0\.03",
-        said.out,
+        message.out,
     )
-    assert "the Froude number of such a drum, 0.03, is above 0.01" in said.err
+    assert "the Froude number of such a drum, 0.03, is above 0.01" in message.err
 
 
 @pytest.mark.parametrize(
-    ("override", "told"),
+    ("override", "message"),
     [
         (["box.gravity_rotation_rate=0.1", "box.gravity=[0.0, 0.0]"], "there is no gravity to turn"),
         (
@@ -421,12 +423,12 @@ def test_rotating_gravity_reaches_the_engine_and_check_gives_its_rate(
     ],
 )
 def test_gravity_that_cannot_turn_is_refused(
-    override: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    override: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "case.toml").write_text(SHAKEN)
     words = [word for each in override for word in ("--set", each)]
     assert main(["check", str(tmp_path / "case.toml"), *words]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_check_names_walls_on_which_no_disk_can_rest(
@@ -581,7 +583,7 @@ def test_a_run_continues_from_a_frame_between_walls(tmp_path: Path, monkeypatch:
     with Trajectory("elastic.h5") as first, Trajectory("again.h5") as second:
         np.testing.assert_allclose(second[0].position, first[-1].position, atol=1e-5)
     wide = "wall[0].radius=4.0"
-    found = mistakes(
+    found = problems(
         "start.positions=elastic.h5", "species[0].speed_rms=", "start.motion=true", wide, text=ELASTIC
     )
     assert "overlaps wall 0 (post)" in found[0]
@@ -590,13 +592,13 @@ def test_a_run_continues_from_a_frame_between_walls(tmp_path: Path, monkeypatch:
 def test_positions_of_a_file_must_keep_off_walls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("start.csv").write_text("x,y\n1.0,2.0\n10.0,10.2\n")
-    (found,) = mistakes("species[0].number=2", "start.file=start.csv")
+    (found,) = problems("species[0].number=2", "start.file=start.csv")
     assert re.search(r"disk 1 at \(10, 10.2\) overlaps wall 1 \(post\) by 0.3", found)
-    (found,) = mistakes("species[0].number=2", "start.file=start.csv", "wall[1].center=[10.0, 20.0]",
+    (found,) = problems("species[0].number=2", "start.file=start.csv", "wall[1].center=[10.0, 20.0]",
                         "wall[0].motion.phase=1.5707963267948966", "wall[0].point=[0.0, 1.1]")  # fmt: skip
     assert "disk 0 at (1, 2) overlaps wall 0 (line) at t = 0 by 0.1" in found  # where the floor is at 1.6
     # After half a period it is at the other end of its way.
-    assert mistakes("species[0].number=2", "start.file=start.csv", "wall[1].center=[10.0, 20.0]", "start.time=0.25",
+    assert problems("species[0].number=2", "start.file=start.csv", "wall[1].center=[10.0, 20.0]", "start.time=0.25",
                     "wall[0].motion.phase=1.5707963267948966", "wall[0].point=[0.0, 1.1]") == []  # fmt: skip
 
 

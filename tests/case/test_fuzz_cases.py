@@ -142,11 +142,11 @@ def limits(seconds: int, more_bytes: int) -> Iterator[None]:
 def fault(place: Path, text: str, settings: list[str]) -> str | None:
     """The fault of `ifrdem check` with a case; None if there is none."""
     place.write_bytes(text.encode("utf-8"))
-    said, complained = io.StringIO(), io.StringIO()
+    output, complained = io.StringIO(), io.StringIO()
     try:
         with (
             limits(SECONDS, BYTES),
-            redirect_stdout(said),
+            redirect_stdout(output),
             redirect_stderr(complained),
             warnings.catch_warnings(),
         ):
@@ -154,14 +154,14 @@ def fault(place: Path, text: str, settings: list[str]) -> str | None:
             status = main(["check", str(place), *settings])
     except (Exception, SystemExit) as error:
         return f"{type(error).__name__}: {error}"
-    told = complained.getvalue()
+    printed = complained.getvalue()
     if status not in (0, 2):
-        return f"status {status}: {told[:300]}"
-    if (status == 2) != bool(told.strip()) and "warning" not in told:
-        return f"status {status}, and told: {told[:300]}"
-    if len(told) > 50_000:
-        return f"{len(told)} characters of complaint"
-    return "nan or inf in the report" if " nan" in said.getvalue() and status == 0 else None
+        return f"status {status}: {printed[:300]}"
+    if (status == 2) != bool(printed.strip()) and "warning" not in printed:
+        return f"status {status}, and printed: {printed[:300]}"
+    if len(printed) > 50_000:
+        return f"{len(printed)} characters of complaint"
+    return "nan or inf in the report" if " nan" in output.getvalue() and status == 0 else None
 
 
 def faults(count: int, seed: int) -> Iterator[tuple[str, str, list[str]]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,12 @@ def test_a_run_keeps_the_law_of_its_case(case: Path, settings: list[str], law: l
     assert cli.main(["run", str(case), "-o", str(out), *sets]) == 0
     with ifrdem.Trajectory(out) as run:
         assert run.laws == [[law]]
+        times = [0.0, 1.0, 3.0]
+        by_file, by_hand = (
+            ifrdem.theory.prediction(run.disks, given, 0.2, 1.0, 0.0, times) for given in (run.laws, law)
+        )
+        np.testing.assert_array_equal(by_file.temperature, by_hand.temperature)
+        assert by_file.temperature[-1] < 0.9
         assert run.observables["energy"][-1] < run.observables["energy"][0]
 
 
@@ -88,6 +95,43 @@ def test_keys_of_other_laws_are_refused_by_key_and_value(
 ) -> None:
     assert cli.main(["check", str(case), "--set", setting]) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("settings", "shown"),
+    [
+        (
+            ['material[0].law="rough"', "material[0].beta_0=", "material[0].mu=", "material[0].beta=0.5"],
+            "(law = rough, e_n = 0.9, beta = 0.5)",
+        ),
+        (['material[0].law="smooth"', "material[0].beta_0=", "material[0].mu="], "(law = smooth, e_n = 0.9)"),
+        ([], "(law = walton, e_n = 0.9, beta_0 = 0.4, mu = 0.2)"),
+    ],
+)
+def test_check_shows_the_law_of_the_case(
+    case: Path, settings: list[str], shown: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["check", str(case), *(word for each in settings for word in ("--set", each))]) == 0
+    assert shown in capsys.readouterr().out
+
+
+def test_check_shows_e_n_of_viscoelastic_disks_and_refuses_what_the_series_does_not_cover(
+    case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Mean approach speed of equal disks: sqrt(pi / 2) of the rms speed, 1.2533; m_n = 1/2, R = 1/4."""
+    sets = [word for each in VISCOELASTIC for word in ("--set", each)]
+    assert cli.main(["check", str(case), *sets]) == 0
+    out = capsys.readouterr().out
+    b = 1.5 * 0.05 * (2.0 * 0.25**0.5 / 3.0 / 0.5) ** 0.4 * (math.pi / 2) ** 0.1
+    e_n = 1.0 - 1.15344 * b + 0.79826 * b**2  # and terms of the order b^(5/2), 1e-3
+    (line,) = [line for line in out.splitlines() if "at the mean approach speed at the start" in line]
+    found = float(line.split("start")[1].split(" at ")[0])
+    assert found == pytest.approx(e_n, abs=1e-3)
+    assert " at 1.253" in line
+    for command in (["check", str(case)], ["run", str(case), "-o", str(case.with_name("gas.h5"))]):
+        assert cli.main([*command, *sets, "--set", "material[0].A=1e40"]) == 2
+        assert "material[0]: a, a: A = 1e+40, Y = 1: e_n = " in capsys.readouterr().err
+    assert not case.with_name("gas.h5").exists()
 
 
 def test_two_laws_in_one_case_are_refused(case: Path, capsys: pytest.CaptureFixture[str]) -> None:

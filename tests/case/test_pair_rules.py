@@ -50,7 +50,7 @@ def e_n(one: str, other: str) -> float:
     return 0.5 + 0.05 * i + 0.01 * j if i != j else 0.95 - 0.01 * i
 
 
-def mistakes(raw: dict[str, Any]) -> list[str]:
+def problems(raw: dict[str, Any]) -> list[str]:
     return [str(problem) for problem in case_file.validate_parsed(raw, Path())[-1]]
 
 
@@ -60,7 +60,7 @@ EVERY = list(itertools.combinations(NAMES, 2))
 def test_every_pair_of_many_materials_collides_by_its_own_law() -> None:
     shuffled = [pair if i % 2 else pair[::-1] for i, pair in enumerate(reversed(EVERY))]
     raw = case(shuffled)
-    assert mistakes(raw) == []
+    assert problems(raw) == []
     gas = CaseGas.from_case(CaseSections.model_validate(raw))
     assert gas.materials == NAMES
     found = [[law.e_n for law in row] for row in gas.laws]
@@ -70,7 +70,7 @@ def test_every_pair_of_many_materials_collides_by_its_own_law() -> None:
 
 
 def test_every_missing_pair_is_named_once() -> None:
-    found = mistakes(case([pair for pair in EVERY if pair not in (("a", "c"), ("d", "e"))]))
+    found = problems(case([pair for pair in EVERY if pair not in (("a", "c"), ("d", "e"))]))
     assert found == [
         f"pair: missing for the materials '{a}' and '{b}': give their e_n, e_t and mu in a [[pair]]"
         for a, b in (("a", "c"), ("d", "e"))
@@ -78,7 +78,7 @@ def test_every_missing_pair_is_named_once() -> None:
 
 
 def test_a_pair_given_twice_is_a_conflict_in_either_order() -> None:
-    (found,) = mistakes(case([*EVERY, ("c", "b")]))
+    (found,) = problems(case([*EVERY, ("c", "b")]))
     assert found == f'pair[10].materials = ["c", "b"]: the materials of pair[{EVERY.index(("b", "c"))}] too'
 
 
@@ -97,7 +97,7 @@ def test_a_pair_of_coins_is_given_by_their_names() -> None:
     number = 10
     speed_rms = 1.0
     """
-    (found,) = mistakes(tomllib.loads(text))
+    (found,) = problems(tomllib.loads(text))
     assert found.startswith("pair: missing for the materials '1 pta' and '5 pts'")
     pair = '\n[[pair]]\nmaterials = ["5 pts", "1 pta"]\ne_n = 0.8\ne_t = -0.9\nmu = 0.2\n'
     gas = CaseGas.from_case(CaseSections.model_validate(tomllib.loads(text + pair)))

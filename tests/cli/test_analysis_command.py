@@ -23,6 +23,7 @@ from ifrdem.analysis.catalogue import number
 from ifrdem.cli import main as cli
 from ifrdem.cli.analyse import NAMES
 from ifrdem.errors import InputError
+from ifrdem.model.observables import COMPONENTS, STRESS_SERIES
 from ifrdem.plots import pictures
 from ifrdem.trajectory.layout import EVENT_COLUMNS, START_COLUMNS
 
@@ -37,6 +38,7 @@ def write(
     disks: Disks | None = None,
     box: Box = BOX,
     driven: float = 0.0,
+    stressed: bool = False,
 ) -> Path:
     """An ideal gas that flies freely, and cools by Haff's law with t_H = 2 if one believes what is written of it."""
     disks = Disks(N, mass=1.0, radius=0.2) if disks is None else disks
@@ -80,6 +82,9 @@ def write(
             }
             state = State(position, velocity, spin, time=time, image=image.astype(np.int32))
             writer.write(state, totals)
+        rows = [(t, dict.fromkeys(STRESS_SERIES, np.full(4, 1.0 if t else np.nan))) for t in (0.0, SPAN)]
+        if stressed:
+            writer.write_series_rows(rows, dict.fromkeys(STRESS_SERIES, COMPONENTS))
     return path
 
 
@@ -133,7 +138,7 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
+    write(tmp_path / "run.h5", stressed=True)
     assert run("analyse", "run.h5") == 0
     shown = capsys.readouterr().out
     record = json.loads(Path("run-analysis/run.json").read_text())
@@ -170,7 +175,7 @@ def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
+    write(tmp_path / "run.h5", stressed=True)
     assert run("analyse", "run.h5", "cooling", "--json", "-o", "out") == 0
     record = json.loads(capsys.readouterr().out)
     assert list(record["analyses"]) == ["cooling"]
@@ -264,9 +269,9 @@ def test_a_gas_that_does_not_cool_by_haffs_law_is_reported_and_gets_no_errors(
     assert record["values"]["t_H"]["error"] is None
     assert len(record["warnings"]) == 2
     with Trajectory(path) as trajectory:
-        said = texts(pictures.figure(trajectory, "cooling"))
-    assert said.count("(poor)") == 4  # in two labels and two warnings
-    assert "nan" not in said
+        message = texts(pictures.figure(trajectory, "cooling"))
+    assert message.count("(poor)") == 4  # in two labels and two warnings
+    assert "nan" not in message
 
 
 def test_pressure_and_diffusion_of_a_cooling_gas_warn_that_it_is_not_stationary(
@@ -386,7 +391,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
         group["collisions_by_regime"].attrs["columns"] = columns
     with Trajectory(path) as trajectory:
         outcome_ = catalogue.ANALYSES["impact"].of(trajectory, None)
-        said = texts(pictures.figure(trajectory, "impact"))
+        message = texts(pictures.figure(trajectory, "impact"))
     found = outcome_.result
     assert found.regime_collisions == 4 * 2000
     assert {name: share for name, (share, _) in found.regimes.items()} == {
@@ -397,7 +402,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
     }
     assert found.regimes["sliding"][1] == pytest.approx(np.sqrt(0.05 * 0.95 / 8000))
     assert "of all 8000 collisions of two disks" in " ".join(outcome_.notes)
-    assert "regimes of 8000 collisions" in said
+    assert "regimes of 8000 collisions" in message
     # A custom law has no regimes, and its counts mean nothing.
     with h5py.File(path, "r+") as file:
         file["histories/events/regime"][...] = -1
@@ -428,21 +433,21 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
     "what", [one for one in pictures.PICTURES if one not in ("mechanisms", "dissipation", "walls", "piston")]
 )
 def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Path) -> None:
-    path = write(tmp_path / "run.h5")
+    path = write(tmp_path / "run.h5", stressed=True)
     add_histories(path)
     with Trajectory(path) as trajectory:
         figure = pictures.figure(trajectory, what)
         assert isinstance(figure, Figure)
         for axes in figure.axes[:2]:
             assert axes.get_xlabel() or axes.get_ylabel()
-        said = texts(figure)
+        message = texts(figure)
         for word in {
             "rdf": "at contact",
             "velocity": "Gaussian",
             "impact": "molecular chaos",
             "msd": "free flight",
         }.get(what, "").split("|"):
-            assert word in said
+            assert word in message
         figure.draw_without_rendering()  # labels that mathtext cannot read fail here
 
 
@@ -524,7 +529,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
     assert run("plot", "run.h5", "disks", "--color", "speed", "-o", "light") == 0
     assert imread("light.png")[0, 0, :3].min() > 0.9
     assert run("plot", "run.h5", "temperatures", "--over", "tau") == 0
-    for words, said in (
+    for words, message in (
         (("disks", "--color", "sped"), "--color sped: must be one of spin, speed"),
         (("energy", "--color", "speed"), "color = speed: only of disks, not of energy"),
         (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
@@ -534,12 +539,12 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         ),
     ):
         assert run("plot", "run.h5", *words, "-o", "no.png") == 2
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err
     assert not Path("no.png").exists()
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("analyse", "run.h5", "velocty"), "no analysis is called 'velocty' (did you mean 'velocity'?)"),
         (
@@ -567,7 +572,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
 )
 def test_bad_input_ends_with_one_message(
     words: tuple[str, ...],
-    said: str,
+    message: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -575,7 +580,7 @@ def test_bad_input_ends_with_one_message(
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "run.h5")
     assert run(*words) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not Path("run-analysis").exists()
 
 
@@ -600,10 +605,10 @@ def test_missing_observables_are_named_with_the_key_that_stores_them(
             state = State(rng.random((N, 2)) * 30.0, rng.normal(size=(N, 2)), np.ones(N), time=time)
             writer.write(state, {"temperature": 1.0})
     assert run("analyse", str(path), "pressure") == 2
-    said = capsys.readouterr().err
-    assert "gas.h5 holds no observable collisions (collisions of each disk" in said
+    message = capsys.readouterr().err
+    assert "gas.h5 holds no observable collisions (collisions of each disk" in message
     code = '{"collisions": measure.collisions}'
-    assert f"file.write(state, {code})" in said
+    assert f"file.write(state, {code})" in message
     totals = eval(code, {"measure": observables.measure(disks, state)})  # the test's own text
     assert totals == {"collisions": 0}
     with Trajectory(path) as trajectory, pytest.raises(InputError, match=r'"ledger_residual": \.\.\.}'):
@@ -667,12 +672,12 @@ def test_several_files_give_means_with_errors_and_curves_together(
     for name in ("a", "b"):
         write(tmp_path / f"{name}.h5", driven=1.0)
     assert cli.main(["analyse", "a.h5", "b.h5", "velocity"]) == 0
-    told = capsys.readouterr().out
-    assert "mean over 2 files" in told
+    printed = capsys.readouterr().out
+    assert "mean over 2 files" in printed
     one = json.loads((tmp_path / "b-analysis" / "b.json").read_text())["analyses"]["velocity"]["values"][
         "a20"
     ]["value"]
-    assert re.search(rf"velocity: a20 +{one:.3f}", told)  # of two equal files
+    assert re.search(rf"velocity: a20 +{one:.3f}", printed)  # of two equal files
     assert cli.main(["plot", "a.h5", "b.h5", "theta", "--over", "tau"]) == 0
     (axes,) = drawn[0].axes
     assert [line.get_label() for line in axes.lines] == ["a", "b"]

@@ -482,7 +482,7 @@ def test_interrupted_run_keeps_the_frames_so_far(
     stop_after(3, KeyboardInterrupt(), monkeypatch)
     assert main(["run", "tiny.toml"]) == 130
     message, remedy = capsys.readouterr().err.splitlines()[-2:]
-    assert "to go on: ifrdem resume tiny.h5" in remedy
+    assert "to resume: ifrdem resume tiny.h5" in remedy
     assert "interrupted: tiny.h5 holds the 3 frames so far" in message
     assert "51 collisions" in message  # the third frame's, as above
     assert names(folder) == ["tiny.checkpoint.h5", "tiny.h5", "tiny.status.json", "tiny.toml"]
@@ -502,7 +502,7 @@ def test_the_resume_command_shown_works_from_the_users_folder(
             stop_after(3, KeyboardInterrupt(), stopping)
             assert main(["run", "tiny.toml", "--no-picture", f"--output={place}"]) == 130
         line = capsys.readouterr().err.splitlines()[-1]
-        program, *words = shlex.split(line.partition("to go on: ")[2])  # as a shell takes it
+        program, *words = shlex.split(line.partition("to resume: ")[2])  # as a shell takes it
         assert program == "ifrdem"
         assert main([*words, "--no-picture"]) == 0
         with Trajectory(f"{place}.h5") as trajectory:

@@ -21,7 +21,7 @@ R = (10.5e-3, 8.75e-3)
 MASS = (1.19e-3, 3.0e-3)
 
 
-def seen(
+def observed(
     n: int = 25,
     noise: float = 0.01,
     seed: int = 1,
@@ -73,14 +73,14 @@ def values(found: fit.Fitted) -> list[float]:
 
 @pytest.mark.parametrize("wall", [False, True])
 def test_collisions_without_noise_give_the_coefficients_back_in_any_frame(wall: bool) -> None:
-    data = seen(12, 1e-9, wall=wall, frame=(0.0, 0.0) if wall else (3.0, -7.0))
+    data = observed(12, 1e-9, wall=wall, frame=(0.0, 0.0) if wall else (3.0, -7.0))
     data = replace(data, errors=dict.fromkeys(data.errors, 0.01))
     np.testing.assert_allclose(values(fitted(data)), list(TRUTH.values()), atol=1e-6)
 
 
 def test_noise_in_everything_gives_chi_square_and_honest_errors() -> None:
     """13 values less 7 coordinates of the true motion: 6 degrees of freedom a collision, less 3 coefficients."""
-    found = [fitted(seen(seed=seed)) for seed in range(3)]
+    found = [fitted(observed(seed=seed)) for seed in range(3)]
     assert [each.dof for each in found] == [147] * 3
     chi2 = np.array([each.chi2 for each in found])
     assert np.all(np.abs(chi2 - 147.0) < 4.0 * np.sqrt(2.0 * 147.0))
@@ -95,18 +95,18 @@ def test_noise_in_everything_gives_chi_square_and_honest_errors() -> None:
 
 
 def test_errors_are_estimated_from_the_residuals() -> None:
-    data = seen(40)
-    told = fitted(replace(data, errors=dict.fromkeys(data.errors, np.nan)))
-    assert told.errors["velocities"] == pytest.approx(
+    data = observed(40)
+    estimated = fitted(replace(data, errors=dict.fromkeys(data.errors, np.nan)))
+    assert estimated.errors["velocities"] == pytest.approx(
         0.01, rel=0.15
     )  # 360 degrees of freedom for three errors
-    assert told.errors["spins"] == pytest.approx(0.01 / R[0], rel=0.3)
-    assert told.errors["normal"] == pytest.approx(0.01, rel=0.5)
-    assert not np.isfinite(told.probability)
+    assert estimated.errors["spins"] == pytest.approx(0.01 / R[0], rel=0.3)
+    assert estimated.errors["normal"] == pytest.approx(0.01, rel=0.5)
+    assert not np.isfinite(estimated.probability)
 
 
 def test_any_subset_of_columns_that_determines_the_coefficients_is_enough() -> None:
-    data = seen(20)
+    data = observed(20)
     fewer = {
         name: value
         for name, value in data.measured.items()
@@ -125,7 +125,7 @@ def test_any_subset_of_columns_that_determines_the_coefficients_is_enough() -> N
 
 def test_covariance_between_columns_counts() -> None:
     """A velocity measured twice over, with correlation c, is worth 2 / (1 + c) measurements."""
-    data = seen(20)
+    data = observed(20)
     loose, tight = (
         fitted(replace(data, covariance={("vx_1", "vx_1_after"): np.full(20, c * 1e-4)})).chi2
         for c in (0.0, 0.5)
@@ -139,7 +139,7 @@ def test_covariance_between_columns_counts() -> None:
 
 
 def test_outliers_are_named_and_a_robust_fit_hardly_moves() -> None:
-    data = seen(24)
+    data = observed(24)
     measured = {name: value.copy() for name, value in data.measured.items()}
     measured["vx_1_after"][[3, 17]] += [0.5, -0.6]
     spoilt = replace(data, measured=measured)
@@ -157,7 +157,7 @@ def test_outliers_are_named_and_a_robust_fit_hardly_moves() -> None:
 
 def test_student_loss_is_that_of_the_density() -> None:
     """-2 ln of (1 + c / nu)^-((nu + m)/2), and its derivative by differences."""
-    likelihood = Likelihood(seen(6).problem(), LAWS["ifr-percussion"], robust=4.0)
+    likelihood = Likelihood(observed(6).problem(), LAWS["ifr-percussion"], robust=4.0)
     at = np.array([0.8, -0.8, 0.25])
     points = likelihood.at(at)
     assert points.loss == pytest.approx(
@@ -177,7 +177,7 @@ class Mine(laws.Walton):
 
 
 def test_laws_are_distinguished_by_likelihood_and_by_unseen_collisions() -> None:
-    data = seen(8)
+    data = observed(8)
     found = fit.fit(data, model=["ifr-percussion", "brach", "smooth"], cross_validate=True, profile=False)
     assert found.best == "ifr-percussion"
     assert found.decided
@@ -193,8 +193,8 @@ def test_laws_are_distinguished_by_likelihood_and_by_unseen_collisions() -> None
 def test_a_custom_law_is_fitted_like_the_law_that_it_repeats() -> None:
     """Without its angle of transition the least distance is missed near the kink, never undercut."""
     options = {"fix": {"beta_0": 0.4}, "profile": False}
-    walton = fit.fit(seen(10), model=["walton"], **options).laws["walton"]
-    mine = fit.fit(seen(10), model=[], own=[own(Mine)], **options).laws["Mine"]
+    walton = fit.fit(observed(10), model=["walton"], **options).laws["walton"]
+    mine = fit.fit(observed(10), model=[], own=[own(Mine)], **options).laws["Mine"]
     assert 0.999 < mine.chi2 / walton.chi2 < 1.3
     np.testing.assert_allclose(mine.values, walton.values, atol=0.02)
 
@@ -206,12 +206,12 @@ def test_law_that_gives_no_numbers_is_refused() -> None:
             return pair.g_n * float("nan"), 0.0, 0.0
 
     with pytest.raises(InputError, match=r"Broken\.collide gives impulses that are not finite"):
-        fit.fit(seen(5), model=[], own=[own(Broken)])
+        fit.fit(observed(5), model=[], own=[own(Broken)])
 
 
 def test_expected_information_is_that_of_further_impacts() -> None:
     """Ten impacts more at 40 degrees, simulated without noise and fitted together, have the expected errors."""
-    data = seen(25)
+    data = observed(25)
     found = fit.fit(data, model=["ifr-percussion"], profile=False)
     planned = fit.design(found, 10, np.array([40.0]))
     one = found.laws["ifr-percussion"]
@@ -223,7 +223,7 @@ def test_expected_information_is_that_of_further_impacts() -> None:
 
 
 def test_drawn_coefficients_have_the_covariance_of_the_fit() -> None:
-    found = fitted(seen(25))
+    found = fitted(observed(25))
     drawn = np.array([[row[name] for name in TRUTH] for row in found.draw(4000, seed=3)])
     np.testing.assert_allclose(
         drawn.mean(axis=0), values(found), atol=4.0 * np.sqrt(np.diag(found.covariance).max() / 4000)
@@ -232,7 +232,7 @@ def test_drawn_coefficients_have_the_covariance_of_the_fit() -> None:
 
 
 def test_a_table_of_collisions_is_read_with_units_and_known_values(tmp_path: Path) -> None:
-    data = seen(8, wall=True)
+    data = observed(8, wall=True)
     names = [name for name in data.measured if name not in ("nx", "ny")]
     angle = np.arctan2(data.measured["ny"], data.measured["nx"])
     lines = [
@@ -266,17 +266,17 @@ def test_a_table_of_collisions_is_read_with_units_and_known_values(tmp_path: Pat
 
 def test_values_known_exactly_have_one_error_each_however_many_there_are() -> None:
     """A ten thousandth of the least error of their kind, and of a guess where all of a kind are known."""
-    data = seen(3)
+    data = observed(3)
     known = ("spin_1", "vx_2", "vy_2", "spin_2")
     errors = {name: 0.0 * error if name in known else error for name, error in data.errors.items()}
     problem = replace(data, errors=errors).problem()
-    told = dict(zip(problem.names, problem.s.T, strict=True))
-    np.testing.assert_allclose([told["vx_2"], told["vy_2"]], 1e-4 * 0.01, rtol=1e-12)
-    np.testing.assert_allclose([told["spin_1"], told["spin_2"]], 1e-4 * 0.01 / R[0], rtol=1e-12)
+    estimated = dict(zip(problem.names, problem.s.T, strict=True))
+    np.testing.assert_allclose([estimated["vx_2"], estimated["vy_2"]], 1e-4 * 0.01, rtol=1e-12)
+    np.testing.assert_allclose([estimated["spin_1"], estimated["spin_2"]], 1e-4 * 0.01 / R[0], rtol=1e-12)
 
 
 def test_an_error_of_the_normal_is_an_angle_whatever_its_length(tmp_path: Path) -> None:
-    data = seen(1, wall=True)
+    data = observed(1, wall=True)
     twice = {name: 2.0 * data.measured[name] for name in ("nx", "ny")}
     errors = {name: error for name, error in data.errors.items() if name not in twice} | {"normal": 0.01}
     doubled = replace(data, measured={**data.measured, **twice}, errors=errors)
@@ -292,7 +292,7 @@ def test_an_error_of_the_normal_is_an_angle_whatever_its_length(tmp_path: Path) 
 
 
 def test_impossible_collisions_are_refused_by_line() -> None:
-    data = seen(5)
+    data = observed(5)
     turned = {**data.measured, "nx": -data.measured["nx"], "ny": -data.measured["ny"]}
     with pytest.raises(
         InputError, match=r"collision 1: the disks separate before the impact|impact 1: the disks separate"

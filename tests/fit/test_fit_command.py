@@ -131,7 +131,7 @@ def test_law_that_adds_energy_is_shown_but_gives_no_material(
         (["data.csv", "--M", "1", "--material-name", "a"], ["--material-name requires --write-material"]),
         (["data.csv", "--M", "1", "--json", "no/f.json"], ["output folder no: does not exist"]),
         (["data.csv", "--M", "1", "--json", "data.csv"], ["is the data file", "exists already"]),
-        (["data.csv", "--M", "1", "--json", "a", "--write-material", "a"], ["output a: is asked for twice"]),
+        (["data.csv", "--M", "1", "--json", "a", "--write-material", "a"], ["output a: is given twice"]),
         (["data.csv", "--M", "1", "--jsn", "a"], [r"unknown option --jsn.*did you mean '--json'"]),
         (["data.cvs", "--M", "1"], [r"data.cvs: there is no such file \(did you mean 'data.csv'"]),
         (
@@ -187,3 +187,34 @@ def test_readme_example_works(folder: Path, capsys: pytest.CaptureFixture[str]) 
         assert main([command, "--help"]) == 0
         shown += capsys.readouterr().out
     assert [option for option in options if option not in shown] == []
+
+
+OWN = '''
+import ifrdem
+
+
+class Own(ifrdem.CollisionLaw):
+    """Walton's law, written otherwise."""
+
+    coefficients = ("e_n", "beta_0", "mu")
+
+    @staticmethod
+    def collide(pair, law):
+        P_n = (1.0 + law.e_n) * pair.m_n * pair.g_n
+        P_t = (1.0 + law.beta_0) * pair.m_t * pair.g_t
+        most = law.mu * P_n
+        return P_n, max(-most, min(most, P_t)), 0.0
+'''
+
+
+def test_a_custom_law_from_a_file_is_written_as_a_material_with_its_file(folder: Path) -> None:
+    (folder / "own.py").write_text(OWN, encoding="utf-8")
+    written = []
+    for name, law in (("own", ["--law", "own.py:Own"]), ("walton", ["--model", "walton"])):
+        assert main([*FIT_EXAMPLE, *law, "--write-material", f"{name}.toml"]) == 0
+        text = (folder / f"{name}.toml").read_text(encoding="utf-8")
+        written += tomllib.loads(text)["material"]
+    assert (written[0].pop("law"), written[1].pop("law")) == ("own.py:Own", "walton")
+    assert {k: v for k, v in written[0].items() if k != "name"} == pytest.approx(
+        {k: v for k, v in written[1].items() if k != "name"}, abs=1e-5
+    )

@@ -30,8 +30,8 @@ FLOOR = (
     'motion = { kind = "sine", amplitude = 0.5, frequency = 0.4 } }'
 )
 """Half a period is 1.25: at t = 1.5 it moves downwards, and not as at t = 0."""
-LID = '{{ shape = "segment", material = "m", start = [1.0, {}], end = [11.0, {}], {} }}'
-GATES = [LID.format(6.0, 6.0, "opens_at = 1.0"), LID.format(8.0, 8.0, "opens_after = 4")]
+GATE = '{{ shape = "segment", material = "m", start = [1.0, {}], end = [11.0, {}], {} }}'
+GATES = [GATE.format(6.0, 6.0, "opens_at = 1.0"), GATE.format(8.0, 8.0, "opens_after = 4")]
 PISTON = (
     '{ shape = "line", material = "m", point = [0.0, 11.0], normal = [0.0, -1.0], '
     "piston = { mass = 5.0, spring = 2.0, displacement = 0.3, velocity = -0.2 } }"

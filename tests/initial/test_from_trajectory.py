@@ -71,12 +71,12 @@ def parsed(*overrides: str, text: str = CASE) -> dict:
     return raw
 
 
-def mistakes(folder: Path, *overrides: str) -> list[str]:
+def problems(folder: Path, *overrides: str) -> list[str]:
     return [str(problem) for problem in case_file.validate_parsed(parsed(*overrides), folder)[-1]]
 
 
 def start(folder: Path, *overrides: str) -> tuple[CaseGas, State]:
-    assert mistakes(folder, *overrides) == []
+    assert problems(folder, *overrides) == []
     case = CaseSections.model_validate(parsed(*overrides))
     gas = CaseGas.from_case(case, folder)
     return gas, gas.start()
@@ -144,7 +144,7 @@ def test_starts_that_lack_something_are_refused_with_what_the_file_has(
     tmp_path: Path, overrides: list[str], key: str, says: str
 ) -> None:
     trajectory(tmp_path)
-    (found,) = mistakes(tmp_path, *overrides)
+    (found,) = problems(tmp_path, *overrides)
     assert found.startswith(key), found
     assert re.search(says, found), found
 
@@ -152,7 +152,7 @@ def test_starts_that_lack_something_are_refused_with_what_the_file_has(
 def test_disks_of_other_radii_that_overlap_are_explained(tmp_path: Path) -> None:
     trajectory(tmp_path)
     sides = CaseGas.from_case(CaseSections.model_validate(parsed()), tmp_path).box.lengths
-    (found,) = mistakes(
+    (found,) = problems(
         tmp_path, "run.seed=6", "box.packing_fraction=", f"box.lengths=[{sides[0]!r}, {sides[1]!r}]"
     )
     assert re.search(r"frame 2 of 3: disks \d+ and \d+ overlap by .*other radii: disk 0 has", found)
@@ -160,11 +160,11 @@ def test_disks_of_other_radii_that_overlap_are_explained(tmp_path: Path) -> None
 
 def test_a_field_that_the_file_lacks_is_named(tmp_path: Path) -> None:
     trajectory(tmp_path, fields=["position", "velocity"])
-    (found,) = mistakes(tmp_path, *MOVING)
+    (found,) = problems(tmp_path, *MOVING)
     assert (
         "holds no field 'angular_velocity' (did you mean 'velocity'?); there are position, velocity" in found
     )
-    assert mistakes(tmp_path) == []
+    assert problems(tmp_path) == []
 
 
 def test_a_file_that_is_no_trajectory_is_refused_with_status_2(

@@ -176,11 +176,11 @@ def test_a_seed_deals_the_disks_of_a_mixture_to_the_sites_at_random() -> None:
     radius = np.where(np.arange(400) < 200, 0.5, 0.4)
     box = Box((25.0, 25.0))
     rows = hexagonal_positions(box, radius)
-    dealt = hexagonal_positions(box, radius, seed=4)
-    np.testing.assert_array_equal(rows[np.lexsort(rows.T)], dealt[np.lexsort(dealt.T)])
+    shuffled = hexagonal_positions(box, radius, seed=4)
+    np.testing.assert_array_equal(rows[np.lexsort(rows.T)], shuffled[np.lexsort(shuffled.T)])
     # Row by row the large disks fill the lower half; in random order half of them do: 100 +- 7 of 200.
     assert np.count_nonzero(rows[:200, 1] < 12.5) > 190
-    assert 70 < np.count_nonzero(dealt[:200, 1] < 12.5) < 130
+    assert 70 < np.count_nonzero(shuffled[:200, 1] < 12.5) < 130
 
 
 # --- overlaps ---------------------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ speed_rms = 1.0
 LOGNORMAL = 'radii = { distribution = "lognormal", mean = 0.01, deviation = 0.002 }\n'
 
 
-def mistakes(radii_text: str, text: str = CASE) -> list[str]:
+def problems(radii_text: str, text: str = CASE) -> list[str]:
     raw = tomllib.loads(text + radii_text)
     return [str(problem) for problem in case_file.validate_parsed(raw, Path())[-1]]
 
@@ -169,13 +169,13 @@ def test_a_coefficient_pair_is_checked_for_the_extreme_masses_of_both_species() 
     text += 'number = 100\nmaterial = "steel"\nmass = 1.0\nk = 2.0\nradius = 0.01\nspeed_rms = 1.0\n'
     text += '[[material]]\nname = "steel"\ne_n = 0.9\ne_t = -0.9\nmu = 0.1\n'
     text += '[[pair]]\nmaterials = ["bronze", "steel"]\ne_n = 1.0\ne_t = -0.25\nmu = 0.2\n'
-    assert mistakes("", text) == []
+    assert problems("", text) == []
     spread = text.replace(
         "mass = 1.0\nradius = 0.01",
         'areal_density = 3000.0\nradii = { distribution = "uniform", low = 0.009, high = 0.011 }',
         1,
     )  # masses 0.76 to 1.14, on average below 1: some hoops are heavier than the disks
-    (found,) = mistakes("", spread)
+    (found,) = problems("", spread)
     assert found.startswith("pair[0]: ")
     assert "would add energy" in found
 
@@ -192,12 +192,12 @@ def test_a_coefficient_pair_is_checked_for_the_extreme_masses_of_both_species() 
     ],
 )  # fmt: skip
 def test_wrong_radii_are_named_with_what_is_allowed(text: str, key: str, says: str) -> None:
-    found = mistakes(text)
+    found = problems(text)
     assert any(line.startswith(key) and re.search(says, line) for line in found), found
 
 
 def test_a_misspelt_parameter_gets_the_nearest() -> None:
-    found = mistakes('radii = { distribution = "lognormal", mean = 0.01, deviation = 0.1, hihg = 1.0 }')
+    found = problems('radii = { distribution = "lognormal", mean = 0.01, deviation = 0.1, hihg = 1.0 }')
     assert any("radii.hihg" in line and "did you mean 'high'" in line for line in found)
 
 

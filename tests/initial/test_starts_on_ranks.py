@@ -119,7 +119,7 @@ def test_three_ranks_and_two_have_the_bits_and_the_errors_of_one_process(folder:
     (folder / "changes.json").write_text(json.dumps(questions))
     done = mpi.on(3, sys.executable, "-m", "mpi4py", SCRIPT, folder / "case.toml", folder / "changes.json")
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
+    results = json.loads(done.stdout)
     case = f"{folder}/case.toml: "
     right = ("right.csv", "relaxed", "single", "double", "parts", "drawn")
     says = {
@@ -140,8 +140,8 @@ def test_three_ranks_and_two_have_the_bits_and_the_errors_of_one_process(folder:
         "radii": "have other radii: disk 200 has 0.5 there, 0.6 in this case",
         "numbers": "has 601 disks: must be 602",
     }
-    assert {name.rpartition(" ")[0] for name in told} == {*right, *says}
-    for name, found in told.items():
+    assert {name.rpartition(" ")[0] for name in results} == {*right, *says}
+    for name, found in results.items():
         if name[:-2] in right:
             assert found is True, name
         else:

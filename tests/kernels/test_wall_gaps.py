@@ -57,11 +57,11 @@ def distance(name: str, wall: Wall, x: Array, t: Array) -> tuple[Array, Array]:
     s, angle = serial_walls.displaced(wall, t)[0], serial_walls.turned(wall, t)[0]
     x = x - s[:, None] * np.array(wall.motion.direction)
     z = (x[:, 0] + 1j * x[:, 1] - complex(*wall.turn.center)) * np.exp(-1j * angle)
-    z = z + complex(*wall.turn.center) - complex(*wall.place)
+    z = z + complex(*wall.turn.center) - complex(*wall.origin)
     middle, half = 0.5 * sum(wall.angles), 0.5 * (wall.angles[1] - wall.angles[0])
-    beside = np.abs(np.angle(z * np.exp(-1j * middle))) > half
+    outside = np.abs(np.angle(z * np.exp(-1j * middle))) > half
     sign = -1.0 if name == "arc inside" else 1.0
-    return sign * (np.abs(z) - wall.radius), ~beside
+    return sign * (np.abs(z) - wall.radius), ~outside
 
 
 def flight(disk: Array, t: Array) -> Array:

@@ -132,11 +132,11 @@ def test_lines_that_close_on_all_disks_are_refused_before_any_work(
     path.write_text(PRESS)
     for verb in ("check", "run"):
         assert main([verb, str(path)]) == 2
-        told = capsys.readouterr()
+        printed = capsys.readouterr()
         assert re.search(
-            r"wall 0 line and .*(upper|top|y).* approach .* all disks are between them", told.err
-        ), told.err
-        assert not told.out
+            r"wall 0 line and .*(upper|top|y).* approach .* all disks are between them", printed.err
+        ), printed.err
+        assert not printed.out
     assert list(tmp_path.iterdir()) == [tmp_path / path]
     for change in ("moves_until = 10.0", "opens_at = 15.0", "opens_after = 10"):  # no more, or perhaps not
         path.write_text(f"{PRESS}{change}\n")

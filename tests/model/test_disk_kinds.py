@@ -16,7 +16,7 @@ def columns_of(n: int) -> list[np.ndarray]:
     return [mass, radius, rng.choice([1.0, 2.0], n), rng.integers(0, 3, n).astype(np.int32)]
 
 
-def parted(columns: list[np.ndarray], size: int) -> list[list[np.ndarray]]:
+def split(columns: list[np.ndarray], size: int) -> list[list[np.ndarray]]:
     owner = np.random.default_rng(size).integers(0, size, len(columns[0]))
     return [[column[owner == rank] for column in columns] for rank in range(size)]
 
@@ -28,7 +28,7 @@ def test_kinds_do_not_depend_on_how_disks_are_divided(n: int) -> None:
     rows, every = kinds_among(columns)
     assert every == (n < 1000)
     for size in (1, 2, 5):
-        found, same = merge_kinds([kinds_among(part) for part in parted(columns, size)])
+        found, same = merge_kinds([kinds_among(part) for part in split(columns, size)])
         assert same == every
         assert [each.tobytes() for each in found] == [each.tobytes() for each in rows]
 

@@ -198,8 +198,8 @@ def test_rounded_positions_are_moved_off_walls() -> None:
 
 
 def test_messages_name_the_area_of_a_packing_fraction() -> None:
-    box, lid = Box((4.0, 3.0), MIXED), Wall.segment((0.0, 1.0), (4.0, 1.0), opens_at=2.0)
+    box, gate = Box((4.0, 3.0), MIXED), Wall.segment((0.0, 1.0), (4.0, 1.0), opens_at=2.0)
     assert FreeArea(Box((4.0, 3.0))).name == ""
     assert FreeArea(box).name == " of the free area"
-    assert FreeArea(box, (lid,)).name == " of the free area with gates closed"
+    assert FreeArea(box, (gate,)).name == " of the free area with gates closed"
     assert FreeArea(box, gates_open=True).name == " of the free area with gates open"

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ifrdem.model.ifr import Collision, IFRLaw, Regime, collide
+from ifrdem.model.collision import Collision, collide
+from ifrdem.model.ifr import IFRLaw, Regime
 
 LAWS = {
     "1 pta": IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21),
@@ -218,10 +219,10 @@ def test_law_is_the_same_in_a_mirror(law):
     """y -> -y reverses spins, and the tangential impulse because t turns over."""
     pairs = random_pairs(seed=11)
     flip = np.array([1.0, -1.0])
-    seen = replace(pairs, normal=pairs.normal * flip, velocity=pairs.velocity * flip, spin=-pairs.spin)
+    observed = replace(pairs, normal=pairs.normal * flip, velocity=pairs.velocity * flip, spin=-pairs.spin)
     straight = pairs.collide(law)
     mirrored = straight._replace(velocity=straight.velocity * flip, spin=-straight.spin, P_t=-straight.P_t)
-    assert_same(seen.collide(law), mirrored)
+    assert_same(observed.collide(law), mirrored)
 
 
 @ANY_LAW
@@ -229,8 +230,8 @@ def test_law_is_the_same_for_a_moving_observer(law):
     pairs = random_pairs(seed=12)
     drift = np.array([3.0, -7.0])
     straight = pairs.collide(law)
-    seen = replace(pairs, velocity=pairs.velocity + drift).collide(law)
-    assert_same(seen, straight._replace(velocity=straight.velocity + drift))
+    observed = replace(pairs, velocity=pairs.velocity + drift).collide(law)
+    assert_same(observed, straight._replace(velocity=straight.velocity + drift))
 
 
 @ANY_LAW

@@ -24,7 +24,8 @@ def test_a_disk_rebounds_from_an_immovable_one_which_stays(tmp_path):
     with warnings.catch_warnings(), TrajectoryWriter(path, disks, box, precision="f8") as file:
         warnings.simplefilter("error")  # no NaN on the way, not even a hidden one
         simulation.run(
-            t_end=2.0, frame_callbacks=[lambda state, seen: file.write(state, {"energy": seen.energy})]
+            t_end=2.0,
+            frame_callbacks=[lambda state, observed: file.write(state, {"energy": observed.energy})],
         )
     with Trajectory(path) as trajectory:
         assert list(trajectory[-1].collisions) == [1, 1]

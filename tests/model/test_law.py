@@ -12,7 +12,8 @@ from support.law_examples import Half, Misnamed, Numbered, Short, Silent, Viscoe
 
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import EnergyWarning, IFRLaw, collide
+from ifrdem.model.collision import collide
+from ifrdem.model.ifr import EnergyWarning, IFRLaw
 from ifrdem.model.law import CollisionLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
@@ -122,9 +123,14 @@ def test_what_is_no_law_is_refused_by_name(make: Any, message: str | None) -> No
         Simulation(disks, box, make(), state)
 
 
-def test_collide_in_numpy_takes_the_ifr_law_only() -> None:
-    with pytest.raises(InputError, match=r"law = .*: must be an IFRLaw"):
-        collide(viscoelastic(), [1, 0], [1, 1], [1, 1], [2, 2], [[1, 0], [0, 0]], [0, 0])  # type: ignore[arg-type]
+def test_collide_in_numpy_takes_a_custom_law() -> None:
+    """At g_n = 1 the law is the IFR law with e_n = 1 - c, contact point."""
+    law, pair = viscoelastic(), ([1, 0], [1, 1], [1, 1], [2, 2], [[1, 0.3], [0, 0]], [0, 0])
+    same = IFRLaw(e_n=1.0 - law.c, e_t=law.e_t, mu=law.mu, sticking="contact_point")
+    found, expected = collide(law, *pair), collide(same, *pair)
+    np.testing.assert_array_equal(found.velocity, expected.velocity)
+    np.testing.assert_array_equal(found.spin, expected.spin)
+    assert (found.P_n, found.P_t) == (expected.P_n, expected.P_t)
 
 
 def test_a_law_needs_no_coefficients() -> None:

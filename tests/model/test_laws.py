@@ -44,15 +44,15 @@ def overlap(b: float) -> float:
         root = math.sqrt(max(xi, 0.0))
         return root * (xi + b * v)
 
-    def parted(t: float, y: Any) -> float:
+    def separation(t: float, y: Any) -> float:
         return force(*y) if t > 1e-3 else 1.0
 
-    parted.terminal, parted.direction = True, -1.0  # type: ignore[attr-defined]
+    separation.terminal, separation.direction = True, -1.0  # type: ignore[attr-defined]
     motion = solve_ivp(
         lambda _, y: [y[1], -force(*y)],
         (0.0, 100.0),
         [1e-12, 1.0],
-        events=parted,
+        events=separation,
         rtol=1e-10,
         atol=1e-12,
         max_step=0.05,
@@ -60,11 +60,93 @@ def overlap(b: float) -> float:
     return -float(motion.y[1, -1])
 
 
-@pytest.mark.parametrize(("b", "within"), [(0.01, 1e-6), (0.06, 1.5e-5), (0.3, 1e-3), (1.0, 5e-3)])
+@pytest.mark.parametrize(
+    ("b", "within"), [(0.01, 1e-6), (0.06, 1.5e-5), (0.3, 1e-3), (1.0, 5e-3), (3.0, 9e-3), (7.0, 7e-3)]
+)
 def test_viscoelastic_restitution_is_that_of_the_equation_of_motion(b: float, within: float) -> None:
     """K / m_n = 2 Y sqrt(R) / (3 m_n) = 1 with Y = 3/4, R = 1/4, m_n = 1/4, of two disks of mass 1/2, radius 1/2."""
     law = laws.Viscoelastic(A=b / 1.5, Y=0.75)
     assert law.restitution(1.0, mass=0.5, radius=0.5) == pytest.approx(overlap(b), abs=within)
+
+
+HEAVY = {"A": 1e40, "Y": 1.0}  # e_n of 1e-60 or so at any speed
+
+
+def test_laws_outside_of_the_range_of_their_series_are_refused_before_any_work() -> None:
+    disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
+    start = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
+    law, box = laws.Viscoelastic(**HEAVY), ifrdem.Box((10.0, 10.0))
+    message = r"A = 1e\+40, Y = 1: e_n = .*e-\d\d at the approach speed 0.8862: must be at least 0.05"
+    with pytest.raises(InputError, match=message):  # sqrt(pi / 2) of the rms speed, sqrt(1 / 2)
+        ifrdem.Simulation(disks, box, law, start)
+    with pytest.raises(InputError, match=r"must be at least 0\.05"):
+        ifrdem.DSMC(disks, law, 0.1, [[1.0, 0.0], [0.0, 0.0]], seed=1)
+    gas = ifrdem.Simulation(disks, box, VISCOELASTIC, start)
+    with pytest.raises(InputError, match=r"must be at least 0\.05"):
+        gas.set_law(law)
+    assert gas._laws.table[0][0] == VISCOELASTIC
+    resting = ifrdem.State(start.position, np.zeros((2, 2)), start.spin)
+    ifrdem.Simulation(disks, box, law, resting)  # without a speed no e_n is known
+
+
+COIN = {"normal": [1.0, 0.0], "mass": [1.0, 1.0], "radius": [0.5, 0.5], "k": [2.0, 2.0], "spin": [0.0, 0.0]}
+
+
+@EACH
+def test_collide_takes_any_law_and_is_the_engine_s(law: laws.CollisionLaw) -> None:
+    """Two disks of mass 1 that meet along x, with slips that stick and slide; then the same by the engine."""
+    for slip, regime in ((0.01, ifrdem.Regime.STICKING), (0.9, ifrdem.Regime.SLIDING)):
+        after = ifrdem.collide(law, velocity=[[1.0, slip], [0.0, 0.0]], **COIN)
+        assert after.regime == regime
+        np.testing.assert_allclose(after.velocity.sum(axis=0), [1.0, slip], atol=1e-15)
+        P_n, P_t, _ = impulses(law, g_n=1.0, g_t=slip)
+        assert (after.P_n, after.P_t) == (P_n, P_t)
+        disks, box = ifrdem.Disks(2, mass=1.0, radius=0.5), ifrdem.Box((10.0, 10.0))
+        start = ifrdem.State([[3.0, 5.0], [4.5, 5.0 + 0.5 * slip]], [[1.0, slip], [0.0, 0.0]], [0.0, 0.0])
+        gas = ifrdem.Simulation(disks, box, law, start)
+        gas.run(t_end=1.0)
+        np.testing.assert_allclose(gas.state.velocity, after.velocity, atol=1e-13)
+        np.testing.assert_allclose(gas.state.spin, after.spin, atol=1e-13)
+    apart = ifrdem.collide(law, velocity=[[-1.0, 0.3], [0.0, 0.0]], **COIN)
+    assert (apart.regime, float(apart.P_n), float(apart.P_t)) == (0, 0.0, 0.0)
+
+
+def test_collide_takes_laws_by_name_and_custom_ones() -> None:
+    velocity = np.array([[[1.0, 0.2], [0.0, 0.0]], [[1.0, 2.0], [0.0, 0.0]]])
+    named = ifrdem.collide({"law": "walton", "e_n": 0.9, "beta_0": 0.4, "mu": 0.2}, velocity=velocity, **COIN)
+    np.testing.assert_array_equal(named.spin, ifrdem.collide(WALTON, velocity=velocity, **COIN).spin)
+
+    class Own(ifrdem.CollisionLaw):
+        coefficients = ("e_n",)
+
+        @staticmethod
+        def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
+            return (1.0 + law.e_n) * pair.m_n * pair.g_n, 0.0, 0.0
+
+    own = ifrdem.collide(Own(e_n=0.5), velocity=velocity, **COIN)
+    np.testing.assert_allclose(own.velocity[:, 0, 0], 0.25)  # (1 - e_n) / 2 of the speed of approach
+    assert own.regime.tolist() == [-1, -1]
+    for law, message in (
+        ({"law": "wlton"}, "must be one of 'ifr', 'walton'.*did you mean 'walton'"),
+        ({"law": "walton", "e_n": 0.9}, "coefficient 'beta_0' is missing"),
+        ("walton", r"law = 'walton': must be a law, or a mapping"),
+    ):
+        with pytest.raises(InputError, match=message):
+            ifrdem.collide(law, velocity=velocity, **COIN)
+
+
+def test_histories_have_the_regimes_that_the_ledger_counts() -> None:
+    disks = ifrdem.Disks(50, mass=1.0, radius=0.5)
+    box = ifrdem.Box.from_packing_fraction(disks.radius, 0.2)
+    position = ifrdem.initial.random_positions(box, disks.radius, seed=1)
+    velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
+    start = ifrdem.State(position, velocity, np.zeros(50))
+    gas = ifrdem.Simulation(disks, box, WALTON, start, tracked=range(50), record=["energy"])
+    gas.run(collisions_per_disk=4)
+    regime, counted = gas.take_events().regime, gas.measure().regimes
+    assert counted is not None
+    for name, column in ((ifrdem.Regime.SLIDING, 0), (ifrdem.Regime.STICKING, 1)):
+        assert np.count_nonzero(regime == name) == 2 * counted[column] > 0
 
 
 @pytest.mark.parametrize("g_n", [1e-9, 1e-3, 1.0, 1e4])

@@ -187,15 +187,7 @@ def test_distances_from_an_arc_are_those_of_many_points_on_it() -> None:
     )
 
 
-def test_walls_in_files_of_before_are_read() -> None:
-    """Their records know neither turns nor points."""
-    motion = '"kind": "still", "direction": [0.0, 1.0], "speed": 0.0, "amplitude": 0.0, "frequency": 0.0, "phase": 0.0'
-    old = (
-        '[{"shape": "post", "place": [1.0, 2.0], "towards": [0.0, 0.0], "radius": 0.5, "material": 0, "motion": {'
-        + motion
-        + ', "rise": 0.5}, "surface_speed": 0.0, "temperature": null}]'
-    )
-    assert from_json(old) == (Wall.post((1.0, 2.0), 0.5),)
+def test_walls_are_read_back_from_the_record_of_a_file() -> None:
     polygon = Wall.polygon([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], "inside", opens_at=2.0, group="a")
     assert from_json(to_json([polygon])) == (polygon,)
 

@@ -272,14 +272,14 @@ def test_animations_for_web_pages_have_a_picture_a_frame(tmp_path, kind, capsys)
     assert f"wrote {out}: 6 pictures, 0.6 s" in capsys.readouterr().out
     with Image.open(out) as shown:
         assert (shown.n_frames, shown.size) == (6, (320, 300))
-        seen = []
+        observed = []
         for i in range(6):
             shown.seek(i)
             shown.load()
             assert shown.info["duration"] == 100
-            seen.append(np.asarray(shown.convert("RGB")).astype(int))
-    assert max(seen[0][0, 0]) < 10  # dark
-    assert np.abs(seen[0] - seen[5]).max() > 100
+            observed.append(np.asarray(shown.convert("RGB")).astype(int))
+    assert max(observed[0][0, 0]) < 10  # dark
+    assert np.abs(observed[0] - observed[5]).max() > 100
 
 
 def test_unknown_endings_and_styles_are_refused(tmp_path, capsys):

@@ -197,26 +197,26 @@ def test_theory_over_tau_goes_from_the_first_collision_to_the_last_of_the_run(
 def test_an_argument_of_another_name_is_refused_with_the_nearest(
     tmp_path: Path, gas: ifrdem.Simulation
 ) -> None:
-    said = r"colour = 'speed': there is no such argument \(did you mean 'color'\?\); there are "
-    with pytest.raises(InputError, match=said + "ax, color"):
+    message = r"colour = 'speed': there is no such argument \(did you mean 'color'\?\); there are "
+    with pytest.raises(InputError, match=message + "ax, color"):
         gas.plot(colour="speed")
     with Trajectory(write(tmp_path / "run.h5")) as run:
-        with pytest.raises(InputError, match=said + "ax, color"):
+        with pytest.raises(InputError, match=message + "ax, color"):
             run[0].plot(colour="speed")
-        with pytest.raises(InputError, match=said + "what, ax, frames, over, color"):
+        with pytest.raises(InputError, match=message + "what, ax, frames, over, color"):
             run.plot("disks", colour="speed")
 
 
 @pytest.mark.parametrize(
-    ("units", "said"),
+    ("units", "message"),
     [({}, "$x$"), ({"length": "reduced"}, "$x$ (reduced units)"), ({"length": "m"}, "$x$ (m)")],
 )
-def test_units_are_shown_if_the_file_states_them(tmp_path: Path, units: dict[str, str], said: str) -> None:
+def test_units_are_shown_if_the_file_states_them(tmp_path: Path, units: dict[str, str], message: str) -> None:
     state = State([[1.0, 1.0]], [[1.0, 0.0]], [0.0])
     with TrajectoryWriter(tmp_path / "one.h5", Disks(1, 1.0, 0.2), Box((4.0, 4.0)), units=units) as writer:
         writer.write(state)
     with Trajectory(tmp_path / "one.h5") as run:
-        assert run[0].plot().get_xlabel() == said
+        assert run[0].plot().get_xlabel() == message
         assert run.units == ({} if units != {"length": "m"} else units)
 
 
@@ -338,8 +338,8 @@ def test_a_plateau_above_one_is_explained(clustered: bool) -> None:
     rng = np.random.default_rng(2)
     position = rng.random((4000, 2)) * ((50.0 if clustered else 100.0), 100.0)
     axes = analysis.pair_correlation(position, (100.0, 100.0), r_max=5.0).plot()
-    said = texts(axes.figure)
-    assert ("above 1, as the density varies (clusters)" in said) == clustered
+    message = texts(axes.figure)
+    assert ("above 1, as the density varies (clusters)" in message) == clustered
 
 
 def test_warnings_are_shown_below_the_picture(tmp_path: Path) -> None:

@@ -29,11 +29,11 @@ def write(path: Path, walls: list[Wall]) -> Path:
     return path
 
 
-LID, FLOOR = Wall.line((0.0, 8.0), (0.0, -1.0), piston=Piston(mass=2.0)), Wall.line((0.0, 1.0), (0.0, 1.0))
+PISTON, FLOOR = Wall.line((0.0, 8.0), (0.0, -1.0), piston=Piston(mass=2.0)), Wall.line((0.0, 1.0), (0.0, 1.0))
 
 
 def test_place_and_speed_of_each_piston_are_drawn_against_time(tmp_path: Path) -> None:
-    with Trajectory(write(tmp_path / "a.h5", [FLOOR, LID, LID])) as run:
+    with Trajectory(write(tmp_path / "a.h5", [FLOOR, PISTON, PISTON])) as run:
         figure = pictures.figure(run, "piston")
         place, speed = figure.axes
         assert [line.get_label() for line in place.lines] == ["wall 1 line", "wall 2 line"]

@@ -197,11 +197,11 @@ def test_disks_are_drawn_to_scale_with_their_periodic_images(tmp_path: Path, dra
     np.testing.assert_allclose(np.sort(collection.get_widths())[[0, 1, 3]], 2.0 * np.sort(radius), rtol=1e-14)
     assert disk_axes.get_aspect() == 1.0
     assert disk_axes.get_xlim() == (0.0, box.lengths[0])
-    seen = np.asarray(collection.get_offsets())
+    observed = np.asarray(collection.get_offsets())
     corner = [0.1, 0.1] + np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * box.lengths
     for expected in corner:
         # positions are stored in 4 bytes: 6e-8 of the box
-        assert np.min(np.linalg.norm(seen - expected, axis=1)) < 1e-6
+        assert np.min(np.linalg.norm(observed - expected, axis=1)) < 1e-6
 
 
 def test_colours_are_symmetric_and_no_outlier_washes_them_out(tmp_path: Path, drawn: list[Figure]) -> None:

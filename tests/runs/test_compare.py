@@ -55,10 +55,10 @@ def test_places_distances_and_spread_are_those_of_the_mechanics(
     run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("rest.csv").write_text("id,x,y,t\n0,1.1,0.3,\n1,2.9,0,\n0,0.5,0,0.5\n", encoding="utf-8")
-    seen = compare.read("rest.csv", {"positions": 0.1}, TableFormat())
+    observed = compare.read("rest.csv", {"positions": 0.1}, TableFormat())
     found = compare.compare(
         run,
-        seen,
+        observed,
         laws=[{"e_n": 0.6, "e_t": -1.0, "mu": 0.0}, {"e_n": 1.0, "e_t": -1.0, "mu": 0.0}],
         members=4,
     )
@@ -89,12 +89,12 @@ def test_ellipses_contain_the_stated_share_of_positions(members: int, error: flo
     rng, m = np.random.default_rng(1), 4000
     root = np.array([[2.0, 0.0], [1.5, 0.5]])
     places = rng.standard_normal((members + 1, m, 2)) @ root.T
-    seen = compare.Measured(
+    observed = compare.Measured(
         np.arange(m), np.full(m, math.inf), places[-1] + error * rng.standard_normal((m, 2)),
         np.full((m, 2), error), np.full(m, math.nan), np.full(m, math.nan),
     )  # fmt: skip
     found = compare.Comparison(
-        seen, places[0], seen.angle, places[:-1], np.ones((m, 2)), places[:1], np.ones(1), ""
+        observed, places[0], observed.angle, places[:-1], np.ones((m, 2)), places[:1], np.ones(1), ""
     )
     assert np.mean(found.probability < 0.68) == pytest.approx(0.68, abs=0.03)
     assert np.mean(found.probability < 0.95) == pytest.approx(0.95, abs=0.015)
@@ -103,8 +103,8 @@ def test_ellipses_contain_the_stated_share_of_positions(members: int, error: flo
 def test_start_errors_spread_the_runs(run: Path) -> None:
     """Of 0.1 m/s: disk 0 flies 1 s at v, then a second or so at 0.1 v; disk 1 takes 0.9 v: spreads follow by differences."""  # noqa: E501
     Path("rest.csv").write_text("id,x,y,t\n0,0.5,0,0.5\n", encoding="utf-8")
-    seen = compare.read("rest.csv", {}, TableFormat())
-    found = compare.compare(run, seen, errors={"velocities": 0.1}, members=6, seed=3)
+    observed = compare.read("rest.csv", {}, TableFormat())
+    found = compare.compare(run, observed, errors={"velocities": 0.1}, members=6, seed=3)
     assert 0.02 < found.spread[0, 0] < 0.1  # 0.05 for 0.5 s, from six draws
 
 
@@ -133,8 +133,8 @@ def test_units_are_those_that_the_file_states(tmp_path: Path, units: dict[str, s
     with ifrdem.TrajectoryWriter(tmp_path / "one.h5", disks, box, units=units) as file:
         file.write(ifrdem.State([[1.0, 2.0]], [[0.0, 0.0]], [0.0]))
     (tmp_path / "seen.csv").write_text("id,x,y,t\n0,1,2,0\n", encoding="utf-8")
-    seen = compare.read(tmp_path / "seen.csv", {"positions": 0.1}, TableFormat())
-    table = compare.compare(tmp_path / "one.h5", seen, members=0).table()
+    observed = compare.read(tmp_path / "seen.csv", {"positions": 0.1}, TableFormat())
+    table = compare.compare(tmp_path / "one.h5", observed, members=0).table()
     assert table.splitlines()[0] == f"1 places; {says}angles in degrees"
 
 

@@ -53,36 +53,36 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "run.h5"
 
 
-@pytest.mark.parametrize(("make", "said"), THINGS)
+@pytest.mark.parametrize(("make", "message"), THINGS)
 @pytest.mark.parametrize("name", ["run.vtkhdf", "run.nc"])
-def test_views_replace_views_only(path: Path, make: Callable, said: str, name: str, capsys) -> None:
+def test_views_replace_views_only(path: Path, make: Callable, message: str, name: str, capsys) -> None:
     place, before = path.with_name(name), path.read_bytes()
     make(place, path)
     was = kind(place)
     assert main(["link", str(path)]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert kind(place) == was
     assert path.read_bytes() == before
     assert sorted(os.listdir(path.parent)) == sorted(["run.h5", name])  # nor is the other one written
 
 
-@pytest.mark.parametrize(("make", "said"), THINGS)
+@pytest.mark.parametrize(("make", "message"), THINGS)
 @pytest.mark.parametrize("verb", ["repair", "movie", "export --to csv", "plot disks"])
 def test_verbs_replace_files_only_and_never_their_input(
-    path: Path, make: Callable, said: str, verb: str, capsys
+    path: Path, make: Callable, message: str, verb: str, capsys
 ) -> None:
     place, before = path.with_name("out"), path.read_bytes()
     make(place, path)
     was = kind(place)
     first, *rest = verb.split()
     assert main([first, str(path), *rest, "-o", str(place), "--force"]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert kind(place) == was
     assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize(("make", "said"), THINGS)
-def test_functions_refuse_likewise(path: Path, make: Callable, said: str) -> None:
+@pytest.mark.parametrize(("make", "message"), THINGS)
+def test_functions_refuse_likewise(path: Path, make: Callable, message: str) -> None:
     place, before = path.with_name("out"), path.read_bytes()
     make(place, path)
     with Trajectory(path) as trajectory:
@@ -91,22 +91,22 @@ def test_functions_refuse_likewise(path: Path, make: Callable, said: str) -> Non
             lambda: movie.write(trajectory, place, [0], size=(160, 160)),
             lambda: repair.repair(path, place, log=lambda line: None),
         ):
-            with pytest.raises(InputError, match=said):
+            with pytest.raises(InputError, match=message):
                 write_it()
     assert path.read_bytes() == before
     assert kind(place) in (stat.S_IFIFO, stat.S_IFDIR, stat.S_IFLNK, stat.S_IFREG)
 
 
-@pytest.mark.parametrize(("make", "said"), THINGS[:2])
-def test_nothing_that_is_no_file_is_replaced_by_a_picture(path: Path, make: Callable, said: str) -> None:
+@pytest.mark.parametrize(("make", "message"), THINGS[:2])
+def test_nothing_that_is_no_file_is_replaced_by_a_picture(path: Path, make: Callable, message: str) -> None:
     from matplotlib.figure import Figure
 
     place = path.with_name("out.png")
     make(place, path)
     was = kind(place)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         run.save(Figure(), place)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         write_aside(place, lambda aside: aside.write_text("x"))
     assert kind(place) == was
     assert len(os.listdir(path.parent)) == 2

@@ -55,19 +55,19 @@ def same(
     runs: dict[str, Path], words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Run a command on both; `FILE` stands for the trajectory, `OUT` for what it writes."""
-    told, wrote = {}, {}
+    printed, wrote = {}, {}
     for name, path in runs.items():
         out = path.parent / "out"
         monkeypatch.chdir(path.parent)
         given = [word.replace("FILE", str(path)).replace("OUT", str(out)) for word in words.split()]
         assert main(given) == 0, capsys.readouterr().err
-        said = capsys.readouterr()
-        told[name] = re.sub(r"[^ ]*/(one|parts)/", "", said.out + said.err)
+        captured = capsys.readouterr()
+        printed[name] = re.sub(r"[^ ]*/(one|parts)/", "", captured.out + captured.err)
         wrote[name] = out.read_bytes() if out.exists() else b""
         out.unlink(missing_ok=True)
-    assert told["one"] == told["parts"]
+    assert printed["one"] == printed["parts"]
     assert wrote["one"] == wrote["parts"]
-    assert told["one"] or wrote["one"]
+    assert printed["one"] or wrote["one"]
 
 
 @pytest.mark.parametrize(
@@ -163,6 +163,6 @@ def test_a_part_alone_is_distinguished_from_the_whole_gas(runs, capsys, tmp_path
             assert "packing fraction" in run.title(file)
             assert ANALYSES["fields"].of(file, None).warnings == []
     assert main(["info", str(part)]) == 0
-    told = capsys.readouterr().out
-    assert "1 of a trajectory" in told
-    assert "packing fraction" not in told
+    printed = capsys.readouterr().out
+    assert "1 of a trajectory" in printed
+    assert "packing fraction" not in printed

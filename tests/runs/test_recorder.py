@@ -31,21 +31,21 @@ def gas(n: int) -> tuple[ifrdem.State, object]:
 
 @pytest.mark.parametrize(("n", "calls"), [(10, [1, 8, 1]), (BYTES_AT_ONCE // 64 + 1, [1] * 10)])
 def test_small_frames_are_committed_together_and_large_ones_at_once(n, calls):
-    now, told = [0.0], Calls()
-    recorder = Recorder(told, ifrdem.Ledger(), clock=lambda: now[0])
+    now, callbacks = [0.0], Calls()
+    recorder = Recorder(callbacks, ifrdem.Ledger(), clock=lambda: now[0])
     with recorder:
         for i in range(10):
             if i == 8:
                 now[0] += WAIT  # the ninth frame finds that the others have waited long enough
             recorder.frame(*gas(n))
-    assert told.frames == calls
+    assert callbacks.frames == calls
 
 
 def test_frames_so_far_are_written_when_a_run_fails():
-    told = Calls()
+    callbacks = Calls()
 
     def collapse() -> None:
-        with Recorder(told, ifrdem.Ledger(), clock=lambda: 0.0) as recorder:
+        with Recorder(callbacks, ifrdem.Ledger(), clock=lambda: 0.0) as recorder:
             for _ in range(3):
                 recorder.frame(*gas(2))
                 recorder.row(gas(2)[1])
@@ -53,4 +53,4 @@ def test_frames_so_far_are_written_when_a_run_fails():
 
     with pytest.raises(ifrdem.EngineError):
         collapse()
-    assert sum(told.frames) == sum(told.rows) == 3
+    assert sum(callbacks.frames) == sum(callbacks.rows) == 3

@@ -60,6 +60,6 @@ def test_slow_collisions_of_resting_disks_are_not_reported_as_a_remedy(
 ) -> None:
     (tmp_path / "drop.toml").write_text(CASE.format(remedy=remedy))
     assert main(["run", str(tmp_path / "drop.toml"), "-o", f"{tmp_path}/"]) == 0
-    told = capsys.readouterr().out
-    assert says in told
-    assert never not in told
+    printed = capsys.readouterr().out
+    assert says in printed
+    assert never not in printed

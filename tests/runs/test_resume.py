@@ -142,9 +142,9 @@ def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(whole, tmp_path, s
     case = whole.parent / "gas.toml"
     stopping += [0, 5, 13, 40]  # in the very beginning, and later
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--set", f"run.threads={threads}"]) == 130
-    told = capsys.readouterr().err
-    assert "gas.h5 holds the 1 frame so far" in told
-    assert f"ifrdem resume {tmp_path / 'gas.h5'}" in told
+    printed = capsys.readouterr().err
+    assert "gas.h5 holds the 1 frame so far" in printed
+    assert f"ifrdem resume {tmp_path / 'gas.h5'}" in printed
     for _ in range(3):
         assert cli.main(["resume", str(tmp_path)]) == 130
     assert cli.main(["resume", str(tmp_path / "gas.h5")]) == 0
@@ -184,9 +184,9 @@ def test_a_file_that_was_changed_is_not_gone_on_with(whole, tmp_path, monkeypatc
         file["particles/all/velocity/value_2d"][2, 17, 0] += np.float32(1e-3)
     capsys.readouterr()
     assert cli.main(["resume", str(tmp_path)]) == 1
-    told = capsys.readouterr().err
-    assert "velocity" in told
-    assert "17" in told
+    printed = capsys.readouterr().err
+    assert "velocity" in printed
+    assert "17" in printed
 
 
 def test_rates_after_a_resume_are_those_of_what_was_done_since(
@@ -198,17 +198,17 @@ def test_rates_after_a_resume_are_those_of_what_was_done_since(
     monkeypatch.setattr(run, "write_views", lambda _: None)  # which takes time, and is no part of the rate
     capsys.readouterr()
     assert cli.main(["resume", str(tmp_path), "--no-picture"]) == 0
-    said = capsys.readouterr().out
-    before = int(re.search(r"after (\d+) collisions", said).group(1))  # type: ignore[union-attr]
-    told = re.search(
+    captured = capsys.readouterr().out
+    before = int(re.search(r"after (\d+) collisions", captured).group(1))  # type: ignore[union-attr]
+    printed = re.search(
         r"done in (\S+) s: (\d+) collisions since it was resumed, in all (\d+) collisions \(.*, (\S+) in all",
-        said,
+        captured,
     )
-    assert told is not None
-    since, done = int(told[2]), int(told[3])
+    assert printed is not None
+    since, done = int(printed[2]), int(printed[3])
     assert since == done - before
     assert 2 * before > done
-    assert float(told[4]) * float(told[1]) == pytest.approx(done - before, rel=0.3)
+    assert float(printed[4]) * float(printed[1]) == pytest.approx(done - before, rel=0.3)
 
 
 def test_a_signal_while_the_last_frames_are_written_leaves_a_run_that_is_done(
@@ -258,10 +258,10 @@ def test_a_checkpoint_that_cannot_be_written_reports_what_remains(
 
     monkeypatch.setattr(Simulation, "save_checkpoint", first_only)
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 1
-    told = capsys.readouterr().err
-    assert "gas.checkpoint.h5 cannot be written: Read-only file system: " in told
-    assert "so far, to t = " in told
-    assert f"to go on: ifrdem resume {tmp_path / 'gas.h5'}" in told
+    printed = capsys.readouterr().err
+    assert "gas.checkpoint.h5 cannot be written: Read-only file system: " in printed
+    assert "so far, to t = " in printed
+    assert f"to resume: ifrdem resume {tmp_path / 'gas.h5'}" in printed
     monkeypatch.undo()
     assert cli.main(["resume", str(tmp_path)]) == 0
     same(tmp_path / "gas.h5", whole)
@@ -275,9 +275,9 @@ def test_a_changed_case_is_refused_with_what_changed(whole, tmp_path, stopping, 
     case.write_text(CASE.replace("mu = 0.21", "mu = 0.3"))
     capsys.readouterr()
     assert cli.main(["resume", str(tmp_path)]) == 2
-    told = capsys.readouterr().err
-    assert "-mu = 0.21; +mu = 0.3" in told
-    assert "--ignore-case-changes" in told
+    printed = capsys.readouterr().err
+    assert "-mu = 0.21; +mu = 0.3" in printed
+    assert "--ignore-case-changes" in printed
     assert cli.main(["resume", str(tmp_path), "--ignore-case-changes"]) == 0
     same(tmp_path / "gas.h5", whole)
 
@@ -285,7 +285,7 @@ def test_a_changed_case_is_refused_with_what_changed(whole, tmp_path, stopping, 
 def test_what_cannot_be_resumed_is_refused_with_the_reason(whole, tmp_path, capsys):
     for place, reason in (
         (str(whole), "the run is done, or was killed in its very beginning"),
-        (str(whole.parent), "no run can go on here"),
+        (str(whole.parent), "no run to resume here"),
         (str(tmp_path / "none"), "there is no such file or folder"),
     ):
         assert cli.main(["resume", place]) == 2
@@ -306,12 +306,12 @@ def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, mon
     """One of Python's own, one that was renamed, one of another version."""
     place = tmp_path / "a.checkpoint.h5"
 
-    def told() -> str:
+    def printed() -> str:
         assert cli.main(["resume", str(place)]) == 2
         return capsys.readouterr().err
 
     checkpoint.write(place, {"a": np.arange(3)}, {"extra": {"mine": 1}})
-    assert "Simulation.from_checkpoint resumes from it" in told()
+    assert "Simulation.from_checkpoint resumes from it" in printed()
     case = CaseSections.model_validate(tomllib.loads(CASE)).model_dump_json(exclude_unset=True)
     run_of_b = {
         "plan": {},
@@ -320,12 +320,12 @@ def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, mon
         "trajectory": "b.h5",
     }
     checkpoint.write(place, {"a": np.arange(3)}, {"extra": run_of_b})
-    assert "belongs to b.h5: rename it back" in told()
+    assert "belongs to b.h5: rename it back" in printed()
     versions = {**package_versions(), "ifrdem": "0.0.1"}
     with monkeypatch.context() as other:
         other.setattr(checkpoint, "package_versions", lambda: versions)
         checkpoint.write(place, {"a": np.arange(3)}, {"extra": run_of_b})
-    assert "was written by ifrdem 0.0.1" in told()
+    assert "was written by ifrdem 0.0.1" in printed()
     assert os.listdir(tmp_path) == ["a.checkpoint.h5"]
 
 
@@ -357,9 +357,9 @@ def test_ctrl_c_ends_a_run_with_a_checkpoint(tmp_path):
     process = launched(tmp_path / "gas.toml")
     wait_for_frames(tmp_path, 3, process)
     os.killpg(process.pid, signal.SIGINT)
-    _, told = process.communicate(timeout=60)
+    _, printed = process.communicate(timeout=60)
     assert process.returncode == 130
-    stopped_with_a_checkpoint(tmp_path, "interrupted", told)
+    stopped_with_a_checkpoint(tmp_path, "interrupted", printed)
 
 
 @pytest.mark.parametrize(
@@ -389,9 +389,9 @@ def test_signals_end_a_run_with_a_checkpoint(tmp_path, monkeypatch, capsys, numb
         assert 5 < len(file["particles/all/box/edges/step"]) < 100  # of 4001
 
 
-def stopped_with_a_checkpoint(folder: Path, word: str, told: str) -> None:
-    assert f"{word}: the run stops after this window, with a checkpoint" in told
-    assert "to go on: ifrdem resume" in told
+def stopped_with_a_checkpoint(folder: Path, word: str, printed: str) -> None:
+    assert f"{word}: the run stops after this window, with a checkpoint" in printed
+    assert "to resume: ifrdem resume" in printed
     assert (folder / "gas.checkpoint.h5").exists()
     content = json.loads((folder / "gas.status.json").read_text())
     assert content["state"] == "interrupted"
@@ -433,5 +433,5 @@ def test_max_hours_count_the_making_of_the_start(whole, tmp_path, capsys, monkey
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--max-hours", "1e-4"]) == 3  # 0.36 s
     assert "0.0001 hours are up (--max-hours)" in capsys.readouterr().err
     assert cli.main(["resume", str(tmp_path)]) == 0
-    assert "go on at t = 0, after 0 collisions" in capsys.readouterr().out
+    assert "resume at t = 0, after 0 collisions" in capsys.readouterr().out
     same(tmp_path / "gas.h5", whole)

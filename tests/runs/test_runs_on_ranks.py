@@ -109,7 +109,7 @@ def _material_and_radii() -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def told(case: Path, plain: Path) -> dict[str, dict[str, Any]]:
+def outcomes(case: Path, plain: Path) -> dict[str, dict[str, Any]]:
     """Commands on some of four ranks, one after another: how each ended, what it said, the files there were then."""
     folder, radii = case.parent, _material_and_radii()
     start = ["start.motion=true", f"start.positions={plain}", "species[0].speed_rms=", "output.frames=1"]
@@ -160,10 +160,10 @@ def _in(folder: str, files: list[str]) -> list[str]:
 
 @mpi.needed
 def test_a_stopped_run_resumes_bitwise_with_another_number_of_ranks(
-    plain: Path, told: dict[str, dict[str, Any]]
+    plain: Path, outcomes: dict[str, dict[str, Any]]
 ) -> None:
     """Three ranks until time is up, then two: the file of one process."""
-    stopped, goes_on = told["stopped"], told["stopped goes on"]
+    stopped, goes_on = outcomes["stopped"], outcomes["stopped goes on"]
     assert stopped["status"] == 3, stopped["err"]
     assert stopped["err"].count("hours are up (--max-hours)") == 1  # reported once
     assert "used by each of 3 ranks" in stopped["out"]
@@ -175,9 +175,9 @@ def test_a_stopped_run_resumes_bitwise_with_another_number_of_ranks(
 @mpi.needed
 @pytest.mark.parametrize("ranks", [1, 4])  # 3, 2 and 1 one after another below
 def test_a_run_in_parts_has_the_bits_of_one_file(
-    plain: Path, told: dict[str, dict[str, Any]], ranks: int
+    plain: Path, outcomes: dict[str, dict[str, Any]], ranks: int
 ) -> None:
-    done = told["1 part" if ranks == 1 else "4 parts"]
+    done = outcomes["1 part" if ranks == 1 else "4 parts"]
     assert done["status"] == 0, done["err"]
     assert differing(plain, plain.parents[1] / f"parts{ranks}" / "gas.h5") == []
     names = [f"{number:04d}.h5" for number in range(ranks)]
@@ -185,24 +185,24 @@ def test_a_run_in_parts_has_the_bits_of_one_file(
     assert _in(f"parts{ranks}", done["files"]) == ["gas.h5", "gas.parts", "gas.status.json"]
     assert all(f"gas.parts/{name}" in done["out"] for name in names)
     if ranks > 1:  # reported once
-        again = told["4 parts again"]
+        again = outcomes["4 parts again"]
         assert again["status"] == 2
         assert again["err"].count("exists already; --force replaces it") == 1
 
 
 @mpi.needed
 def test_a_run_from_a_frame_that_ranks_read_in_slices_has_the_bits_of_one_process(
-    plain: Path, told: dict[str, dict[str, Any]]
+    plain: Path, outcomes: dict[str, dict[str, Any]]
 ) -> None:
-    assert told["from a frame"]["status"] == 0, told["from a frame"]["err"]
-    assert told["from a frame on ranks"]["status"] == 0, told["from a frame on ranks"]["err"]
+    assert outcomes["from a frame"]["status"] == 0, outcomes["from a frame"]["err"]
+    assert outcomes["from a frame on ranks"]["status"] == 0, outcomes["from a frame on ranks"]["err"]
     folders = [plain.parents[1] / name for name in ("from_frame_alone", "from_frame")]
     assert differing(*(folder / "gas.h5" for folder in folders)) == []
 
 
 @mpi.needed
 def test_a_run_in_parts_resumes_with_any_number_of_ranks(
-    plain: Path, told: dict[str, dict[str, Any]]
+    plain: Path, outcomes: dict[str, dict[str, Any]]
 ) -> None:
     """Three ranks, then two, then one process: three parts, and the file of one process, under forces.
 
@@ -210,11 +210,11 @@ def test_a_run_in_parts_resumes_with_any_number_of_ranks(
     """
     folder = plain.parents[1]
     for name, status, parts in (("radii stopped", 3, 3), ("radii stopped again", 3, 2)):
-        assert told[name]["status"] == status, told[name]["err"]
-        assert len(_in("radii/gas.checkpoint.parts", told[name]["files"])) == parts
-    done = told["radii go on"]
+        assert outcomes[name]["status"] == status, outcomes[name]["err"]
+        assert len(_in("radii/gas.checkpoint.parts", outcomes[name]["files"])) == parts
+    done = outcomes["radii go on"]
     assert done["status"] == 0, done["err"]
-    assert told["radii alone"]["status"] == 0, told["radii alone"]["err"]
+    assert outcomes["radii alone"]["status"] == 0, outcomes["radii alone"]["err"]
     assert differing(folder / "radii_alone" / "gas.h5", folder / "radii" / "gas.h5") == []
     assert len(_in("radii/gas.parts", done["files"])) == 3
     assert _in("radii/gas.checkpoint.parts", done["files"]) == ["gone"]  # which nothing else was left in
@@ -226,10 +226,10 @@ def test_a_run_in_parts_resumes_with_any_number_of_ranks(
 
 @mpi.needed
 def test_many_disks_go_into_one_file_if_the_case_says_so(
-    plain: Path, told: dict[str, dict[str, Any]]
+    plain: Path, outcomes: dict[str, dict[str, Any]]
 ) -> None:
     """No rank has all disks, but frames are gathered; checkpoints are in parts, and another number of ranks resumes."""
-    stopped, goes_on = told["gathered stopped"], told["gathered goes on"]
+    stopped, goes_on = outcomes["gathered stopped"], outcomes["gathered goes on"]
     assert stopped["status"] == 3, stopped["err"]
     assert len(_in("gathered/gas.checkpoint.parts", stopped["files"])) == 2
     assert goes_on["status"] == 0, goes_on["err"]

@@ -60,9 +60,9 @@ def test_two_ranks_write_the_file_of_one(
     for ranks in (1, 2):
         assert outcomes[name, ranks]["status"] == 0, outcomes[name, ranks]["err"]
     assert differing(folder / "1" / f"{name}.h5", folder / "2" / f"{name}.h5") == []
-    said = outcomes[name, 2]["out"] + outcomes[name, 2]["err"]
-    assert said.count("1 of 2 ranks computes, the others wait: ") == (name not in DIVIDED)
-    assert ("by each of 2 ranks" in said) == (name in DIVIDED)
+    message = outcomes[name, 2]["out"] + outcomes[name, 2]["err"]
+    assert message.count("1 of 2 ranks computes, the others wait: ") == (name not in DIVIDED)
+    assert ("by each of 2 ranks" in message) == (name in DIVIDED)
 
 
 @mpi.needed

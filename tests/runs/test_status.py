@@ -53,12 +53,12 @@ def test_a_status_file_holds_the_reported_values(tmp_path):
 def test_a_status_is_written_once_an_interval_and_at_the_end(tmp_path):
     now = [0.0]
     one = Status(tmp_path / "gas.h5", name="gas", interval=1.0, clock=lambda: now[0])
-    seen = []
+    observed = []
     for second in (0.5, 0.9, 1.2, 1.9, 2.3):
         now[0] = second
         one.update(time=second)
-        seen.append(status.read(tmp_path / "gas.h5")["time"])
-    assert seen == [None, None, 1.2, 1.2, 2.3]
+        observed.append(status.read(tmp_path / "gas.h5")["time"])
+    assert observed == [None, None, 1.2, 1.2, 2.3]
     now[0] = 2.4
     one.update(time=2.4)
     one.finish("interrupted", "by Ctrl-C")

@@ -114,10 +114,10 @@ def test_the_change_of_energy_by_other_velocities_and_gravity_is_its_definition(
     gas.set_velocities(3.0 * present.velocity)
     assert gas.energy_input == pytest.approx(8.0 * before.translational_energy, rel=1e-12)
     assert gas.measure().rotational_energy == pytest.approx(before.rotational_energy, rel=1e-12)
-    put_in = gas.energy_input
+    energy_input = gas.energy_input
     gas.set_gravity((0.1, -0.1))
     fall = -float(np.sum(present.position @ np.array([0.1, 0.2])))  # masses are 1
-    assert gas.energy_input - put_in == pytest.approx(fall, rel=1e-12)
+    assert gas.energy_input - energy_input == pytest.approx(fall, rel=1e-12)
     assert gas.gravity == (0.1, -0.1)
 
 
@@ -125,13 +125,13 @@ def test_energy_that_former_forces_put_in_still_counts() -> None:
     box, state, _ = setting("periodic")
     gas = made(box, state, forces=[forces.RandomKicks(0.05, power=1.0)])
     gas.run(t_end=1.0)
-    put_in = gas.energy_input
-    assert put_in > 0.0
+    energy_input = gas.energy_input
+    assert energy_input > 0.0
     gas.set_forces([])
-    assert gas.energy_input == put_in
+    assert gas.energy_input == energy_input
     assert gas.forces == ()
     gas.run(t_end=2.0)
-    assert gas.energy_input == put_in
+    assert gas.energy_input == energy_input
 
 
 def test_a_gas_that_has_flown_apart_or_rests_moves_again_with_other_velocities() -> None:

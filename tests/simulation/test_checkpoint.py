@@ -204,14 +204,14 @@ def test_custom_laws_and_forces_are_given_again(tmp_path):
     whole.run(t_end=0.7)
     whole.save_checkpoint(path)
     whole.run(t_end=1.5)
-    for given, said in (
+    for given, message in (
         ({"forces": forces}, r"law = None: must be the custom Smooth\(e_n=0\.9\)"),
         ({"law": law}, "forces = None: must be the forces of the gas, custom Uniform, Drag"),
         ({"law": Smooth(e_n=0.8), "forces": forces}, "another gas: it differs in law"),
         ({"law": law, "forces": [Uniform(0.05, acceleration=0.4), forces[1]]}, "another gas: it differs in forces"),
         ({"law": law, "forces": forces, "device": Device(precision="f32")}, r"device = .*f32.*: must be .*f64"),
     ):  # fmt: skip
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             Simulation.from_checkpoint(path, **given)
     again = Simulation.from_checkpoint(path, law=law, forces=forces)
     again.run(t_end=1.5)
@@ -315,7 +315,7 @@ def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ((3,), "path = 3: must be the path of a file"),
         (("",), "path = '': must be the path of a file"),
@@ -327,9 +327,9 @@ def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
         (("a.h5", None, 5), "arrays = 5: must be a mapping by name"),
     ],
 )
-def test_what_a_checkpoint_cannot_hold_is_named_and_leaves_no_file(tmp_path, monkeypatch, arguments, said):
+def test_what_a_checkpoint_cannot_hold_is_named_and_leaves_no_file(tmp_path, monkeypatch, arguments, message):
     monkeypatch.chdir(tmp_path)
     simulation = freed()
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         simulation.save_checkpoint(*arguments)
     assert os.listdir(tmp_path) == []

@@ -168,11 +168,11 @@ def test_more_ranks_than_gpus_are_refused_with_the_way_to_share(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("named", "number", "seen"),
+    ("named", "number", "visible"),
     [(None, 2, "2"), ("4,5", 1, "5"), ("4, 5", 3, "5"), ("GPU-8932f937", 1, "GPU-8932f937"), ("", 1, "")],
 )
 def test_a_rank_sees_the_gpu_of_its_number(
-    named: str | None, number: int, seen: str, monkeypatch: pytest.MonkeyPatch
+    named: str | None, number: int, visible: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of those that are named, in turn; without names of all."""
     monkeypatch.setattr(backend, "_shown", None)
@@ -181,9 +181,9 @@ def test_a_rank_sees_the_gpu_of_its_number(
     if named is None:
         monkeypatch.delenv("CUDA_VISIBLE_DEVICES")
     backend.show_gpu(number)
-    assert os.environ["CUDA_VISIBLE_DEVICES"] == seen
+    assert os.environ["CUDA_VISIBLE_DEVICES"] == visible
     backend.show_gpu(number + 1)  # of another gas: it stays
-    assert os.environ["CUDA_VISIBLE_DEVICES"] == seen
+    assert os.environ["CUDA_VISIBLE_DEVICES"] == visible
 
 
 def test_a_gpu_cannot_be_chosen_after_the_driver_was_asked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,10 +30,10 @@ class Halt(Exception):
     """What an observer of these tests raises."""
 
 
-def halting(end: Callable[[], None], frame: int, seen: list[State]) -> Callable[[State, Measure], None]:
+def halting(end: Callable[[], None], frame: int, observed: list[State]) -> Callable[[State, Measure], None]:
     def observer(state: State, measure: Measure) -> None:
-        seen.append(state)
-        if len(seen) == frame + 1:
+        observed.append(state)
+        if len(observed) == frame + 1:
             end()
 
     return observer
@@ -70,15 +70,15 @@ def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
     )
     frames: list[State] = []
     whole.run(**end, frames=50, frame_callbacks=[lambda state, measure: frames.append(state)])
-    seen: list[State] = []
-    observer = halting({"stop": part.stop, "raise": halt, "interrupt": interrupt}[way], 20, seen)
+    observed: list[State] = []
+    observer = halting({"stop": part.stop, "raise": halt, "interrupt": interrupt}[way], 20, observed)
     if raised is None:
         part.run(**end, frames=50, frame_callbacks=[observer])
     else:
         with pytest.raises(raised):
             part.run(**end, frames=50, frame_callbacks=[observer])
-    assert len(seen) == 21
-    assert part.time == seen[-1].time == frames[20].time
+    assert len(observed) == 21
+    assert part.time == observed[-1].time == frames[20].time
     assert part.collisions == int(frames[20].collisions.sum()) // 2
     assert_same_motion(part.state, frames[20])
     early = part.take_events()
@@ -106,13 +106,13 @@ def test_stopping_within_a_window_changes_no_bit_in_any_order_of_the_engine(
         "ifrdem.simulation.simulation.Engine", functools.partial(Engine, order=order, tile_disks=60)
     )
     part = Simulation(disks, box, LAW, state)
-    seen: list[State] = []
+    observed: list[State] = []
     for stops_at in (7, 6, 11):  # frames at 7/32, 13/32 and 24/32 of the way: exact numbers
-        seen.clear()
+        observed.clear()
         part.run(
             t_end=1.0,
             frames=round(32 * (1.0 - part.time)),
-            frame_callbacks=[halting(part.stop, stops_at, seen)],
+            frame_callbacks=[halting(part.stop, stops_at, observed)],
         )
         at = round(32 * part.time)
         assert part.time == at / 32

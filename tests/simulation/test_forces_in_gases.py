@@ -64,15 +64,15 @@ def test_the_ledger_is_the_energy_before_and_after_each_force() -> None:
     coin = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
     forces = [RandomKicks(0.2, power=1.0), SpinKicks(0.3, power=0.2)]
     simulation = Simulation(disks, box, coin, state, forces=forces, seed=1)
-    begin, put_in, lost = measure(disks, state).energy, 0.0, 0.0
+    begin, energy_input, lost = measure(disks, state).energy, 0.0, 0.0
     for t in sorted({0.1, 0.3, 0.5, 0.7, 0.9, 0.15, 0.45, 0.75}):
         simulation.run(t_end=t * (1.0 - 1e-14))
         before = measure(disks, simulation.state).energy
-        lost += begin + put_in - before - lost
+        lost += begin + energy_input - before - lost
         simulation.run(t_end=t * (1.0 + 1e-14))
-        put_in += measure(disks, simulation.state).energy - before
+        energy_input += measure(disks, simulation.state).energy - before
     assert lost > 0.1 * begin
-    assert simulation.energy_input == pytest.approx(put_in, rel=1e-12)
+    assert simulation.energy_input == pytest.approx(energy_input, rel=1e-12)
 
 
 def test_driven_coins_stay_at_the_temperatures_of_kinetic_theory() -> None:
@@ -139,12 +139,12 @@ def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
                 disks, box, state, np.array([[COIN]]), device=Device(threads=threads), order=order, tile_disks=500,
                 forces=forces, seed=9,
             )  # fmt: skip
-            end, put_in = run_to(engine, 0.4), engine.force_steps.energy_inputs
+            end, energy_input = run_to(engine, 0.4), engine.force_steps.energy_inputs
             if order not in ends:
-                ends[order] = end, put_in
+                ends[order] = end, energy_input
             for name in ("position", "velocity", "spin", "collisions"):
                 np.testing.assert_array_equal(getattr(end, name), getattr(ends[order][0], name))
-            np.testing.assert_array_equal(put_in, ends[order][1])
+            np.testing.assert_array_equal(energy_input, ends[order][1])
     assert ends["serial"][0].collisions.sum() > 1000
 
 

@@ -262,8 +262,22 @@ class OutsideLaw(ifrdem.CollisionLaw):
         return (1.0 + 0.5 * FACTOR) * pair.m_n * pair.g_n, 0.0, 0.0
 
 
+class OutsideLedger(ifrdem.CollisionLaw):
+    """A law whose ledger does."""
+
+    @staticmethod
+    def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
+        return 1.5 * pair.m_n * pair.g_n, 0.0, 0.0
+
+    @staticmethod
+    def parts(pair: Any, law: Any) -> tuple[Any, ...]:
+        return 1.5 * pair.m_n * pair.g_n, 0.0, 0.0, 0.0 * FACTOR, 0.0, 0.0
+
+
 @pytest.mark.filterwarnings("ignore::SyntaxWarning")
-@pytest.mark.parametrize("given", [{"forces": [Outside(0.1)]}, {"law": OutsideLaw()}])
+@pytest.mark.parametrize(
+    "given", [{"forces": [Outside(0.1)]}, {"law": OutsideLaw()}, {"law": OutsideLedger()}]
+)
 def test_a_variable_from_outside_that_is_compiled_in_must_not_change(
     given: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

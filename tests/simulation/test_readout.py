@@ -27,7 +27,7 @@ from ifrdem.trajectory import layout
 from ifrdem.trajectory.writer import TrajectoryWriter
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
-SEEN = ("position", "velocity", "spin", "collisions", "image", "last_partner", "angle")
+COMPARED = ("position", "velocity", "spin", "collisions", "image", "last_partner", "angle")
 ALL_FIELDS = tuple(layout.FIELDS)
 Frames = list[tuple[State, Measure]]
 
@@ -46,23 +46,23 @@ def gas(*, n: int = 1500, **options: object) -> Simulation:
     return gas_of(mixture(n), 0.5, COIN, record=["energy", "partner", "angle"], **options)
 
 
-def frames_of(simulation: Simulation, **course: object) -> Frames:
+def frames_of(simulation: Simulation, **until: object) -> Frames:
     found: Frames = []
-    simulation.run(**course, frame_callbacks=[lambda state, measure: found.append((state, measure))])
+    simulation.run(**until, frame_callbacks=[lambda state, measure: found.append((state, measure))])
     return found
 
 
 def same(one: State, other: State) -> None:
     assert one.time == other.time
-    for name in SEEN:
+    for name in COMPARED:
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
-@pytest.mark.parametrize("course", [{"t_end": 0.6}, {"collisions_per_disk": 1.3}], ids=["time", "collisions"])
-def test_the_motion_does_not_depend_on_how_often_it_is_read(order: str, course: dict[str, float]) -> None:
+@pytest.mark.parametrize("until", [{"t_end": 0.6}, {"collisions_per_disk": 1.3}], ids=["time", "collisions"])
+def test_the_motion_does_not_depend_on_how_often_it_is_read(order: str, until: dict[str, float]) -> None:
     rare, often = gas(), gas()
-    frames_of(rare, **course, frames=1)
-    found = frames_of(often, **course, frames=37)
+    frames_of(rare, **until, frames=1)
+    found = frames_of(often, **until, frames=37)
     assert len(found) == 38
     same(rare.state, often.state)
     assert rare.collisions == often.collisions
@@ -78,39 +78,39 @@ def test_series_tracked_disks_and_the_ledger_change_no_bit(order: str) -> None:
     followed.run(t_end=0.6, series=41, series_callbacks=[rows.append])
     assert len(rows) == 42
     assert len(followed.take_events()) > 0
-    for name in SEEN[:5]:
+    for name in COMPARED[:5]:
         assert np.array_equal(getattr(followed.state, name), getattr(expected, name)), name
 
 
 def test_a_frame_is_the_state_of_a_run_that_ends_there(order: str) -> None:
     found = frames_of(gas(), t_end=0.6, frames=5)
-    for k, (state, told) in enumerate(found):
+    for k, (state, recorded) in enumerate(found):
         ended = gas()
         ended.run(t_end=0.6 * k / 5)
         same(state, ended.state)
-        assert state.time == 0.6 * k / 5 == told.time
-        assert told.collisions == ended.collisions
+        assert state.time == 0.6 * k / 5 == recorded.time
+        assert recorded.collisions == ended.collisions
 
 
 def test_a_frame_by_collisions_is_right_after_the_last_of_them(order: str) -> None:
     found = frames_of(gas(n=1600), collisions_per_disk=1.5, frames=6)
     ended = gas(n=1600)
-    for k, (state, told) in enumerate(found):
+    for k, (state, recorded) in enumerate(found):
         ended.run(collisions_per_disk=0.25 * k)
-        assert told.collisions == ended.collisions == 200 * k
+        assert recorded.collisions == ended.collisions == 200 * k
         assert state.collisions.sum() == 400 * k
         same(state, ended.state)
 
 
 def test_what_is_measured_at_a_frame_is_that_of_its_state(order: str) -> None:
-    for state, told in frames_of(gas(), t_end=0.6, frames=4):
+    for state, recorded in frames_of(gas(), t_end=0.6, frames=4):
         expected = measure(mixture(1500), state)
-        assert told.dissipated is None
-        assert told.regimes is None
+        assert recorded.dissipated is None
+        assert recorded.regimes is None
         for name in ("translational_energy", "rotational_energy", "temperature", "energy"):
-            assert getattr(told, name) == pytest.approx(getattr(expected, name), rel=1e-13), name
-        assert told.momentum == pytest.approx(expected.momentum, abs=1e-11)
-        assert told.collisions == expected.collisions
+            assert getattr(recorded, name) == pytest.approx(getattr(expected, name), rel=1e-13), name
+        assert recorded.momentum == pytest.approx(expected.momentum, abs=1e-11)
+        assert recorded.collisions == expected.collisions
 
 
 def test_positions_of_a_frame_lie_in_the_box_and_paths_have_no_jumps(order: str) -> None:
@@ -214,7 +214,7 @@ def test_frames_that_coincide_are_given_once() -> None:
     # 40 points within some tens of collisions: many fall onto the same collision.
     simulation = gas(n=100)
     found = frames_of(simulation, collisions_per_disk=0.5, frames=Trigger(number=40, spacing="log"))
-    counts = [told.collisions for _, told in found]
+    counts = [recorded.collisions for _, recorded in found]
     assert counts == sorted(set(counts))
     assert counts[0] == 0
     assert counts[-1] == simulation.collisions == 25
@@ -278,7 +278,7 @@ def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | Non
 
     def look(state: State, _measure: Measure) -> None:
         kept.append(state)
-        copies.append(tuple(np.array(getattr(state, name)) for name in SEEN))
+        copies.append(tuple(np.array(getattr(state, name)) for name in COMPARED))
 
     gas(n=300).follow(
         RunPlan(300, RunPoint(0.0, 0), RunPoint(time=0.6), Trigger(number=20)),
@@ -287,7 +287,7 @@ def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | Non
     )
     assert len(kept) == 21
     for state, copy in zip(kept, copies, strict=True):
-        for name, value in zip(SEEN, copy, strict=True):
+        for name, value in zip(COMPARED, copy, strict=True):
             assert np.array_equal(getattr(state, name), value), name
 
 
@@ -307,7 +307,7 @@ def test_collisions_that_can_never_come_are_said_whatever_the_frames(frames: int
     still = State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), [0.0, 0.0])
     for box, begin in ((Box.open(), apart), (Box((10.0, 10.0)), still)):
         simulation = Simulation(disks, box, COIN, begin)
-        with pytest.raises(EngineError, match=r"collisions are\s+asked for"):
+        with pytest.raises(EngineError, match=r"more collisions are requested"):
             simulation.run(collisions_per_disk=3.0, frames=frames)
 
 
@@ -316,21 +316,21 @@ def test_an_observer_may_ask_the_simulation_and_save_it(order: str, tmp_path: Pa
     path = tmp_path / "a.h5"
     asked_of: list[tuple[State, Measure, State, Measure]] = []
 
-    def ask(state: State, told: Measure) -> None:
+    def ask(state: State, recorded: Measure) -> None:
         assert asked.time == state.time
-        assert asked.collisions == told.collisions
-        asked_of.append((state, told, asked.state, asked.measure()))
+        assert asked.collisions == recorded.collisions
+        asked_of.append((state, recorded, asked.state, asked.measure()))
         asked.save_checkpoint(path)
 
     asked.run(t_end=0.4, frames=7, frame_callbacks=[ask])
     plain.run(t_end=0.4)
     assert len(asked_of) == 8
-    for state, told, present, measured in asked_of:
+    for state, recorded, present, measured in asked_of:
         same(state, present)
-        assert measured.energy == told.energy
+        assert measured.energy == recorded.energy
         assert measured.dissipated is not None
         assert measured.regimes is not None
-        assert measured.regimes.sum() == told.collisions
+        assert measured.regimes.sum() == recorded.collisions
     same(asked.state, plain.state)
 
 
@@ -341,15 +341,15 @@ def test_series_callbacks_get_the_exact_moment(order: str) -> None:
     simulation.run(
         t_end=0.4,
         frames=5,
-        frame_callbacks=[lambda state, told: frames.append((state, told))],
+        frame_callbacks=[lambda state, recorded: frames.append((state, recorded))],
         series=10,
         series_callbacks=[rows.append],
     )
     assert [row.time for row in rows] == pytest.approx(0.04 * np.arange(11), abs=1e-15)
-    for (state, told), row in zip(frames, rows[::2], strict=True):
+    for (state, recorded), row in zip(frames, rows[::2], strict=True):
         assert row.time == state.time
-        assert row.energy == told.energy
-        assert row.collisions == told.collisions
+        assert row.energy == recorded.energy
+        assert row.collisions == recorded.collisions
         assert row.regimes is not None
         assert row.regimes.sum() == row.collisions
 
@@ -379,9 +379,9 @@ def test_a_quantity_that_is_not_recorded_raises_instead_of_reading_as_zeros(
     disks = equal_disks(2)
     box, begin = Box((10.0, 10.0)), State([[2.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], [0.5, 0.0])
     without = Simulation(disks, box, COIN, begin)
-    seen = [state for state, _ in frames_of(without, t_end=3.0)]
+    states = [state for state, _ in frames_of(without, t_end=3.0)]
     uses = (np.sum, np.asarray, lambda value: value + 1.0, lambda value: value[0], lambda value: value.shape)
-    for state in (without.state, deepcopy(without.state), *seen):
+    for state in (without.state, deepcopy(without.state), *states):
         for use in uses:
             with pytest.raises(InputError, match=f"State.{name} was not recorded"):
                 use(getattr(state, name))

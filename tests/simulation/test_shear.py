@@ -412,17 +412,17 @@ def test_temperature_and_stress_approach_those_of_kinetic_theory(start: float) -
     state.velocity = state.flow + state.peculiar_velocity * np.sqrt(start * T)
     gas = Simulation(disks, box, law, state)
     gas.run(collisions_per_disk=60.0)
-    begun, work = gas.state.time, gas.shear_work
+    start_time, work = gas.state.time, gas.shear_work
     found: list[tuple[float, float]] = []
     gas.run(
         collisions_per_disk=340.0,
         frames=280,
-        frame_callbacks=[lambda _, m: found.append((m.temperature, m.momentum_flux_xy / disks.n))],
+        frame_callbacks=[lambda _, m: found.append((m.temperature, m.momentum_flux[0, 1] / disks.n))],
     )
     mean_T, kinetic = np.mean(found, axis=0)
     assert mean_T == pytest.approx(T, rel=0.05)
     assert kinetic / mean_T == pytest.approx(-math.sqrt(0.095 / 1.02125 * (1.0 - 0.095 / 1.02125)), rel=0.07)
-    whole = -(gas.shear_work - work) / (0.5 * (gas.time - begun) * disks.n)
+    whole = -(gas.shear_work - work) / (0.5 * (gas.time - start_time) * disks.n)
     chi = contact_value(0.05)
     assert whole / kinetic == pytest.approx(1.0 + 0.95 * 0.05 * chi, rel=0.02)
 

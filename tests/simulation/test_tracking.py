@@ -9,8 +9,9 @@ from support.gases import equal_disks, mixture, start
 from ifrdem import VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
+from ifrdem.model.collision import collide
 from ifrdem.model.forces import RandomKicks
-from ifrdem.model.ifr import IFRLaw, collide
+from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion
 from ifrdem.model.walls import Wall
@@ -144,10 +145,10 @@ def test_walls_gravity_and_heat_are_in_the_path(device):
     for disk in range(40):
         check_path(rows_of(events, disk), state, end, disk, box, (0.0, -1.0))
     assert np.count_nonzero(events.partner <= -2) == simulation.wall_collisions
-    floor, lid = events.partner == -2, events.partner == -3
+    floor, ceiling = events.partner == -2, events.partner == -3
     assert floor.any()
-    assert lid.any()
-    assert set(events.regime[lid]) == {UNKNOWN}
+    assert ceiling.any()
+    assert set(events.regime[ceiling]) == {UNKNOWN}
     assert np.count_nonzero(events.regime == ELASTIC) > 0
     # The floor's velocity at the contact is that of its motion: 2 pi f A cos(2 pi f t).
     speed = 0.2 * 2.0 * np.pi * np.cos(2.0 * np.pi * events.time[floor])

@@ -192,9 +192,9 @@ def test_a_failed_run_is_listed_and_the_others_continue(case, tmp_path, capsys):
     # Disks in an open box fly apart before each has had 4 collisions.
     words = ["study", str(case), "--vary", "box.open=true,false", "-o", f"{tmp_path}/f", "--workers", "0"]
     assert cli.main(words) == 1
-    told = capsys.readouterr().err
-    assert "1 of 2 runs failed" in told
-    assert "  open = true, seed 3: " in told
+    printed = capsys.readouterr().err
+    assert "1 of 2 runs failed" in printed
+    assert "  open = true, seed 3: " in printed
     found = xarray.open_dataset(tmp_path / "f.nc", engine="h5netcdf")
     assert found.open.values.tolist() == ["true", "false"]
     assert found.runs.values.tolist() == [0, 1]
@@ -244,8 +244,8 @@ speed_rms = 1.4
 """
     )
     (tmp_path / "gas.toml").write_text(coins.replace('"reduced"', '"SI"'))
-    said = bad(tmp_path, capsys, "--vary", VARY)
-    assert "material is not there: coefficients are those of species[0].coin" in said
+    messages = bad(tmp_path, capsys, "--vary", VARY)
+    assert "material is not there: coefficients are those of species[0].coin" in messages
     assert (
         cli.main(["study", f"{tmp_path}/gas.toml", "--vary", 'species[0].coin="1 pta","5 pts"', "--dry-run"])
         == 0
@@ -266,10 +266,10 @@ def test_a_dry_run_starts_nothing(case, tmp_path, capsys):
         cli.main(["study", str(case), "--vary", VARY, "--seeds", "5", "-o", f"{tmp_path}/d", "--dry-run"])
         == 0
     )
-    told = capsys.readouterr().out
-    assert "2 points x 5 seeds = 10 runs" in told
-    assert "disk space" in told
-    assert "expected time" in told
+    printed = capsys.readouterr().out
+    assert "2 points x 5 seeds = 10 runs" in printed
+    assert "disk space" in printed
+    assert "expected time" in printed
     assert [path.name for path in tmp_path.iterdir()] == ["gas.toml"]
 
 
@@ -402,8 +402,8 @@ def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(case, qui
             os.kill(workers_below[-1], signal.SIGKILL)
             killed = True
         time.sleep(0.02)
-    told, errors = again.communicate(timeout=120)
-    assert told.strip() == "{}", errors
+    printed, errors = again.communicate(timeout=120)
+    assert printed.strip() == "{}", errors
     assert all(path.stat().st_mtime_ns == before for path, before in list(kept.items())[:1])
     assert same(Results.read(tmp_path / "killed.nc"), quiet.results())
     assert all(load(task.result) for task in quiet.tasks)
@@ -411,8 +411,8 @@ def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(case, qui
 
 def test_a_run_that_ends_its_process_fails_alone_and_says_how() -> None:
     found = dict(filter(None, pool(quick_tasks("a", "ends", "b", path="ends"), 1, 1)))
-    told = {task.key: message for task, message in found.items()}
-    assert told == {
+    messages = {task.key: message for task, message in found.items()}
+    assert messages == {
         "a": None,
         "b": None,
         "ends": "its process ended with status 7 and without a result, 3 times",
@@ -421,11 +421,11 @@ def test_a_run_that_ends_its_process_fails_alone_and_says_how() -> None:
 
 def test_a_cluster_without_workers_is_waited_for_and_said() -> None:
     """Like a study with all its jobs ended at their time limit."""
-    said: list[str] = []
+    messages: list[str] = []
     with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address="127.0.0.1:0") as cluster:
         place = ClusterSection(scheduler=cluster.scheduler_address)
         ended, looks = [], 0
-        for one in dask(quick_tasks("a", "b"), place, 1, 1, said.append):
+        for one in dask(quick_tasks("a", "b"), place, 1, 1, messages.append):
             looks += one is None
             assert looks < 30  # seconds
             if one is None and looks > 2:
@@ -433,7 +433,7 @@ def test_a_cluster_without_workers_is_waited_for_and_said() -> None:
             elif one is not None:
                 ended.append((one[0].key, one[1]))
     assert sorted(ended) == [("a", None), ("b", None)]
-    assert said[1:] == ["the cluster has no worker: waiting for one"]
+    assert messages[1:] == ["the cluster has no worker: waiting for one"]
 
 
 def test_the_template_is_a_study(tmp_path, capsys, monkeypatch):
@@ -473,16 +473,16 @@ def test_damaged_results_are_named_and_run_again(case, tmp_path, capsys):
     assert "done already           1 of 4" in shown
     assert shown.count("to be run again") == 3
     study = ifrdem.Study(case, vary=[VARY], seeds=2, output=tmp_path / "s.nc")
-    with pytest.warns(DamageWarning, match="creates it again") as told:
+    with pytest.warns(DamageWarning, match="creates it again") as caught:
         partly = study.results()
-    assert len(told) == 3
+    assert len(caught) == 3
     assert np.isnan(partly.values("temperature")[..., -1]).sum() == 3
     assert sum("not a complete result" in text for text in partly.values("failure").ravel()) == 3
     assert cli.main(words) == 0
-    told_again = capsys.readouterr().err
-    assert told_again.count("run again: e_n = ") == 3
+    printed_again = capsys.readouterr().err
+    assert printed_again.count("run again: e_n = ") == 3
     for each in (empty, cut, flipped):
-        assert f"{each} is not a complete result of a study" in told_again
+        assert f"{each} is not a complete result of a study" in printed_again
     assert same(Results.read(tmp_path / "s.nc"), whole)
 
 

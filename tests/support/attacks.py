@@ -79,7 +79,7 @@ def alone(act: Callable[[], object], seconds: int = PATIENCE) -> str:
     reading_end, writing_end = os.pipe()
     process = os.fork()
     if not process:
-        told = ""
+        failure = ""
         try:
             os.close(reading_end)
             nowhere = os.open(os.devnull, os.O_RDWR)
@@ -95,12 +95,12 @@ def alone(act: Callable[[], object], seconds: int = PATIENCE) -> str:
         except InputError:
             pass
         except BaseException:
-            told = traceback.format_exc()
-        os.write(writing_end, told.encode(errors="replace")[-4000:])
+            failure = traceback.format_exc()
+        os.write(writing_end, failure.encode(errors="replace")[-4000:])
         os._exit(0)
     os.close(writing_end)
-    with open(reading_end, "rb") as told_by:
-        text = told_by.read().decode(errors="replace")
+    with open(reading_end, "rb") as reader:
+        text = reader.read().decode(errors="replace")
     status = os.waitpid(process, 0)[1]
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
@@ -547,8 +547,8 @@ def made_once(folder: Path, names: tuple[str, ...]) -> dict[str, bytes]:
                 **{name: done.values(name) for name in ("temperature", "dissipated_by_mechanism")},
             )
 
-        if told := alone(whole, 600):
-            raise RuntimeError(told)
+        if failure := alone(whole, 600):
+            raise RuntimeError(failure)
         found["study"] = (folder / "study.npz").read_bytes()
     return found
 
@@ -558,8 +558,8 @@ def attack(name: str, seeds: range, made: Mapping[str, bytes]) -> Iterator[str]:
     for seed in seeds:
         with tempfile.TemporaryDirectory() as folder:
             chance = random.Random(f"{name} {seed}")
-            if told := alone(lambda: ATTACKS[name](Path(folder), made, chance)):  # noqa: B023 (called at once)
-                yield f"{name} {seed}: {told}"
+            if failure := alone(lambda: ATTACKS[name](Path(folder), made, chance)):  # noqa: B023 (called at once)
+                yield f"{name} {seed}: {failure}"
 
 
 def attacks(

@@ -111,12 +111,12 @@ class Lines:
         self.folder, self.found = folder, {}
 
     def pytest_runtest_protocol(self, item: Any, nextitem: Any) -> None:
-        seen = self.found[item.nodeid] = set()
+        observed = self.found[item.nodeid] = set()
 
         def trace(frame: Any, event: str, _: object) -> Any:
             name = frame.f_code.co_filename
             if name.startswith(self.folder):
-                seen.add(f"{name}:{frame.f_lineno}")
+                observed.add(f"{name}:{frame.f_lineno}")
                 return trace
 
         sys.settrace(trace)
@@ -132,7 +132,7 @@ def run(tests: list[str], seconds: float, lines: Path | None = None) -> tuple[bo
         failed = pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], [plugin] if lines else [])
         sys.settrace(None)
         if lines:
-            lines.write_text(json.dumps({name: sorted(seen) for name, seen in plugin.found.items()}))
+            lines.write_text(json.dumps({name: sorted(observed) for name, observed in plugin.found.items()}))
         os._exit(int(failed))
     _, status, used = os.wait4(child, 0)
     return status == 0, used.ru_utime + used.ru_stime

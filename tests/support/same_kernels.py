@@ -273,8 +273,8 @@ def main() -> None:
     }
     for threads in (1, 2) if given.device == "cpu" else (1,):
         runs[f"dsmc, {threads} threads"] = lambda threads=threads: dsmc(given.device, threads)
-    begun = compiled()
-    before = begun
+    at_start = compiled()
+    before = at_start
     for name, run in runs.items():
         if not given.gases or name in given.gases:
             found = run()
@@ -283,11 +283,11 @@ def main() -> None:
             before = compiled()
     if given.ranks:
         script = Path(__file__).parent / "ranks" / "gases.py"
-        told = mpi.on(2, sys.executable, script, *RANK_GASES, timeout=600.0)
-        for line in told.stdout.splitlines() or [told.stderr]:
+        printed = mpi.on(2, sys.executable, script, *RANK_GASES, timeout=600.0)
+        for line in printed.stdout.splitlines() or [printed.stderr]:
             print(f"{hashlib.sha256(line.encode()).hexdigest()}  {line}", flush=True)
         print(f"{compiled() - before} compiled on ranks", flush=True)
-    print(f"{compiled() - begun} kernels compiled in all", flush=True)
+    print(f"{compiled() - at_start} kernels compiled in all", flush=True)
 
 
 if __name__ == "__main__":

@@ -98,7 +98,7 @@ def nearest_at_rest(wall: Wall, x: Array) -> tuple[Array, Array]:
         return np.array([out for out, _ in sides])[first, steps], np.array([d for _, d in sides])[
             first, steps
         ]
-    d = x - np.array(wall.place)
+    d = x - np.array(wall.origin)
     if wall.shape == "arc":
         low, high = wall.angles
         middle, half = 0.5 * (low + high), 0.5 * (high - low)

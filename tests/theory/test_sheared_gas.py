@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ifrdem import theory
 from ifrdem.errors import InputError, TheoryWarning
 from ifrdem.model.coin_table import coins
-from ifrdem.model.ifr import IFRLaw, collide
+from ifrdem.model.collision import collide
+from ifrdem.model.ifr import IFRLaw
 from ifrdem.theory.collisions import Collider, energy_changes
 from ifrdem.theory.sheared_gas import collisional_changes, relaxation, sheared, steady_state
 
@@ -147,7 +148,7 @@ def test_a_dense_sheared_gas_is_that_of_enskog_s_equation(law: IFRLaw, theta_off
     velocity -= velocity.mean(axis=0)  # which the flow would shear
     spin = rng.normal(size=n) * math.sqrt(8.0 * T_rot)
     often = 8.0 * phi * theory.contact_value(phi)
-    dt, seen = 0.02 / (often * math.sqrt(T / math.pi)), []
+    dt, observed = 0.02 / (often * math.sqrt(T / math.pi)), []
     steps = round(20.0 / dt)
     for step in range(steps):
         velocity[:, 0] -= 0.5 * dt * velocity[:, 1]
@@ -164,8 +165,8 @@ def test_a_dense_sheared_gas_is_that_of_enskog_s_equation(law: IFRLaw, theta_off
         velocity[pair[hit]], spin[pair[hit]] = new, after.spin
         velocity[:, 0] -= 0.5 * dt * velocity[:, 1]
         if step > steps // 5:
-            seen.append((0.5 * np.mean(np.sum(velocity**2, axis=1)), np.mean(spin**2) / 8.0))
-    found, found_rot = np.mean(seen, axis=0)
+            observed.append((0.5 * np.mean(np.sum(velocity**2, axis=1)), np.mean(spin**2) / 8.0))
+    found, found_rot = np.mean(observed, axis=0)
     assert pytest.approx(found, rel=0.04) == T
     if theta_off is not None:
         assert T_rot / T == pytest.approx(found_rot / found, rel=theta_off)

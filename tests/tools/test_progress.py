@@ -192,17 +192,17 @@ def test_the_bar_counts_kernels_until_the_first_window(monkeypatch: pytest.Monke
     """Five that others had compiled before do not count."""
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(showing, "DELAY", 0.01)
-    told, out = threading.Event(), Terminal()
+    written, out = threading.Event(), Terminal()
     counts = iter([5, 5, 6])
 
     def kernels() -> int:
         count = next(counts, 8)
         if count == 8 and "compiling: 3 kernels" in out.getvalue():
-            told.set()
+            written.set()
         return count
 
     with Progress(100, t_end=1.0, stream=out, kernels=kernels, brief=True) as progress:
-        assert told.wait(30.0)
+        assert written.wait(30.0)
         progress(0.1, 10)
     assert "compiling: 1 kernel, 0 s" in out.getvalue()
 

@@ -21,17 +21,17 @@ def test_devices_and_pipes_are_refused_at_once(read, tmp_path: Path) -> None:
     """Reading a pipe without a writer would never end, and /dev/zero would fill the memory."""
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/zero")):
-        seen: list[str] = []
+        observed: list[str] = []
 
-        def refused(path: Path = path, seen: list[str] = seen) -> None:
+        def refused(path: Path = path, observed: list[str] = observed) -> None:
             with pytest.raises(InputError, match="is a device or pipe: must be a regular file") as caught:
                 read(path)
-            seen.append(str(caught.value))
+            observed.append(str(caught.value))
 
         thread = threading.Thread(target=refused, daemon=True)
         thread.start()
         thread.join(10.0)
-        assert seen
+        assert observed
 
 
 def test_a_file_may_be_as_large_as_the_limit_and_no_larger(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from support.layout_files import BOX, some_disks, some_state
 from support.trajectory_parts import TRACKED, row
-from test_writer_resume import N, begun, content, go_on
+from test_writer_resume import N, begin_file, content, go_on
 
 from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.trajectory.background import WAITING, AsyncWriter
@@ -38,7 +38,7 @@ class Gate(TrajectoryWriter):
 
 
 def test_a_queued_file_is_that_of_a_plain_writer(tmp_path):
-    begun(tmp_path / "plain.h5", 20)
+    begin_file(tmp_path / "plain.h5", 20)
     with AsyncWriter(TrajectoryWriter(tmp_path / "run.h5", some_disks(N), BOX)) as writer:
         writer.begin_histories(TRACKED, some_state(N, 0))
         go_on(writer, 0, 20)
@@ -145,7 +145,7 @@ def newest(path: Path) -> tuple[int, float, NDArray]:
 def test_a_file_can_be_read_while_the_queue_writes_it(tmp_path):
     """A reader sees only whole frames, and ever more of them."""
     path = tmp_path / "run.h5"
-    n, seen = 3000, []
+    n, observed = 3000, []
     with AsyncWriter(TrajectoryWriter(path, some_disks(n), BOX)) as writer:
         for frame in range(60):
             writer.write(some_state(n, frame))
@@ -155,9 +155,9 @@ def test_a_file_can_be_read_while_the_queue_writes_it(tmp_path):
                 last = some_state(n, frames - 1)
                 assert np.array_equal(velocity, last.velocity.astype(np.float32))
                 assert when == last.time
-                seen.append(frames)
-    assert seen == sorted(seen)
-    assert seen[-1] > seen[0]
+                observed.append(frames)
+    assert observed == sorted(observed)
+    assert observed[-1] > observed[0]
     with h5py.File(path) as file:
         assert len(file["timeseries/step"]) == 60
 

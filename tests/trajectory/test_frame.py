@@ -105,17 +105,17 @@ def test_data_sets_of_xarray_are_lazy_and_equal_the_frames(tmp_path, monkeypatch
         read = damage.read
         selections = []
 
-        def seen(dataset, selection=()):
+        def observed(dataset, selection=()):
             selections.append(selection)
             return read(dataset, selection)
 
-        monkeypatch.setattr(damage, "read", seen)
+        monkeypatch.setattr(damage, "read", observed)
         part = data.position.isel(time=[0, 2], disk=slice(1, 4), axis=1)
         assert not selections
         monkeypatch.setattr(damage, "read", read)
         expected = [trajectory[i].position[1:4, 1] for i in (0, 2)]
         assert np.array_equal(part.values, expected)
-        monkeypatch.setattr(damage, "read", seen)
+        monkeypatch.setattr(damage, "read", observed)
         _ = data.velocity.isel(time=3).values
         assert [each[0] for each in selections] == [3]  # one frame is read, and no other
         monkeypatch.undo()

@@ -278,11 +278,11 @@ DAMAGED = {
     **{
         f"walls {text[:40]}": linked("parameters/walls", lambda _, text=text: text)
         for text in (
-            "3", "{}x", '[{"shape": "line"}]', "[[]]", '[{"shape": {}, "place": [0, 0], "motion": {}}]', "[" * 100_000,
-            '[{"shape": "post", "place": ["a", 0], "motion": {}}]',
-            '[{"shape": "post", "place": [1, 1], "radius": "NaN", "motion": {}}]',
-            '[{"shape": "post", "place": [1, 1], "radius": 1, "material": 0.5, "motion": {}}]',
-            '[{"shape": "post", "place": [1, 1], "radius": 1, "motion": {"kind": []}}]',
+            "3", "{}x", '[{"shape": "line"}]', "[[]]", '[{"shape": {}, "origin": [0, 0], "motion": {}}]', "[" * 100_000,
+            '[{"shape": "post", "origin": ["a", 0], "motion": {}}]',
+            '[{"shape": "post", "origin": [1, 1], "radius": "NaN", "motion": {}}]',
+            '[{"shape": "post", "origin": [1, 1], "radius": 1, "material": 0.5, "motion": {}}]',
+            '[{"shape": "post", "origin": [1, 1], "radius": 1, "motion": {"kind": []}}]',
         )
     },
     "parameters that are a dataset": replaced("parameters", 3.0),

@@ -60,7 +60,7 @@ for line in sys.stdin:
 """
 
 
-def write(path: str, told: str, compression: str, how: str, n: int, limit: int) -> None:
+def write(path: str, log: str, compression: str, how: str, n: int, limit: int) -> None:
     """Write until something ends it; how: plain, or queued to a thread."""
     if limit:
         import resource
@@ -69,10 +69,10 @@ def write(path: str, told: str, compression: str, how: str, n: int, limit: int) 
             signal.SIGXFSZ, signal.SIG_IGN
         )  # a write beyond the limit is an error then, not a death
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-    voice = os.open(told, os.O_CREAT | os.O_WRONLY | os.O_APPEND)
+    voice = os.open(log, os.O_CREAT | os.O_WRONLY | os.O_APPEND)
     plain = TrajectoryWriter(path, some_disks(n), BOX, compression=compression)
     writer = plain if how == "plain" else AsyncWriter(plain)
-    said = {"f": 0, "s": 0, "e": 0}
+    printed = {"f": 0, "s": 0, "e": 0}
     try:
         writer.begin_histories(TRACKED, some_state(n, 0))
         for number in range(WRITTEN):
@@ -87,8 +87,8 @@ def write(path: str, told: str, compression: str, how: str, n: int, limit: int) 
                     ("s", writer.series_rows),
                     ("e", writer.events // 50),
                 ):
-                    os.write(voice, letter.encode() * (now - said[letter]))
-                    said[letter] = now
+                    os.write(voice, letter.encode() * (now - printed[letter]))
+                    printed[letter] = now
     except TrajectoryError as error:
         os.write(voice, f"!{error}".encode())
     writer.close()
@@ -106,12 +106,12 @@ def forks() -> Iterator[subprocess.Popen[str]]:
         process.stdin.close()
 
 
-def started(forks: subprocess.Popen[str], path: Path, told: Path, **options) -> int:
+def started(forks: subprocess.Popen[str], path: Path, log: Path, **options) -> int:
     """Fork a writer; returns its process id."""
     assert forks.stdin is not None
     assert forks.stdout is not None
     given = {"compression": "none", "how": "plain", "n": N, "limit": 0, **options}
-    forks.stdin.write(json.dumps({"path": str(path), "told": str(told), **given}) + "\n")
+    forks.stdin.write(json.dumps({"path": str(path), "log": str(log), **given}) + "\n")
     forks.stdin.flush()
     return int(forks.stdout.readline())
 
@@ -121,14 +121,14 @@ def gone(forks: subprocess.Popen[str]) -> None:
     assert forks.stdout.readline() == "gone\n"
 
 
-def assert_whole(path: Path, n: int, told: str) -> tuple[int, int, int]:
+def assert_whole(path: Path, n: int, log: str) -> tuple[int, int, int]:
     """All that has a commit is as its number says, and all that was reported is there; returns how much."""
     with Trajectory(path):
         pass  # it is a whole trajectory file
     with h5py.File(path, "r") as file:
         particles = file["particles/all"]
         frames = len(particles["position/step"])
-        assert frames >= told.count("f")
+        assert frames >= log.count("f")
         for i in range(frames):
             state = some_state(n, i)
             assert particles["position/time"][i] == state.time
@@ -139,7 +139,7 @@ def assert_whole(path: Path, n: int, told: str) -> tuple[int, int, int]:
         if frames:
             assert np.array_equal(file["observables/energy/value"][:frames], 0.5 * np.arange(frames))
         rows = len(file["timeseries/step"]) if "timeseries" in file else 0
-        assert rows >= told.count("s")
+        assert rows >= log.count("s")
         for name, first in row(0).items() if rows else ():
             stored = file[f"timeseries/{name}/value"][:rows]
             assert np.array_equal(
@@ -154,14 +154,14 @@ def assert_whole(path: Path, n: int, told: str) -> tuple[int, int, int]:
             for name in EVENT_COLUMNS if batches else ():
                 given = np.concatenate([each[name] for each in events])
                 assert np.array_equal(file[f"histories/events/{name}"][: len(given)], given)
-        assert batches >= told.count("e")
+        assert batches >= log.count("e")
     return frames, rows, batches
 
 
-def go_on(path: Path, n: int, compression: str, seen: tuple[int, int, int]) -> None:
+def go_on(path: Path, n: int, compression: str, counted: tuple[int, int, int]) -> None:
     """The file can be gone on with, from a checkpoint before its end, to one of everything more."""
-    frames, rows, batches = seen
-    back = [max(0, each - 1) for each in seen]
+    frames, rows, batches = counted
+    back = [max(0, each - 1) for each in counted]
     with TrajectoryWriter.resume(
         path,
         some_disks(n),
@@ -184,24 +184,24 @@ def go_on(path: Path, n: int, compression: str, seen: tuple[int, int, int]) -> N
 def test_writers_killed_at_sixty_moments_leave_all_they_had_committed(tmp_path, forks):
     committed = []
     for moment in range(MOMENTS):
-        path, told = tmp_path / f"{moment}.h5", tmp_path / f"{moment}.told"
+        path, log = tmp_path / f"{moment}.h5", tmp_path / f"{moment}.log"
         compression, how = ("none", "gzip", "zstd")[moment % 3], ("plain", "queued")[moment % 2]
         n = (40, N)[moment % 5 != 0]
-        pid = started(forks, path, told, compression=compression, how=how, n=n)
+        pid = started(forks, path, log, compression=compression, how=how, n=n)
         # So many letters on, and a little more: a slow machine is killed no earlier than a fast one.
         rng = np.random.default_rng(moment)
         letters = int(rng.integers(0, 13))
-        while not path.exists() or (told.stat().st_size if told.exists() else 0) < letters:
+        while not path.exists() or (log.stat().st_size if log.exists() else 0) < letters:
             time.sleep(0.0005)
         time.sleep(rng.uniform(0.0, 0.01))
         os.kill(pid, signal.SIGKILL)
         gone(forks)
-        text = told.read_text() if told.exists() else ""
-        seen = assert_whole(path, n, text)
+        text = log.read_text() if log.exists() else ""
+        counted = assert_whole(path, n, text)
         with h5py.File(path, "r+") as file:
-            assert len(file["particles/all/position/step"]) == seen[0]
-        go_on(path, n, compression, seen)
-        committed.append(seen[0])
+            assert len(file["particles/all/position/step"]) == counted[0]
+        go_on(path, n, compression, counted)
+        committed.append(counted[0])
         path.unlink()
     assert committed.count(0) < MOMENTS // 4  # the moments are not all before the first frame
     assert len(set(committed)) > 4
@@ -210,15 +210,15 @@ def test_writers_killed_at_sixty_moments_leave_all_they_had_committed(tmp_path, 
 @pytest.mark.parametrize("how", ["plain", "queued"])
 def test_a_limit_on_the_file_leaves_all_that_was_committed(tmp_path, forks, how):
     """A limit on the size of files fails writes as a full disk does."""
-    path, told = tmp_path / "run.h5", tmp_path / "told"
-    started(forks, path, told, how=how, limit=8_000_000)
+    path, log = tmp_path / "run.h5", tmp_path / "log"
+    started(forks, path, log, how=how, limit=8_000_000)
     gone(forks)
-    text, _, error = told.read_text().partition("!")
+    text, _, error = log.read_text().partition("!")
     assert "could not be written (File too large); the " in error
     assert "before it are kept" in error
-    seen = assert_whole(path, N, text)
-    assert seen[0] > 3
-    go_on(path, N, "none", seen)
+    counted = assert_whole(path, N, text)
+    assert counted[0] > 3
+    go_on(path, N, "none", counted)
 
 
 @pytest.fixture
@@ -242,15 +242,15 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 @pytest.mark.parametrize("how", ["plain", "queued"])
 @pytest.mark.parametrize("compression", ["none", "gzip"])
 def test_a_full_disk_leaves_all_that_was_committed(tmp_path, small_disk, forks, how, compression):
-    path, told = small_disk / "run.h5", tmp_path / "told"
-    started(forks, path, told, how=how, compression=compression)
+    path, log = small_disk / "run.h5", tmp_path / "log"
+    started(forks, path, log, how=how, compression=compression)
     gone(forks)
-    text, _, error = told.read_text().partition("!")
+    text, _, error = log.read_text().partition("!")
     assert "could not be written (No space left on device); the " in error
-    seen = assert_whole(path, N, text)
-    assert seen[0] > 3
+    counted = assert_whole(path, N, text)
+    assert counted[0] > 3
     shutil.copy(path, tmp_path / "run.h5")
-    go_on(tmp_path / "run.h5", N, compression, seen)
+    go_on(tmp_path / "run.h5", N, compression, counted)
 
 
 @pytest.mark.parametrize("queued", [False, True])

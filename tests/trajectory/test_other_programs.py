@@ -107,10 +107,10 @@ def test_mdanalysis_finds_the_neighbours(run):
 
 def test_a_universe_warns_of_walls_next_to_a_periodic_side(run):
     path, box = run
-    with Trajectory(path) as trajectory, warnings.catch_warnings(record=True) as told:
+    with Trajectory(path) as trajectory, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         trajectory.universe()
-    texts = [str(one.message) for one in told if str(one.message).startswith(str(path))]
+    texts = [str(one.message) for one in caught if str(one.message).startswith(str(path))]
     if box.periodic[0] == box.periodic[1]:
         assert texts == []
     else:

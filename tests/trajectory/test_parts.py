@@ -25,7 +25,7 @@ from ifrdem.errors import DamageError, DamageWarning, InputError, TrajectoryErro
 from ifrdem.model.state import Disks, State
 from ifrdem.mpi import SERIAL
 from ifrdem.runs.info import describe
-from ifrdem.trajectory import parts as parted
+from ifrdem.trajectory import parts as part_files
 from ifrdem.trajectory.parts_writer import PartsWriter
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.views import write_views
@@ -66,9 +66,9 @@ def resume(
     path: Path, frames: int, n: int = N, disks: Disks | None = None, plain: bool = False, **options
 ) -> PartsWriter:
     """Resume from a checkpoint after so many frames, rows and batches of events; `plain` had frames only."""
-    seen = {} if plain else {"series_rows": frames, "events": 50 * frames}
+    written = {} if plain else {"series_rows": frames, "events": 50 * frames}
     disks = some_disks(n) if disks is None else disks
-    head = TrajectoryWriter.resume(path, disks, BOX, frames=frames, **seen, **options)
+    head = TrajectoryWriter.resume(path, disks, BOX, frames=frames, **written, **options)
     try:
         return PartsWriter.resume(head, disks, BOX, frames=frames, **options)
     except BaseException:
@@ -138,13 +138,13 @@ def test_our_readers_see_the_same_as_in_one_file(tmp_path, made):
         assert np.array_equal(parts[2].position, held[2])
         assert np.array_equal(parts.history(TRACKED[0])["psi"], one.history(TRACKED[0])["psi"])
         assert np.array_equal(parts.observables["energy"], one.observables["energy"])
-    told = describe(made)
-    assert "4 parts" in told
-    assert "run.parts/0002.h5: disks 20 to 29" in told
-    assert "packing fraction" in told
-    told = describe(part(made, 2))
-    assert "disks 20 to 29" in told
-    assert "packing fraction" not in told  # that of the gas is not known there
+    printed = describe(made)
+    assert "4 parts" in printed
+    assert "run.parts/0002.h5: disks 20 to 29" in printed
+    assert "packing fraction" in printed
+    printed = describe(part(made, 2))
+    assert "disks 20 to 29" in printed
+    assert "packing fraction" not in printed  # that of the gas is not known there
 
 
 def test_parts_of_any_selection_are_read(made):
@@ -236,7 +236,7 @@ def test_export_puts_the_parts_together(tmp_path, made, capsys):
         assert [frame.time for frame in trajectory] == [some_state(N, i).time for i in (1, 4)]
     main(["export", str(part(made, 2)), "--to", "h5", "-o", str(tmp_path / "part.h5")])
     with h5py.File(tmp_path / "part.h5") as file:
-        assert parted.PART not in file  # it is a plain file now
+        assert part_files.PART not in file  # it is a plain file now
 
 
 # --- what is missing
@@ -270,43 +270,43 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("said", WRONG)
-def test_readers_and_repair_name_a_part_that_is_missing_or_changed(made, said, capsys):
-    WRONG[said](made, 2)
-    short = "short" in said
+@pytest.mark.parametrize("message", WRONG)
+def test_readers_and_repair_name_a_part_that_is_missing_or_changed(made, message, capsys):
+    WRONG[message](made, 2)
+    short = "short" in message
     for read in (Trajectory, describe) if short else (lambda path: Trajectory(path)[2].position,):
         with pytest.raises(DamageError) as caught, warnings.catch_warnings(action="ignore"):
             read(made)
         assert "run.parts/0002.h5 (disks 20 to 29)" in str(caught.value)
-        assert said in str(caught.value)
+        assert message in str(caught.value)
         assert "0001.h5" not in str(caught.value)
     assert main(["repair", str(made)]) == (0 if short else 2)
-    told = capsys.readouterr()
-    assert "run.parts/0002.h5 (disks 20 to 29)" in told.out
-    assert said in told.out
+    printed = capsys.readouterr()
+    assert "run.parts/0002.h5 (disks 20 to 29)" in printed.out
+    assert message in printed.out
     if short:  # what all parts have is kept
-        assert "3 of 5 frames are kept" in told.out
+        assert "3 of 5 frames are kept" in printed.out
         with Trajectory(made.with_name("run.repaired.h5")) as trajectory:
             assert trajectory.parts is None
             assert len(trajectory) == 3
             assert np.array_equal(trajectory[2].position, some_state(N, 2).position.astype("f4"))
     else:
-        assert "1 of its 4 parts cannot be used" in told.err
+        assert "1 of its 4 parts cannot be used" in printed.err
         assert not made.with_name("run.repaired.h5").exists()
 
 
 @pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize("said", [each for each in WRONG if "short" not in each])
-def test_what_does_not_need_a_missing_part_can_be_read(made, said, capsys, tmp_path):
+@pytest.mark.parametrize("message", [each for each in WRONG if "short" not in each])
+def test_what_does_not_need_a_missing_part_can_be_read(made, message, capsys, tmp_path):
     with Trajectory(made) as whole:
         series, radius = whole.series["energy"], whole.constants("radius")
         positions = [frame.position for frame in whole]
-    WRONG[said](made, 2)
-    with pytest.warns(DamageWarning) as told:
+    WRONG[message](made, 2)
+    with pytest.warns(DamageWarning) as printed:
         trajectory = Trajectory(made)
-    (warning,) = (str(each.message) for each in told)
-    assert f"run.parts/0002.h5 (disks 20 to 29) {'is missing' if said == 'is missing' else ''}" in warning
-    assert said in warning
+    (warning,) = (str(each.message) for each in printed)
+    assert f"run.parts/0002.h5 (disks 20 to 29) {'is missing' if message == 'is missing' else ''}" in warning
+    assert message in warning
     assert "cannot be read, all else can" in warning
     assert (trajectory.n, len(trajectory), trajectory.missing) == (N, 5, (2,))
     assert "41 disks, 5 frames" in repr(trajectory)
@@ -358,9 +358,9 @@ def test_repair_names_every_part_that_is_wrong(made, capsys):
     shorten(made, 1)
     part(made, 3).unlink()
     assert main(["repair", str(made)]) == 2
-    told = capsys.readouterr()
-    assert [f"{number:04d}.h5" in told.out for number in range(4)] == [True, True, False, True]
-    assert "2 of its 4 parts cannot be used" in told.err
+    printed = capsys.readouterr()
+    assert [f"{number:04d}.h5" in printed.out for number in range(4)] == [True, True, False, True]
+    assert "2 of its 4 parts cannot be used" in printed.err
 
 
 def test_repair_keeps_no_frame_that_a_part_does_not_count(made, capsys):
@@ -505,14 +505,14 @@ def test_the_slowest_rank_decides(tmp_path):
 
 
 @pytest.mark.parametrize("options", [{}, SOME])
-@pytest.mark.parametrize("seen", [0, 2, 5])
-def test_a_resumed_trajectory_is_that_of_an_uninterrupted_run(tmp_path, seen, options):
+@pytest.mark.parametrize("written", [0, 2, 5])
+def test_a_resumed_trajectory_is_that_of_an_uninterrupted_run(tmp_path, written, options):
     write_parts(tmp_path / "whole.h5", 3, 9, **options)
     write_parts(tmp_path / "run.h5", 3, 5, **options)
-    with resume(tmp_path / "run.h5", seen, **options) as writer:
+    with resume(tmp_path / "run.h5", written, **options) as writer:
         assert len(writer) == 5
         writer.begin_histories(TRACKED, some_state(N, 0))
-        go_on(writer, seen, 9)
+        go_on(writer, written, 9)
         writer.flush()
         assert len(writer) == 9
         assert writer.written_counts == {"frames": 9, "series_rows": 9, "events": 450}
@@ -549,7 +549,7 @@ def test_what_is_there_is_replaced_only_by_force(made, tmp_path):
     (tmp_path / "kept.h5").rename(made)
     assert content(made) == before
     write_parts(made, 2, 3, force=True)
-    assert [each.name for each in parted.existing(made)] == ["0000.h5", "0001.h5"]
+    assert [each.name for each in part_files.existing(made)] == ["0000.h5", "0001.h5"]
     with Trajectory(made) as trajectory:
         assert len(trajectory) == 3
 
@@ -621,9 +621,9 @@ def test_a_killed_writer_leaves_frames_that_are_whole_in_all_parts(tmp_path):
                 lengths.append(len(trajectory))
                 for index, frame in enumerate(trajectory):
                     assert np.array_equal(frame.position, many(index).position.astype("f4"))
-            seen = max(lengths[-1] - 1, 0)
-            with resume(path, seen, MANY, plain=True) as again:
-                go_on_frames(again, seen, lengths[-1] + 3)
+            written = max(lengths[-1] - 1, 0)
+            with resume(path, written, MANY, plain=True) as again:
+                go_on_frames(again, written, lengths[-1] + 3)
                 again.flush()
             with Trajectory(path) as trajectory:
                 assert len(trajectory) >= lengths[-1] + 3  # parts may have had more

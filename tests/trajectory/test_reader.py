@@ -95,9 +95,9 @@ REFUSED = {
 def test_what_does_not_fit_is_refused_by_name_and_not_called_damage(tmp_path, case):
     act, says = REFUSED[case]
     write(tmp_path / "run.h5")
-    with Trajectory(tmp_path / "run.h5") as trajectory, pytest.raises(InputError, match=says) as told:
+    with Trajectory(tmp_path / "run.h5") as trajectory, pytest.raises(InputError, match=says) as raised:
         act(trajectory)
-    assert not isinstance(told.value, DamageError)
+    assert not isinstance(raised.value, DamageError)
 
 
 def test_what_is_not_committed_is_not_read(tmp_path):
@@ -422,8 +422,21 @@ def test_a_newer_layout_that_cannot_be_read_is_no_damage(tmp_path):
         file["h5md/modules/ifrdem"].attrs["version"] = [1, 99]
     Trajectory(path).close()  # what is there can be read
     with h5py.File(path, "r+") as file:
-        file["parameters/walls"] = '[{"shape": "spiral", "place": [0, 0], "motion": {}}]'
+        file["parameters/walls"] = '[{"shape": "spiral", "origin": [0, 0], "motion": {}}]'
     with pytest.raises(InputError, match=r"written by a newer ifrdem: its layout is 1\.99") as found:
+        Trajectory(path)
+    assert not isinstance(found.value, DamageError)
+
+
+def test_walls_of_an_older_layout_are_refused(tmp_path):
+    path = tmp_path / "run.h5"
+    write(path)
+    with h5py.File(path, "r+") as file:
+        file["h5md/modules/ifrdem"].attrs["version"] = [1, 4]
+    Trajectory(path).close()  # without walls it can be read
+    with h5py.File(path, "r+") as file:
+        file["parameters/walls"] = '[{"shape": "post", "place": [1.0, 1.0], "radius": 0.5}]'
+    with pytest.raises(InputError, match=r"has layout 1\.4: walls can be read from layout 1\.5 on") as found:
         Trajectory(path)
     assert not isinstance(found.value, DamageError)
 

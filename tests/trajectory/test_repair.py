@@ -230,9 +230,9 @@ def test_a_file_repaired_in_place_keeps_the_given_name(tmp_path, capsys, monkeyp
     write(Path("run.h5"), n=N, frames=4, compression="gzip", fields=FIELDS)
     flip(Path("run.h5"), "particles/all/velocity/value_2d", 2)
     assert main(["repair", "run.h5", "--in-place"]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[0] == "run.h5:"
-    assert told[-2:] == ["wrote run.h5", "wrote run.vtkhdf, run.nc"]
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0] == "run.h5:"
+    assert printed[-2:] == ["wrote run.h5", "wrote run.vtkhdf, run.nc"]
 
 
 def test_the_command_writes_a_new_file_or_in_place_and_renews_views(tmp_path, capsys):

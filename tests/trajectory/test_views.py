@@ -183,12 +183,14 @@ def test_ovito_reads_every_frame(run):
         disks = trajectory.disks
     for i in (*range(FRAMES), 1):  # and back again
         data = pipeline.compute(i)
-        seen = data.particles
-        assert np.array_equal(seen["Position"], stored("position", i, dtype))
-        assert np.array_equal(seen["Velocity"], stored("velocity", i, dtype))
-        assert np.array_equal(seen["collisions"], stored("collisions", i, dtype))
-        assert np.array_equal(seen["Radius"], disks.radius.astype(np.float32))  # OVITO holds radii in single
-        assert np.array_equal(seen["Mass"], disks.mass)
+        observed = data.particles
+        assert np.array_equal(observed["Position"], stored("position", i, dtype))
+        assert np.array_equal(observed["Velocity"], stored("velocity", i, dtype))
+        assert np.array_equal(observed["collisions"], stored("collisions", i, dtype))
+        assert np.array_equal(
+            observed["Radius"], disks.radius.astype(np.float32)
+        )  # OVITO holds radii in single
+        assert np.array_equal(observed["Mass"], disks.mass)
         assert data.attributes["time"] == 0.1 * i
         assert data.cell.pbc == (True, True, True)
         assert np.allclose(np.diag(data.cell[:2, :2]), BOX.lengths)

@@ -62,7 +62,7 @@ def test_a_file_without_series_and_histories_has_no_groups_for_them(tmp_path):
         writer.write(some_state(3, 0))
     with h5py.File(path) as file:
         assert set(file) == {"h5md", "observables", "parameters", "particles"}
-        assert list(file["h5md/modules/ifrdem"].attrs["version"]) == [1, 4]
+        assert list(file["h5md/modules/ifrdem"].attrs["version"]) == [1, 5]
 
 
 def test_series_rows_that_do_not_fit_are_refused_and_the_file_unchanged(tmp_path):
@@ -311,7 +311,7 @@ def test_files_of_layout_1_0_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("time", "values", "said"),
+    ("time", "values", "message"),
     [
         ("a", {"energy": 1.0}, "time = a: must be a finite time"),
         (None, {"energy": 1.0}, "time = None: must be a finite time"),
@@ -320,10 +320,10 @@ def test_files_of_layout_1_0_are_read(tmp_path):
         (0.5, {"energy": "b"}, "series energy = 'b': must be a number or numbers"),
     ],
 )
-def test_invalid_rows_are_refused_and_the_file_stays_usable(tmp_path, time, values, said):
+def test_invalid_rows_are_refused_and_the_file_stays_usable(tmp_path, time, values, message):
     with TrajectoryWriter(tmp_path / "a.h5", Disks(2, 1.0, 0.1), Box((3.0, 3.0))) as writer:
         writer.write_series(0.0, {"energy": 1.0})
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             writer.write_series(time, values)
         with pytest.raises(InputError):
             writer.write_histories({}, time)

@@ -33,14 +33,14 @@ def go_on(writer: TrajectoryWriter, first: int, end: int) -> None:
         writer.write_histories(*batch(number))
 
 
-def begun(path: Path, end: int, **options) -> None:
+def begin_file(path: Path, end: int, **options) -> None:
     with TrajectoryWriter(path, some_disks(N), BOX, **options) as writer:
         writer.begin_histories(TRACKED, some_state(N, 0))
         go_on(writer, 0, end)
 
 
-def resume(path: Path, seen: int, **options) -> TrajectoryWriter:
-    options = {"frames": seen, "series_rows": seen, "events": 50 * seen, **options}
+def resume(path: Path, written: int, **options) -> TrajectoryWriter:
+    options = {"frames": written, "series_rows": written, "events": 50 * written, **options}
     return TrajectoryWriter.resume(path, some_disks(N), BOX, **options)
 
 
@@ -58,16 +58,16 @@ def content(path: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("options", [{}, {"compression": "gzip", "precision": "f8", "fields": FIELDS}])
-@pytest.mark.parametrize("seen", [0, 2, 5])
-def test_a_resumed_file_is_that_of_an_uninterrupted_run(tmp_path, seen, options):
+@pytest.mark.parametrize("written", [0, 2, 5])
+def test_a_resumed_file_is_that_of_an_uninterrupted_run(tmp_path, written, options):
     """Five frames were committed; the checkpoint was made after 0, 2 or all of them; the run continues to nine."""
-    begun(tmp_path / "whole.h5", 9, **options)
-    begun(tmp_path / "run.h5", 5, **options)
-    with resume(tmp_path / "run.h5", seen, **options) as writer:
+    begin_file(tmp_path / "whole.h5", 9, **options)
+    begin_file(tmp_path / "run.h5", 5, **options)
+    with resume(tmp_path / "run.h5", written, **options) as writer:
         assert len(writer) == 5
-        assert writer.written_counts == {"frames": seen, "series_rows": seen, "events": 50 * seen}
+        assert writer.written_counts == {"frames": written, "series_rows": written, "events": 50 * written}
         writer.begin_histories(TRACKED, some_state(N, 0))  # as it began: registered, not created again
-        go_on(writer, seen, 9)
+        go_on(writer, written, 9)
         assert (len(writer), writer.series_rows, writer.events) == (9, 9, 450)
         assert writer.written_counts == {"frames": 9, "series_rows": 9, "events": 450}
     assert content(tmp_path / "run.h5") == content(tmp_path / "whole.h5")
@@ -75,7 +75,7 @@ def test_a_resumed_file_is_that_of_an_uninterrupted_run(tmp_path, seen, options)
 
 def test_a_resumed_run_may_end_before_it_has_caught_up(tmp_path):
     path = tmp_path / "run.h5"
-    begun(path, 5)
+    begin_file(path, 5)
     before = content(path)
     with resume(path, 1) as writer:
         go_on(writer, 1, 3)
@@ -89,7 +89,7 @@ def test_a_resumed_run_may_end_before_it_has_caught_up(tmp_path):
 def test_events_may_come_in_other_pieces_than_before(tmp_path):
     """A resumed run commits at other times: halves of batches first, then two at once across the end of the file."""
     path = tmp_path / "run.h5"
-    begun(path, 3)
+    begin_file(path, 3)
     pieces = [batch(number)[0] for number in range(2, 5)]
     events = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
     with resume(path, 2) as writer:
@@ -111,14 +111,14 @@ def test_a_missing_or_added_event_is_a_difference(tmp_path):
         ((fewer, r"event 80 of its histories, at t = 1\.\d+, is missing"), (more, r"is not in the file"))
     ):
         path = tmp_path / f"{number}.h5"
-        begun(path, 2)
+        begin_file(path, 2)
         with resume(path, 1) as writer, pytest.raises(TrajectoryError, match=reason):
             writer.write_histories(given, end)
 
 
 def test_a_difference_names_frame_field_disk_and_both_values(tmp_path):
     path = tmp_path / "run.h5"
-    begun(path, 5)
+    begin_file(path, 5)
     before = content(path)
     states = [some_state(N, 3) for _ in range(4)]
     states[0].velocity[7, 1] = 0.25
@@ -184,7 +184,7 @@ def test_a_zero_of_the_other_sign_is_a_difference(tmp_path):
 
 def test_what_a_kill_left_uncommitted_is_dropped(tmp_path):
     path = tmp_path / "run.h5"
-    begun(path, 3)
+    begin_file(path, 3)
     before = content(path)
     with h5py.File(path, "r+") as file:
         for name in (
@@ -223,7 +223,7 @@ def test_series_and_histories_that_were_only_created_are_created_again(tmp_path)
 def test_a_file_of_another_run_is_refused_and_kept(tmp_path):
     path = tmp_path / "run.h5"
     wall = Wall.line((0.0, 1.0), (0.0, 1.0))
-    begun(path, 2)
+    begin_file(path, 2)
     before = path.read_bytes()
     heavier = some_disks(N)
     mass = heavier.mass.copy()
@@ -257,18 +257,18 @@ def test_what_cannot_be_gone_on_with_is_refused(tmp_path):
     path.write_text("x" * 5000)
     with pytest.raises(InputError, match="cannot be appended to"):
         resume(path, 0)
-    begun(tmp_path / "old.h5", 1)
+    begin_file(tmp_path / "old.h5", 1)
     with h5py.File(tmp_path / "old.h5", "r+") as file:
         file["h5md/modules/ifrdem"].attrs["version"] = [1, 0]
     with pytest.raises(
-        InputError, match=re.escape("has layout 1.0: a run can be resumed only with files of layout 1.4")
+        InputError, match=re.escape("has layout 1.0: a run can be resumed only with files of layout 1.5")
     ):
         resume(tmp_path / "old.h5", 1)
 
 
 def test_one_writer_locks_out_another(tmp_path):
     path = tmp_path / "run.h5"
-    begun(path, 2)
+    begin_file(path, 2)
     child = (
         "import sys; sys.path[:0] = [sys.argv[1] + each for each in ('', '/tests', '/tests/trajectory')]\n"
         "from test_writer_resume import resume\n"

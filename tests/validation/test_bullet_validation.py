@@ -77,13 +77,13 @@ def test_collisions_and_wall_hits_are_counted_once_each(world, tolerance):
     """A disk, another at rest, a wall behind it: they meet, the second comes back, they meet again. Steps of 0.01."""
     disks, walls = Disks(2, mass=1.0, radius=1.0), [Wall.line((7.0, 0.0), (-1.0, 0.0))]
     start = State([[0.0, 0.0], [3.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
-    course = stepped.gas(
+    record = stepped.gas(
         world, disks, Surface(1.0, 0.3), walls, start, time_step=0.01, steps=[50, 200, 300, 500, 900]
     )
     # Met at 1, wall at 1 + 3, met again at x = 3 after 3 more.
-    assert course.collisions.tolist() == [0, 1, 1, 1, 2]
-    assert course.wall_collisions.tolist() == [0, 0, 0, 1, 1]
-    moving, turning = course.energy(disks)
+    assert record.collisions.tolist() == [0, 1, 1, 1, 2]
+    assert record.wall_collisions.tolist() == [0, 0, 0, 1, 1]
+    moving, turning = record.energy(disks)
     np.testing.assert_allclose(moving, 0.5, rtol=1e-6)
     np.testing.assert_allclose(turning, 0.0, atol=1e-10)
 

@@ -54,8 +54,8 @@ def test_a_triangle_of_touching_disks_has_its_slope_and_packing() -> None:
 def test_what_a_disk_covers_is_its_area() -> None:
     x, y, radius = np.array([heap.MIDDLE]), np.array([heap.BASE + 1.5]), np.array([0.6])
     assert heap.covered(x, y, radius) == pytest.approx(math.pi * 0.36 / 30.0, rel=0.01)
-    beside = np.array([heap.MIDDLE + heap.SIDE])  # half of it
-    assert heap.covered(beside, y, radius) == pytest.approx(math.pi * 0.18 / 30.0, rel=0.02)
+    side = np.array([heap.MIDDLE + heap.SIDE])  # half of it
+    assert heap.covered(side, y, radius) == pytest.approx(math.pi * 0.18 / 30.0, rel=0.02)
 
 
 def test_measured_pieces_of_both_codes_belong_to_the_same_speeds_and_starts() -> None:

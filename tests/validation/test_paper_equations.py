@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from ifrdem.model.coin_table import coins
-from ifrdem.model.ifr import IFRLaw, Regime, collide
+from ifrdem.model.collision import collide
+from ifrdem.model.ifr import IFRLaw, Regime
 from ifrdem.validation.paper import equations
 from ifrdem.validation.paper.equations import TABLE_II, Impact
 

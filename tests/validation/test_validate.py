@@ -195,13 +195,13 @@ class Page(HTMLParser):
 def test_report_is_one_whole_page_that_needs_no_network(cases, tmp_path):
     cases(good=good, bad=bad, broken=broken, absent=absent)
     cli.main(["validate", "-o", str(tmp_path)])
-    seen = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
-    assert seen.open == []
-    assert len(seen.sources) == 1
-    assert seen.sources[0].startswith("data:image/svg+xml;base64,")
-    assert seen.links == [f"#{name}" for name in ("good", "bad", "broken", "absent")]
+    observed = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert observed.open == []
+    assert len(observed.sources) == 1
+    assert observed.sources[0].startswith("data:image/svg+xml;base64,")
+    assert observed.links == [f"#{name}" for name in ("good", "bad", "broken", "absent")]
     for text in ("A <line> & no more", "a <book> & more", "nobody expected this", "abacus", runtime.chosen()):
-        assert text in seen.text
+        assert text in observed.text
     assert (tmp_path / "line.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "line.pdf").read_bytes().startswith(b"%PDF")
 
@@ -317,7 +317,7 @@ def test_measured_spheres_of_fig_3_are_spheres_and_no_disks(monkeypatch):
     = 2.67 and 0.0025 * 449.54 / (3.875 sin(49.604) (1 - 0.8476)) = 2.50.
     """
     points = restitution.measured()
-    assert sum(len(one.psi) for (_, who), one in points.items() if who in restitution.USED) == 55
+    assert sum(len(one.psi) for (_, code), one in points.items() if code in restitution.USED) == 55
     for at, k in ((39.545, 2.67), (49.604, 2.50)):
         centre = points["e_com", "Kratos"]
         one = centre.within(np.isclose(np.degrees(centre.psi), at))

@@ -39,19 +39,19 @@ def test_rows_and_figures_of_workers_are_those_of_one_process_to_the_last_bit(tm
 
 def collected(names: list[str], jobs: int, **more: Any) -> tuple[list[str], dict[str, Any], list[list[str]]]:
     """Order in which calls of `worker_calls.shout` began, their results, and the calls in work at times."""
-    begun: list[str] = []
+    started: list[str] = []
     found: dict[str, Any] = {}
-    seen: list[list[str]] = []
+    observed: list[list[str]] = []
     runner.in_workers(
-        worker_calls.shout, names, jobs, begun=begun.append, ended=found.__setitem__,
-        waiting=lambda running: seen.append(list(running)), **more,
+        worker_calls.shout, names, jobs, begun=started.append, ended=found.__setitem__,
+        waiting=lambda running: observed.append(list(running)), **more,
     )  # fmt: skip
-    return begun, found, seen
+    return started, found, observed
 
 
 def test_a_worker_that_dies_is_reported_and_the_other_calls_are_made() -> None:
-    begun, found, _ = collected(["killed 1", "left 1", "killed 2", "a", "b", "left 2", "c"], 2)
-    assert begun == ["killed 1", "left 1", "killed 2", "a", "b", "left 2", "c"]
+    started, found, _ = collected(["killed 1", "left 1", "killed 2", "a", "b", "left 2", "c"], 2)
+    assert started == ["killed 1", "left 1", "killed 2", "a", "b", "left 2", "c"]
     assert [found[name][0] for name in "abc"] == ["A", "B", "C"]
     for name in ("killed 1", "killed 2"):
         assert isinstance(found[name], ProcessDied)
@@ -61,13 +61,13 @@ def test_a_worker_that_dies_is_reported_and_the_other_calls_are_made() -> None:
 
 
 def test_each_call_has_a_separate_process_with_its_part_of_the_cores() -> None:
-    begun, found, seen = collected(["slow threads 1", "slow threads 2", "threads 3"], 2, every=0.2)
-    assert begun == ["slow threads 1", "slow threads 2", "threads 3"]
+    started, found, observed = collected(["slow threads 1", "slow threads 2", "threads 3"], 2, every=0.2)
+    assert started == ["slow threads 1", "slow threads 2", "threads 3"]
     processes = [process for _, process, _ in found.values()]
     assert len(set(processes)) == 3
     assert os.getpid() not in processes
     assert {threads for *_, threads in found.values()} == {max(1, backend.cores() // 2)}
-    assert ["slow threads 1", "slow threads 2"] in seen
+    assert ["slow threads 1", "slow threads 2"] in observed
 
 
 def test_a_case_with_a_dead_worker_fails_and_rows_keep_their_order(tmp_path, capsys, monkeypatch) -> None:
@@ -98,7 +98,7 @@ def test_no_worker_outlives_the_command(tmp_path: Path, number: signal.Signals) 
         try:
             wait_until(lambda: len(processes(tmp_path)) == 2)
             (os.killpg if number == signal.SIGINT else os.kill)(command.pid, number)
-            said = command.communicate(timeout=120.0)[1]
+            message = command.communicate(timeout=120.0)[1]
             wait_until(lambda: not any(Path(f"/proc/{one}").exists() for one in processes(tmp_path)))
         finally:
             command.kill()
@@ -106,7 +106,7 @@ def test_no_worker_outlives_the_command(tmp_path: Path, number: signal.Signals) 
                 if Path(f"/proc/{one}").exists():
                     os.kill(one, signal.SIGKILL)
     if number == signal.SIGINT:
-        assert (command.returncode, said) == (130, "ifrdem: interrupted\n")
+        assert (command.returncode, message) == (130, "ifrdem: interrupted\n")
 
 
 def processes(folder: Path) -> list[int]:
@@ -144,25 +144,25 @@ def test_the_time_left_goes_by_the_pace_of_cases_that_ended(monkeypatch) -> None
     """
     monkeypatch.setattr(registry, "SECONDS", {"energy": (100.0, 1.0), "angles": (60.0, 1.0),
                                               "rolling": (40.0, 1.0), "stopping": (30.0, 1.0)})  # fmt: skip
-    now, said = [0.0], []
-    course = terminal.Pace(
+    now, messages = [0.0], []
+    pace = terminal.Pace(
         ["energy", "angles", "rolling", "stopping"],
         quick=False,
         jobs=2,
-        log=said.append,
+        log=messages.append,
         clock=lambda: now[0],
     )
-    course.begun("energy")
-    course.begun("angles")
+    pace.begun("energy")
+    pace.begun("angles")
     now[0] = 60.0
-    course.waiting()
-    assert said[-1] == "  in work: energy (1:00), angles (1:00)"
+    pace.waiting()
+    assert messages[-1] == "  in work: energy (1:00), angles (1:00)"
     now[0] = 120.0
-    course.ended(
+    pace.ended(
         runner.Verdict("angles", "?", "a book", Result([Row("x", 1.0, 1.0, 0.1, "", "")]), seconds=120.0)
     )
-    course.begun("rolling")
+    pace.begun("rolling")
     now[0] = 130.0
-    course.waiting()
-    assert said[-1] == "  in work: energy (2:10), rolling (0:10); ETA 2:10"
-    assert course.seconds_left == pytest.approx(130.0)
+    pace.waiting()
+    assert messages[-1] == "  in work: energy (2:10), rolling (0:10); ETA 2:10"
+    assert pace.seconds_left == pytest.approx(130.0)

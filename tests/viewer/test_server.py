@@ -330,8 +330,8 @@ def test_frames_of_one_file_that_change_little_are_smaller_as_differences():
 
 
 def test_the_server_of_a_trajectory_says_that_it_has_no_points(path):
-    said = "point: a trajectory is shown here; `ifrdem view --study` shows the points"
-    with Server(Content(Trajectory(path))) as server, pytest.raises(InputError, match=said):
+    message = "point: a trajectory is shown here; `ifrdem view --study` shows the points"
+    with Server(Content(Trajectory(path))) as server, pytest.raises(InputError, match=message):
         server.answer("point", {"point": "0"})
 
 
@@ -345,13 +345,13 @@ def test_notebooks_show_the_page_in_a_frame(path):
         ifrdem.view(path, [9])
     with pytest.raises(InputError, match=r"frames = \[\]: must be one or more of the 4 frames"):
         ifrdem.view(path, [])
-    for wrong, said in (
+    for wrong, message in (
         ({"frames": 3}, "frames = 3: must be a sequence, each an integer"),
         ({"frames": ["a"]}, r"frames\[0\] = 'a': must be an integer"),
         ({"height": "tall"}, "height = 'tall': must be an integer"),
         ({"height": -3}, "height = -3: must be an integer from 1 to 100000"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             ifrdem.view(path, **wrong)
 
 

@@ -81,7 +81,7 @@ class BulletWorld:
             for i in range(disks.n)
         ]
         self.walls: list[bullet.WallBody] = [
-            bullet.add_wall(self.client, wall.place, wall.towards, **own) for wall in walls
+            bullet.add_wall(self.client, wall.origin, wall.towards, **own) for wall in walls
         ]
         self._wall_ids = {wall.body for wall in self.walls}
         # A step with nothing near: Bullet takes over inverse moments of inertia at the end of a step.

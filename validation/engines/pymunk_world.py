@@ -72,9 +72,9 @@ class PymunkWorld:
             self._add(body, self.pymunk.Circle(body, float(radius)), surface, DISK)
             self.bodies.append(body)
         for wall in walls:
-            place, towards = (np.array(each) for each in (wall.place, wall.towards))
+            origin, towards = (np.array(each) for each in (wall.origin, wall.towards))
             along = LONG * diameter * np.array([-towards[1], towards[0]])
-            both = (place, place + towards) if wall.shape == "segment" else (place - along, place + along)
+            both = (origin, origin + towards) if wall.shape == "segment" else (origin - along, origin + along)
             ends = (tuple(each.tolist()) for each in both)
             segment = self.pymunk.Segment(self.space.static_body, *ends, 0.0)
             self._add(None, segment, surface, WALL)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_same_bits import GASES, NARROW, SEEN, N, made, narrowed
+from test_same_bits import COMPARED, GASES, NARROW, N, made, narrowed
 from test_same_bits import windows_of_tiles as windows_of_tiles
 
 from ifrdem import ContactTime
@@ -18,7 +18,7 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import RunPoint
 from ifrdem.simulation.windows import Windows
 
-LOOKED_AT = (*SEEN, "angle", "last_partner", "dissipated", "latest_collision")
+LOOKED_AT = (*COMPARED, "angle", "last_partner", "dissipated", "latest_collision")
 KEPT: dict[str, Any] = {
     "record": ["energy", "disk_energy", "partner", "angle", "wall"], "collapse": ContactTime(1e-9),
 }  # fmt: skip

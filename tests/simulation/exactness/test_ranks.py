@@ -31,7 +31,7 @@ FAULTS = (
 
 
 @pytest.fixture(scope="module")
-def told() -> dict[str, dict[str, Any]]:
+def results() -> dict[str, dict[str, Any]]:
     """Results of each run, by its words."""
     words = [*RUNS, *(f"2:cooling:{fault}" for fault in FAULTS), "2:sizes:wrong_row"]
     done = mpi.on(4, sys.executable, "-m", "mpi4py", GASES, *words, timeout=600.0)
@@ -43,12 +43,12 @@ def told() -> dict[str, dict[str, Any]]:
 
 @mpi.needed
 @pytest.mark.parametrize("run", RUNS)
-def test_all_bits_are_those_of_one_rank(run: str, told: dict[str, dict[str, Any]]) -> None:
+def test_all_bits_are_those_of_one_rank(run: str, results: dict[str, dict[str, Any]]) -> None:
     """State, past of disks, sums, ledger, windows, what forces put in, and 250 collisions in their order.
 
     Ids may begin below 0 on ranks: gases of more than 2^31 disks have such.
     """
-    each, (ranks, name, *_) = told[run], run.split(":")
+    each, (ranks, name, *_) = results[run], run.split(":")
     assert each["differ"] == [], each
     assert (0 < each["own"] < each["tiles"]) == (ranks != "1")
     if name == "cooling":  # what ranks had to exchange again
@@ -68,8 +68,8 @@ def test_all_bits_are_those_of_one_rank(run: str, told: dict[str, dict[str, Any]
 def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
     """Of a state with latest partners, after tiles ran again; three ranks share GPUs as requested."""
     script = GASES.with_name("gpus.py")
-    seen = {"CUDA_VISIBLE_DEVICES": "0,0"}
-    done = mpi.on(3, sys.executable, "-m", "mpi4py", script, timeout=300.0, **seen)
+    observed = {"CUDA_VISIBLE_DEVICES": "0,0"}
+    done = mpi.on(3, sys.executable, "-m", "mpi4py", script, timeout=300.0, **observed)
     assert done.returncode == 0, done.stderr + done.stdout
     found = json.loads(done.stdout)
     assert found["differ"] == []
@@ -79,13 +79,13 @@ def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
 
 
 @mpi.needed
-def test_faults_are_found_out(told: dict[str, dict[str, Any]]) -> None:
+def test_faults_are_found_out(results: dict[str, dict[str, Any]]) -> None:
     """Faults: half a ring, a narrow one, no hashes or verification, other sums, an unowned tile, wrong masses.
 
     Rings that turn out to be too narrow are no fault: they come whole then. (Sums may change in their last digit: where
     a window is left to the whole box, disks stand in another order in their lists.)
     """
-    found = {fault: told[f"2:cooling:{fault}"] for fault in FAULTS}
+    found = {fault: results[f"2:cooling:{fault}"] for fault in FAULTS}
     for fault in ("half_a_ring", "no_hashes", "wrong_owner"):
         assert "were run by no rank" in found[fault]["error"]
     assert set(found["no_foresight"]["differ"]) <= {"totals"}
@@ -93,7 +93,7 @@ def test_faults_are_found_out(told: dict[str, dict[str, Any]]) -> None:
     assert found["half_a_halo"]["differ"]
     assert {"position", "velocity", "spin"} <= set(found["no_verification"]["differ"])
     assert {"sums", "totals"} == set(found["other_order"]["differ"])  # in their last digits
-    wrong_row = told["2:sizes:wrong_row"]["differ"]  # of a table of kinds
+    wrong_row = results["2:sizes:wrong_row"]["differ"]  # of a table of kinds
     assert {"position", "velocity", "spin", "totals"} <= set(wrong_row)
 
 

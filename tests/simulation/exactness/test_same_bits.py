@@ -29,7 +29,7 @@ from ifrdem.simulation.windows import Windows
 pytestmark = pytest.mark.optimised
 
 N = 4000
-SEEN = ("time", "position", "velocity", "spin", "collisions", "image", "wall_collisions")
+COMPARED = ("time", "position", "velocity", "spin", "collisions", "image", "wall_collisions")
 THREADS = [t for t in (2, 1) if t <= backend.cores()]
 TILES = (60, 250, 1000)
 Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
@@ -120,7 +120,7 @@ def in_order(name: str, per_disk: float | None = None) -> State:
 
 
 def same(one: State, other: State) -> bool:
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in SEEN)
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in COMPARED)
 
 
 @pytest.mark.parametrize("name", GASES)
@@ -129,7 +129,7 @@ def test_tiles_and_threads_and_the_whole_box_in_order_give_the_same_bits(name: s
     expected = in_order(name)
     for tile_disks in TILES if threads > 1 or name.startswith("phi") else TILES[1:2]:
         engine, state = after(name, order="tiled", tile_disks=tile_disks, device=Device(threads=threads))
-        for each in SEEN:
+        for each in COMPARED:
             assert np.array_equal(getattr(state, each), getattr(expected, each)), (tile_disks, each)
         assert engine.arrays.tiles > 1
         if name == "clusters":  # histories reach through whole clusters

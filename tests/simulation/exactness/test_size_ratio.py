@@ -90,9 +90,9 @@ def test_small_disks_that_come_far_without_collisions_meet_a_large_one(along: tu
         -1, 2
     )
     along_x = abs(along[0]) == 1.0
-    beside = np.abs(places - corner)[:, 1 if along_x else 0] > 10.0
+    apart = np.abs(places - corner)[:, 1 if along_x else 0] > 10.0
     first = np.array(corner) - 12.5 * np.sign(along) * ([1.0, 0.0] if along_x else [0.0, 1.0])
-    position = np.concatenate([[corner, first], places[beside]])
+    position = np.concatenate([[corner, first], places[apart]])
     n = len(position)
     radius = np.r_[5.0, np.full(n - 1, 0.5)]
     velocity = np.tile(along, (n, 1))

@@ -32,7 +32,7 @@ def piston_gas(
     return Simulation(disks, box, law, state, walls=walls, **({"record": ["wall"]} | options))
 
 
-def lid(height: float = 12.0, **options: Any) -> Wall:
+def piston_wall(height: float = 12.0, **options: Any) -> Wall:
     """A line with the disks below it."""
     return Wall.line((0.0, height), (0.0, -1.0), piston=Piston(**options))
 
@@ -60,7 +60,7 @@ def test_a_piston_on_one_disk_makes_as_many_hits_as_digits_of_pi(ratio: float, c
     # 375 (2003), doi:10.1070/RD2003v008n04ABEH000252.
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State([[5.0, 4.0]], np.zeros((1, 2)), np.zeros(1))
-    piston = lid(6.0, mass=ratio, velocity=1.0)
+    piston = piston_wall(6.0, mass=ratio, velocity=1.0)
     box = Box((10.0, 1000.0), (False, False))  # which the piston leaves later
     simulation = piston_gas(disks, box, ELASTIC, start, [piston])
     simulation.run(t_end=500.0)
@@ -70,7 +70,7 @@ def test_a_piston_on_one_disk_makes_as_many_hits_as_digits_of_pi(ratio: float, c
 
 
 def test_momentum_and_energy_hold_over_a_hundred_thousand_hits() -> None:
-    simulation = gas(ELASTIC, [lid(mass=3.0, force=6.0)], n=8)
+    simulation = gas(ELASTIC, [piston_wall(mass=3.0, force=6.0)], n=8)
     before = whole_energy(simulation)
     simulation.run(t_end=75_000.0, progress=False)
     s, speed, *_ = simulation.pistons[0]
@@ -92,7 +92,7 @@ def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     # displacements of 15 by 15 spring t^2 / M: below 1e-9 for 1e-12.
     found = []
     for spring in (0.0, 1e-16, 1e-12):
-        simulation = gas(ELASTIC, [lid(mass=2.0, force=1.0, spring=spring, low=stop)], n=5)
+        simulation = gas(ELASTIC, [piston_wall(mass=2.0, force=1.0, spring=spring, low=stop)], n=5)
         before = whole_energy(simulation)
         simulation.run(t_end=3.0)
         assert whole_energy(simulation) == pytest.approx(before, rel=1e-13)
@@ -101,15 +101,15 @@ def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     np.testing.assert_allclose(found[2], found[0], rtol=1e-7)
 
 
-TOLD: dict[str, Any] = {"record": ["disk_energy", "wall"], "tracked": range(30)}
+RECORDED: dict[str, Any] = {"record": ["disk_energy", "wall"], "tracked": range(30)}
 
 
 def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:
     walls = [
-        lid(mass=4.0, force=3.0, spring=0.5),
+        piston_wall(mass=4.0, force=3.0, spring=0.5),
         Wall.line((0.5, 0.0), (1.0, 0.0), piston=Piston(mass=8.0, spring=3.0, low=-0.4)),
     ]
-    simulation = gas(ROUGH, walls, gravity=(0.0, -0.2), **TOLD)
+    simulation = gas(ROUGH, walls, gravity=(0.0, -0.2), **RECORDED)
     before = whole_energy(simulation)
     simulation.run(t_end=12.0, progress=False)
     measured = simulation.measure()
@@ -127,7 +127,7 @@ def test_the_mean_height_of_a_piston_on_one_disk_is_that_of_the_virial() -> None
     # is bounded, so that <m v_y^2 + M V^2> = F <h>; with E = (m v_y^2 + M V^2)/2 + F h, <h> = 2 E / 3 F.
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State([[5.0, 2.0]], [[0.3, 1.1]], np.zeros(1))
-    simulation = piston_gas(disks, BOX, ELASTIC, start, [lid(5.0, mass=1.618, force=0.5)])
+    simulation = piston_gas(disks, BOX, ELASTIC, start, [piston_wall(5.0, mass=1.618, force=0.5)])
     energy = 0.5 * 1.1**2 + 0.5 * (5.0 - 1.0)
     heights: list[float] = []
 
@@ -146,7 +146,7 @@ def test_a_piston_bounces_between_its_stops_and_rests_where_it_is_pressed() -> N
     start = State([[5.0, 1.0]], np.zeros((1, 2)), np.zeros(1))
 
     def at(t: float, **options: Any) -> np.ndarray:
-        simulation = piston_gas(disks, BOX, ELASTIC, start, [lid(mass=2.0, **options)])
+        simulation = piston_gas(disks, BOX, ELASTIC, start, [piston_wall(mass=2.0, **options)])
         simulation.run(t_end=t)
         return simulation.pistons[0]
 
@@ -167,7 +167,9 @@ def test_a_piston_bounces_between_its_stops_and_rests_where_it_is_pressed() -> N
 def test_gravity_pulls_the_piston_too() -> None:
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State([[5.0, 1.0]], np.zeros((1, 2)), np.zeros(1))
-    simulation = piston_gas(disks, BOX, ELASTIC, start, [lid(mass=2.0, force=3.0)], gravity=(0.3, -1.0))
+    simulation = piston_gas(
+        disks, BOX, ELASTIC, start, [piston_wall(mass=2.0, force=3.0)], gravity=(0.3, -1.0)
+    )
     simulation.run(t_end=0.5)
     # Down along its normal with 1 + 3/2.
     np.testing.assert_allclose(simulation.pistons[0, :2], (0.5 * 2.5 * 0.25, 1.25), rtol=1e-14)
@@ -175,7 +177,7 @@ def test_gravity_pulls_the_piston_too() -> None:
 
 @pytest.mark.parametrize("cut", [3.7, 8.000001])
 def test_a_run_resumes_from_a_checkpoint_to_the_bit(tmp_path: Path, cut: float) -> None:
-    walls = [lid(mass=4.0, force=3.0, spring=0.5, low=-1.0, high=1.0)]
+    walls = [piston_wall(mass=4.0, force=3.0, spring=0.5, low=-1.0, high=1.0)]
     whole, first, second = (gas(ROUGH, walls, gravity=(0.0, -0.2)) for _ in range(3))
     whole.run(t_end=15.0, frames=7)
     first.run(t_end=cut)
@@ -191,7 +193,7 @@ def test_a_run_resumes_from_a_checkpoint_to_the_bit(tmp_path: Path, cut: float) 
 
 
 def test_a_run_that_jumps_by_collisions_has_the_same_bits() -> None:
-    one, other = (gas(ROUGH, [lid(mass=4.0, force=3.0)]) for _ in range(2))
+    one, other = (gas(ROUGH, [piston_wall(mass=4.0, force=3.0)]) for _ in range(2))
     for count in (7, 30, 31, 100):
         one.collide(count)
     other.run(t_end=one.time)
@@ -205,7 +207,7 @@ def test_a_run_that_jumps_by_collisions_has_the_same_bits() -> None:
 def test_another_force_acts_from_a_time_on() -> None:
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State([[5.0, 1.0]], np.zeros((1, 2)), np.zeros(1))
-    simulation = piston_gas(disks, BOX, ELASTIC, start, [lid(mass=2.0, force=3.0)])
+    simulation = piston_gas(disks, BOX, ELASTIC, start, [piston_wall(mass=2.0, force=3.0)])
     simulation.run(t_end=1.0)
     simulation.set_piston_force(0, -1.0)
     simulation.run(t_end=3.0)
@@ -220,7 +222,7 @@ def test_another_force_acts_from_a_time_on() -> None:
 
 
 def test_tracked_disks_record_hits_of_the_piston() -> None:
-    simulation = gas(ROUGH, [lid(mass=4.0, force=3.0)], **TOLD)
+    simulation = gas(ROUGH, [piston_wall(mass=4.0, force=3.0)], **RECORDED)
     simulation.run(t_end=10.0)
     events = simulation.take_events()
     at = events.partner == -2
@@ -232,7 +234,7 @@ def test_tracked_disks_record_hits_of_the_piston() -> None:
 
 
 def test_walls_with_pistons_come_back_from_their_text() -> None:
-    walls = (lid(mass=2.0, force=1.0, high=0.5), Wall.post((1.0, 1.0), 0.1))
+    walls = (piston_wall(mass=2.0, force=1.0, high=0.5), Wall.post((1.0, 1.0), 0.1))
     assert from_json(to_json(walls)) == walls
 
 
@@ -254,10 +256,10 @@ SEGMENT = Wall.segment((0.0, 5.0), (10.0, 5.0))
         (lambda: Piston(mass=1.0, low=0.1), "displacement = 0: it must not be below low, 0.1"),
         (lambda: Wall.post((1.0, 1.0), 0.5, piston=Piston(1.0)), "only a line or a segment"),
         (lambda: Wall.line((0, 1), (0, 1), piston=1.0), "piston = 1.0: must be a Piston"),  # type: ignore[arg-type]
-        (lambda: lid_with(motion=Motion("steady", speed=1.0)), "leave out motion"),
-        (lambda: lid_with(temperature=1.0), "leave out temperature"),
-        (lambda: lid_with(opens_at=1.0), "leave out opens_at"),
-        (lambda: lid_with(moves_from=1.0), "leave out moves_from"),
+        (lambda: piston_wall_with(motion=Motion("steady", speed=1.0)), "leave out motion"),
+        (lambda: piston_wall_with(temperature=1.0), "leave out temperature"),
+        (lambda: piston_wall_with(opens_at=1.0), "leave out opens_at"),
+        (lambda: piston_wall_with(moves_from=1.0), "leave out moves_from"),
         (
             lambda: Wall.segment((0, 1), (10, 1), turn=Turn("steady", rate=1.0), piston=Piston(1.0)),
             "leave out turn",
@@ -269,7 +271,7 @@ def test_an_invalid_piston_is_refused(make: Any, says: str) -> None:
         make()
 
 
-def lid_with(**options: Any) -> Wall:
+def piston_wall_with(**options: Any) -> Wall:
     return Wall.line((0.0, 12.0), (0.0, -1.0), piston=Piston(1.0), **options)
 
 
@@ -279,12 +281,12 @@ def lid_with(**options: Any) -> Wall:
         (Wall.segment((0.0, 5.0), (9.0, 5.0), piston=Piston(1.0)), {}, "from side to side of the box"),
         (Wall.segment((0.0, 5.0), (10.0, 6.0), piston=Piston(1.0)), {}, "from side to side of the box"),
         (
-            lid(mass=1.0),
+            piston_wall(mass=1.0),
             {"device": Device(precision="f32")},
             'wall 0 is a piston: precision = "f32" not supported',
         ),
         (
-            lid(mass=1.0),
+            piston_wall(mass=1.0),
             {"collapse": Rest(1e-3), "gravity": (0.0, -1.0)},
             r"collapse = Rest\(speed=0\.001\) not supported",
         ),

@@ -18,7 +18,7 @@ from ifrdem.model.walls import Wall, sides
 from ifrdem.simulation.simulation import Simulation
 
 BOX = Box((10.0, 14.0), (False, False))
-LID = Wall.line((0.0, 10.0), (0.0, -1.0), piston=Piston(mass=5.0, force=6.0, velocity=0.3))
+PISTON = Wall.line((0.0, 10.0), (0.0, -1.0), piston=Piston(mass=5.0, force=6.0, velocity=0.3))
 ASLANT = Wall.line(
     (1.0, 0.5), (1.0, 3.0), surface_speed=0.4, piston=Piston(mass=3.0, spring=4.0, velocity=0.5)
 )
@@ -29,8 +29,8 @@ SPRUNG = Wall.line(
     (0.0, 9.0), (0.0, -1.0), piston=Piston(mass=2.0, force=5.0, spring=20.0, low=-0.1, high=0.6)
 )
 SCENES = {
-    "lid": ([LID], COIN, 0.0),
-    "falling": ([LID, ASLANT], ROLLING, -0.5),
+    "lid": ([PISTON], COIN, 0.0),
+    "falling": ([PISTON, ASLANT], ROLLING, -0.5),
     "divider": ([DIVIDER], ROLLING, -0.3),
     "sprung": ([SPRUNG], ROLLING, 0.4),
 }  # fmt: skip

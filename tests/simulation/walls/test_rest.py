@@ -35,7 +35,7 @@ def gas(position: Any, velocity: Any = None, law: Any = None, **options: Any) ->
     return boxed(BOX, position, velocity, law or IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), **given)
 
 
-def said_asleep(run: Simulation, asleep: list[int], **law: float) -> Simulation:
+def set_asleep(run: Simulation, asleep: list[int], **law: float) -> Simulation:
     """The same disks, of which some are said to sleep, with another law."""
     state = run.state
     state.asleep = np.array(asleep)
@@ -267,7 +267,7 @@ def test_a_slow_hit_wakes_no_disk() -> None:
 def test_a_disk_that_loses_its_support_wakes_and_falls() -> None:
     """A tower of two; a third disk knocks the lower one away along the floor, so no disk hits the upper one hard."""
     run = gas([[6.0, 0.5], [6.0, 1.5], [3.0, 0.5]], [[0.0, 0.0], [0.0, 0.0], [6.0, 0.0]])
-    run = said_asleep(run, [1, 1, 0], e_n=0.9, e_t=-1.0, mu=0.0)
+    run = set_asleep(run, [1, 1, 0], e_n=0.9, e_t=-1.0, mu=0.0)
     run.run(t_end=0.3)
     assert run.state.asleep[1] == 1  # nothing has touched it
     assert run.state.position[1, 1] == 1.5
@@ -279,16 +279,16 @@ def test_a_disk_that_loses_its_support_wakes_and_falls() -> None:
 
 def test_a_sleeping_disk_without_support_is_detected_by_its_forces() -> None:
     """One in the air, one off the top of a third on the floor, which it pushes aside as it rolls down."""
-    beside = (9.0 + math.sin(0.2), 0.5 + math.cos(0.2))
-    run = gas([[3.0, 3.0], [9.0, 0.5], beside])
-    run = said_asleep(run, [1, 1, 1], e_n=0.6, e_t=-1.0, mu=0.3)
+    leaning = (9.0 + math.sin(0.2), 0.5 + math.cos(0.2))
+    run = gas([[3.0, 3.0], [9.0, 0.5], leaning])
+    run = set_asleep(run, [1, 1, 1], e_n=0.6, e_t=-1.0, mu=0.3)
     assert run.asleep == 3
     run.collide(1)
     assert run.asleep == 0
     run.run(t_end=1.5)
     assert run.state.position[1, 0] < 9.0 < run.state.position[2, 0]
     assert run.state.position[0, 1] == pytest.approx(3.0 - 0.5 * 1.5**2, abs=1e-12)
-    assert run.state.position[2, 0] > beside[0] + 0.05
+    assert run.state.position[2, 0] > leaning[0] + 0.05
 
 
 # --- a pile ---------------------------------------------------------------------------------------------------
@@ -442,15 +442,15 @@ def test_frames_series_and_checkpoints_change_no_bit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"gravity": (0.0, 0.0)}, "only gravity holds disks"),
         ({"collapse": Rest(0.2)}, r"resting speed must be at most 0\.1"),
         ({"device": Device(precision="f32")}, "in double precision"),
     ],
 )
-def test_where_the_model_does_not_hold_it_is_refused(change: dict[str, Any], told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_where_the_model_does_not_hold_it_is_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         gas([[6.0, 2.5]], **change)
 
 

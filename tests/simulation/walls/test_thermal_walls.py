@@ -326,12 +326,12 @@ def test_the_simulation_gives_heat_by_wall_and_in_its_measures() -> None:
         disks, box, IFRLaw(e_n=0.9, e_t=-0.9, mu=0.1), lattice(box, 60, 1),
         walls=[Wall.line((0.0, 0.0), (1.0, 0.0), temperature=2.0), Wall.post((6.0, 0.5), 0.1)], seed=2,
     )  # fmt: skip
-    seen = []
-    run.run(t_end=20.0, frames=4, frame_callbacks=[lambda _, m: seen.append(m)])
+    observed = []
+    run.run(t_end=20.0, frames=4, frame_callbacks=[lambda _, m: observed.append(m)])
     assert run.wall_heats.shape == (2,)
     assert run.wall_heats[1] == 0.0
-    assert seen[-1].wall_heat == run.wall_heat == run.wall_heats[0] > 0.0
-    lost = [one.unspent for one in seen]
+    assert observed[-1].wall_heat == run.wall_heat == run.wall_heats[0] > 0.0
+    lost = [one.unspent for one in observed]
     assert np.all(np.diff(lost) < 0.0)  # collisions only dissipate
 
 

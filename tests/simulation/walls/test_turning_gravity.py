@@ -129,19 +129,19 @@ def test_a_drum_flows_its_ledger_closes_and_looks_and_checkpoints_change_no_bit(
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"box": Box((12.0, 12.0), periodic=(True, False))}, "for ever along x, which is periodic"),
         ({"tracked": [0]}, "cannot be combined with tracked disks"),
     ],
 )
-def test_gravity_that_cannot_turn_is_refused(change: dict[str, Any], told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_gravity_that_cannot_turn_is_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         gas([[6.0, 6.0]], **change)
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"start": (0.0, 0.0)}, r"start = \(0\.0, 0\.0\): must not be \(0, 0\)"),
         ({"rate": math.inf}, "rate = inf: must be a finite number"),
@@ -150,8 +150,8 @@ def test_gravity_that_cannot_turn_is_refused(change: dict[str, Any], told: str) 
         ({"step": 0.11}, r"step = 0\.11: must be an angle"),
     ],
 )
-def test_a_rotation_without_direction_rate_or_step_is_refused(change: dict[str, Any], told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_a_rotation_without_direction_rate_or_step_is_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         RotatingGravity(**({"start": (0.0, -1.0), "rate": 0.05} | change))
 
 

@@ -195,7 +195,7 @@ def test_a_rotating_wall_is_equivalent_to_a_rotating_frame() -> None:
 def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(order: str) -> None:
     """Disks behind a wall across the room do not pass it before; the n-th collision, found by a run without the gate
     moving, is when it opens: until then both runs are one."""
-    lid = {"start": (0.0, 15.0), "end": (30.0, 15.0)}
+    ends = {"start": (0.0, 15.0), "end": (30.0, 15.0)}
     below = [Wall.line((0.0, 14.9), (0.0, -1.0))]  # where disks start, only
     disks = Disks(60, mass=1.0, radius=0.4, k=np.tile(K, 30))
     position = random_positions(BOX, disks.radius, seed=5, walls=below)
@@ -207,17 +207,17 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
         )
 
     def gated(**options: float) -> Engine:
-        wall = Wall.segment(lid["start"], lid["end"], **options)  # type: ignore[arg-type]
+        wall = Wall.segment(ends["start"], ends["end"], **options)  # type: ignore[arg-type]
         return engine_of(state, [wall, *CORNER])
 
-    shut = gated()
+    closed = gated()
     by_time, by_count = gated(opens_at=2.5), gated(opens_after=40)
-    run_to(shut, collisions=40)
+    run_to(closed, collisions=40)
     while not by_count.open_gates[0]:
         by_count.advance(t_end=50.0)
     assert by_count.collisions == 40
-    assert by_count.time == shut.time
-    same(by_count.state(), shut.state())
+    assert by_count.time == closed.time
+    same(by_count.state(), closed.state())
     # From then on it is a gas without the gate, at once.
     opened = by_count.state()
     free = engine_of(opened, CORNER)
@@ -227,7 +227,7 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
     assert by_time.open_gates[0]
     for engine in (by_time, by_count):
         assert run_to(engine, 12.0).position[:, 1].max() > 16.0
-    assert run_to(shut, 12.0).position[:, 1].max() <= 14.6 + 1e-9
+    assert run_to(closed, 12.0).position[:, 1].max() <= 14.6 + 1e-9
 
 
 def test_a_wall_moves_from_one_time_to_another() -> None:

@@ -20,8 +20,8 @@ def gaps(
         for i in range(disks.shape[0]):
             x, y, vx, vy, radius = disks[i, 0], disks[i, 1], disks[i, 2], disks[i, 3], disks[i, 4]
             for m in range(times.shape[0]):
-                seen = relative_motion(0, x, y, vx, vy, 0.0, times[m], gas)
-                gap = gap_of(0, seen, radius, UNKNOWN, gas)
+                observed = relative_motion(0, x, y, vx, vy, 0.0, times[m], gas)
+                gap = gap_of(0, observed, radius, UNKNOWN, gas)
                 out[i, m, 0], out[i, m, 1], out[i, m, 2] = gap.f, gap.slope, gap.curve
                 out[i, m, 3], out[i, m, 4], out[i, m, 5] = gap.tolerance, gap.here, gap.behind
             root[i], _resting = wall_time(0, x, y, vx, vy, 0.0, radius, gas.scale.window, gas)

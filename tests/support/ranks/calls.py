@@ -52,14 +52,14 @@ if __name__ == "__main__":
     found = {"law": outcome(lambda: gas(0.9 - 0.1 * RANK))}
     drag = [ifrdem.forces.Drag(0.1, rate=0.3 + 0.1 * RANK)]
     found["forces"] = outcome(lambda: gas(0.9, forces=drag))
-    simulation, seen = gas(0.9), []
+    simulation, observed = gas(0.9), []
     found["set_forces"] = outcome(lambda: simulation.set_forces(drag))
     found["one_of_none"] = outcome(lambda: simulation.set_forces(drag if RANK == 0 else [None]))
     found["kinds"] = outcome(lambda: (simulation.disks.n, len(simulation.disks.mass)))
     found["end"] = outcome(lambda: simulation.run(collisions_per_disk=1.0 + RANK))
-    frame_callbacks = [lambda _state, measure: seen.append(measure.collisions)] if RANK == 0 else []
+    frame_callbacks = [lambda _state, measure: observed.append(measure.collisions)] if RANK == 0 else []
     simulation.run(collisions_per_disk=0.5, frame_callbacks=frame_callbacks)
-    found["seen"] = repr(seen)
+    found["seen"] = repr(observed)
     found["fails"] = outcome(
         lambda: simulation.run(collisions_per_disk=1.0, frame_callbacks=[fails] if RANK == 0 else [])
     )

@@ -33,10 +33,10 @@ def done(comm: Any, words: list[str]) -> dict[str, Any] | None:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         status = main(words)
-    told = comm.gather((status, out.getvalue(), err.getvalue()))
-    if told is None:
+    outcomes = comm.gather((status, out.getvalue(), err.getvalue()))
+    if outcomes is None:
         return None
-    statuses, outs, errs = zip(*told, strict=True)
+    statuses, outs, errs = zip(*outcomes, strict=True)
     return {"status": max(statuses), "out": "".join(outs), "err": "".join(errs)}
 
 

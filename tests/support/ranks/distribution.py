@@ -62,9 +62,9 @@ for n in (0, 1, 5, 100, 257):
     right_nth = nth == [*np.sort(every).tolist(), float("inf")]
     found[f"n-th smallest {n}"] = bool(WORLD.allreduce(int(right_nth), MPI.MIN))
 thin = np.broadcast_to(np.float64(0.5), (50, 7))
-dealt = COMM.scatter_rows(50, [thin] if COMM.is_root else None)
-again = COMM.gather_rows(50, dealt)
-found["thin"] = dealt[0].strides[0] == 0 and (
+scattered = COMM.scatter_rows(50, [thin] if COMM.is_root else None)
+again = COMM.gather_rows(50, scattered)
+found["thin"] = scattered[0].strides[0] == 0 and (
     again is None or (again[0].strides[0] == 0 and len(again[0]) == 50)
 )
 BOX = ifrdem.Box((100.0, 70.0))
@@ -125,10 +125,10 @@ def refused(comm: Communicator, n: int, diameter: float) -> str:
     return ""
 
 
-told = refused(SERIAL, 1000, 3.0)
+message = refused(SERIAL, 1000, 3.0)
 own_part = len(ifrdem.slice_of(1000, COMM))
 found["refused"] = (
-    told.startswith("1000 disks of diameter 3 do not fit") and refused(COMM, own_part, 3.0) == told
+    message.startswith("1000 disks of diameter 3 do not fit") and refused(COMM, own_part, 3.0) == message
 )
 HIGH = ifrdem.Box((10.0, 20.0))
 FAR = np.stack(np.meshgrid([1.0, 4.0], np.arange(6) * 3.0 + 0.5), axis=-1).reshape(-1, 2)

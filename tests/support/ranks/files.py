@@ -41,7 +41,7 @@ def start(changes: list[str], comm: Communicator) -> Any:
         return str(error)
 
 
-told: dict[str, Any] = {}
+results: dict[str, Any] = {}
 for name, changes in json.loads(Path(sys.argv[2]).read_text()).items():
     alone = start(changes, Communicator()) if ALL.rank == 0 else None
     for given in (ALL, TWO):
@@ -54,7 +54,7 @@ for name, changes in json.loads(Path(sys.argv[2]).read_text()).items():
         if isinstance(own, str):
             messages = comm.gather(own)
             if ALL.rank == 0:
-                told[f"{name} {comm.size}"] = {*messages} == {alone} and own
+                results[f"{name} {comm.size}"] = {*messages} == {alone} and own
             continue
         speeds = comm.gather(own[1])
         rows = comm.gather_rows(comm.allreduce(len(own[0][2])), own[0])
@@ -62,6 +62,8 @@ for name, changes in json.loads(Path(sys.argv[2]).read_text()).items():
             same = [
                 a.tobytes() == np.ascontiguousarray(b).tobytes() for a, b in zip(rows, alone[0], strict=True)
             ]
-            told[f"{name} {comm.size}"] = all(same) and all(np.array_equal(each, alone[1]) for each in speeds)
+            results[f"{name} {comm.size}"] = all(same) and all(
+                np.array_equal(each, alone[1]) for each in speeds
+            )
 if ALL.rank == 0:
-    print(json.dumps(told))
+    print(json.dumps(results))

@@ -60,13 +60,13 @@ def walled() -> Gas:
         Wall.line((0.0, 129.0), (0.0, -1.0), temperature=2.0),
         Wall.post((30.0, 100.0), 3.0),
     ]
-    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "record": ["energy"]}
+    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "record": ["energy", "stress"]}
     return disks, box, state, (0.98, *COIN[1:]), 10.0, more
 
 
 def sheared() -> Gas:
     disks = equal_disks(N)
-    return disks, *gases.sheared(disks, 0.3, rate=0.4), COIN, 10.0, {}
+    return disks, *gases.sheared(disks, 0.3, rate=0.4), COIN, 10.0, {"record": ["stress"]}
 
 
 def sizes(n: int, small: float = 1.0) -> Disks:
@@ -190,16 +190,16 @@ def no_foresight() -> None:
 
 def no_hashes() -> None:
     """Neighbours send nothing about the disks that they ran."""
-    whole, swap = ranks.RankDomain.exchange_hashes, ranks.RankDomain.exchange
+    whole, exchange = ranks.RankDomain.exchange_hashes, ranks.RankDomain.exchange
 
     def silent(self: Any, again: bool) -> None:
         ranks.RankDomain.exchange = (
-            lambda self, messages: swap(  # type: ignore[method-assign]
+            lambda self, messages: exchange(  # type: ignore[method-assign]
                 self, [(*(each[:0] for each in message[:3]), *message[3:]) for message in messages]
             )
         )
         whole(self, again)
-        ranks.RankDomain.exchange = swap  # type: ignore[method-assign]
+        ranks.RankDomain.exchange = exchange  # type: ignore[method-assign]
 
     ranks.RankDomain.exchange_hashes = silent  # type: ignore[method-assign]
 
@@ -269,7 +269,7 @@ def count_calls() -> None:
         count(of, name, getattr(of, name))
 
 
-def told(comm: Any, name: str) -> dict[str, Any]:
+def outcome_of(comm: Any, name: str) -> dict[str, Any]:
     """Digest of a gas at its end, for the first rank to print."""
     gas = GASES[name]()
     COUNTED.update(dict.fromkeys(COUNTED, 0))
@@ -306,7 +306,7 @@ if __name__ == "__main__":
             FAULTS[fault]()
         comm = COMM.Split(0 if COMM.rank < int(size) else MPI.UNDEFINED)
         if comm != MPI.COMM_NULL:
-            line = {"word": word} | told(comm, name)
+            line = {"word": word} | outcome_of(comm, name)
             if COMM.rank == 0:
                 print(json.dumps(line), flush=True)
         sleep_until_all_are_here()

@@ -45,12 +45,12 @@ def after(comm: Any) -> tuple[Engine, dict[str, Any]]:
 
 if __name__ == "__main__":
     engine, found = after(COMM)
-    told = {
+    results = {
         "tiles": engine.arrays.tiles,
         "run_again": engine.statistics.run_again,
         "seen": COMM.gather(os.environ["CUDA_VISIBLE_DEVICES"]),
     }
     if COMM.rank == 0:
         expected = after(None)[1]
-        told["differ"] = [name for name in expected if not np.array_equal(expected[name], found[name])]
-        print(json.dumps(told))
+        results["differ"] = [name for name in expected if not np.array_equal(expected[name], found[name])]
+        print(json.dumps(results))

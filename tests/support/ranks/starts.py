@@ -90,7 +90,7 @@ def halved(disks: Any, box: Any, state: Any) -> None:
 
 found: dict[str, Any] = {}
 gas = simulation(COMM, IDS)
-seen: list[int] = []
+observed: list[int] = []
 plain = simulation(None, range(N)) if COMM.rank == 0 else None
 found["start"] = differing(gas.state, plain and plain.state)
 found["disks"] = [gas.disks.n, len(gas.disks.mass), gas.disks_here.n]

@@ -1,0 +1,326 @@
+"""Custom laws in case files, `law = "FILE.py:CLASS"`: runs, records, resumed runs, studies, ranks, messages."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import pickle
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import law_examples, mpi
+
+import ifrdem
+from ifrdem.cli import main as cli
+from ifrdem.errors import InputError, Stopped
+from ifrdem.model import law_files
+from ifrdem.runs.signals import Stops
+
+LAW = '''
+import ifrdem
+from ifrdem import ti
+from ifrdem.kernels.law import ifr_impulses
+
+
+class SpeedDependent(ifrdem.CollisionLaw):
+    """e_n = 1 - c g_n^(1/5), as `support.law_examples.Viscoelastic`."""
+
+    coefficients = ("c", "e_t", "mu")
+
+    @staticmethod
+    def collide(pair, law):
+        e_n = ti.max(1.0 - law.c * pair.g_n**0.2, 0.0)
+        P_n, P_t, T, _, _, _ = ifr_impulses(
+            e_n, law.e_t, law.mu, 1.0, 0.0,
+            pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
+        )
+        return P_n, P_t, T
+
+
+class Gaining(ifrdem.CollisionLaw):
+    """Smooth disks with e_n = gain."""
+
+    coefficients = ("gain",)
+
+    @staticmethod
+    def collide(pair, law):
+        return (1.0 + law.gain) * pair.m_n * pair.g_n, 0.0, 0.0
+
+
+class Named(Gaining):
+    coefficients = ("name",)
+'''
+CASE = """
+[run]
+name = "gas"
+collisions_per_disk = 4.0
+seed = 2
+units = "reduced"
+[box]
+packing_fraction = 0.2
+[[material]]
+name = "a"
+law = "laws/mylaw.py:SpeedDependent"
+c = 0.1
+e_t = -0.9
+mu = 0.2
+[[species]]
+name = "a"
+number = 100
+material = "a"
+mass = 1.0
+radius = 0.5
+speed_rms = 1.0
+[output]
+frames = 4
+series = 8
+histories_all = true
+picture = false
+views = false
+"""
+GAINING = ['material[0].law="laws/mylaw.py:Gaining"', "material[0].c=", "material[0].e_t=", "material[0].mu="]
+VALUES = {"c": 0.1, "e_t": -0.9, "mu": 0.2}
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    (tmp_path / "laws").mkdir()
+    (tmp_path / "laws" / "mylaw.py").write_text(LAW, encoding="utf-8")
+    (tmp_path / "gas.toml").write_text(CASE, encoding="utf-8")
+    return tmp_path / "gas.toml"
+
+
+def file_of(case: Path) -> Path:
+    return case.parent / "laws" / "mylaw.py"
+
+
+def executed(case: Path, *words: object) -> int:
+    return cli.main([*map(str, words[:1]), str(case), *map(str, words[1:])])
+
+
+def sets(*assignments: str) -> list[str]:
+    return [word for each in assignments for word in ("--set", each)]
+
+
+def test_a_run_has_the_bits_of_the_same_law_from_python(case: Path) -> None:
+    out = case.with_name("gas.h5")
+    assert executed(case, "run", "-o", out) == 0
+    gas = ifrdem.Case.read(case).simulation()
+    same = ifrdem.Simulation(
+        gas.disks, gas.box, law_examples.Viscoelastic(**VALUES), gas.state, record=["energy"], seed=2
+    )
+    same.run(collisions_per_disk=4.0)
+    with ifrdem.Trajectory(out) as trajectory:
+        assert trajectory.laws[0][0].table_row() == (0.1, -0.9, 0.2)
+        assert trajectory.has_custom_laws
+        (record,) = json.loads(trajectory.parameters["laws"])[0]
+        assert trajectory.times[-1] == same.time
+        assert trajectory.observables["energy"][-1] == same.measure().energy
+        with pytest.raises(InputError, match="must be an IFRLaw, Walton or Viscoelastic"):
+            ifrdem.theory.prediction(gas.disks, trajectory.laws, 0.2, 1.0, 0.0, [1.0])
+        one = ifrdem.DSMC(gas.disks, trajectory.laws, 0.2, gas.state.velocity, seed=1)
+        assert one.run(collisions_per_disk=2.0, samples=1).temperature[-1] < 0.5
+        assert sum(len(trajectory.history(i).time) for i in range(100)) == 2 * same.collisions
+    assert record["sha256"] == hashlib.sha256(file_of(case).read_bytes()).hexdigest()
+    assert (record["law"], record["path"]) == ("mylaw.py:SpeedDependent", str(file_of(case).resolve()))
+
+
+def test_the_law_of_a_trajectory_is_refused_without_its_file(case: Path) -> None:
+    out, law = case.with_name("gas.h5"), file_of(case)
+    assert executed(case, "run", "-o", out, *sets("run.collisions_per_disk=1.0")) == 0
+    with ifrdem.Trajectory(out) as trajectory:
+        (found,) = trajectory.laws[0]
+        law.rename(out.with_name("mylaw.py"))  # next to the trajectory
+        assert trajectory.laws[0][0].table_row() == found.table_row()
+        out.with_name("mylaw.py").write_text(LAW + "# changed\n", encoding="utf-8")
+        with pytest.raises(
+            InputError, match=r"gas\.h5: law mylaw\.py:SpeedDependent: .*has changed .*sha256"
+        ):
+            _ = trajectory.laws
+        out.with_name("mylaw.py").unlink()
+        with pytest.raises(InputError, match=r"mylaw\.py: must be the file of the run"):
+            _ = trajectory.laws
+    assert cli.main(["info", str(out)]) == 0  # does not execute it
+    assert cli.main(["plot", str(out), "temperatures", "-o", str(out.with_name("T.png"))]) == 0
+
+
+def test_a_law_goes_to_other_processes_with_its_text(case: Path) -> None:
+    law = law_files.find("mylaw.py:SpeedDependent", file_of(case).parent).kind(**VALUES)
+    assert copy.deepcopy(law) == law
+    case.with_name("law.pickle").write_bytes(pickle.dumps(law))
+    file_of(case).unlink()
+    code = "import pickle, sys; print(pickle.load(open(sys.argv[1], 'rb')))"
+    words = [sys.executable, "-c", code, str(case.with_name("law.pickle"))]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "SpeedDependent(c=0.1, e_t=-0.9, mu=0.2)"
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (["material[0].c="], "material[0].c: missing: must be a finite number; SpeedDependent has the coefficients"),
+        (["material[0].muu=0.1"], "material[0].muu = 0.1: unknown coefficient (did you mean 'mu'?); SpeedDependent"),
+        (['material[0].mu="much"'], 'material[0].mu = "much": must be a finite number'),
+        (['material[0].law="laws/mylaw.py:Speed"'], "no law 'Speed' in "),
+        (['material[0].law="laws/my.py:Speed"'], 'law = "laws/my.py:Speed": there is no file '),
+        (['material[0].law="laws/mylaw.py"'], "material[0].law = \"laws/mylaw.py\": must be 'ifr', 'walton',"),
+        (
+            ['material[0].law="laws/mylaw.py:Named"', "material[0].c=", "material[0].e_t=", "material[0].mu="],
+            "name cannot be a coefficient: it is a key of [[material]]",
+        ),
+        (['pair=[{ materials = ["a", "b"] }]'], "pair[0].e_n: missing"),
+    ],
+    ids=["missing", "unknown", "text", "class", "file", "form", "name", "pair"],
+)  # fmt: skip
+def test_mistakes_name_key_value_and_what_is_there(
+    case: Path, settings: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert executed(case, "check", *sets(*settings)) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("import ifrdem\nx = 1 / 0\n", "mylaw.py, line 2: the file cannot be executed: ZeroDivisionError"),
+        ("import ifrdem\nclass (:\n", "mylaw.py, line 2: the file cannot be executed: SyntaxError"),
+        ("import no_such_module\n", "mylaw.py, line 1: the file cannot be executed: ModuleNotFoundError"),
+        (
+            "import ifrdem\nclass SpeedDependent(ifrdem.CollisionLaw):\n    coefficients = ('c',)\n",
+            "mylaw.py: must have a static method collide(pair, law)",
+        ),
+    ],
+    ids=["error", "syntax", "import", "empty"],
+)
+def test_errors_in_the_file_are_told_with_their_line(
+    case: Path, text: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file_of(case).write_text(text, encoding="utf-8")
+    assert executed(case, "check") == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("always::ifrdem.EnergyWarning")
+def test_a_law_that_adds_energy_is_reported_by_check_and_run(
+    case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # e_n = 1.1: a head-on collision of equal disks gains (1.1^2 - 1) of the energy of the relative motion.
+    settings = sets(*GAINING, "material[0].gain=1.1")
+    assert executed(case, "check", *settings) == 0
+    shown = capsys.readouterr()
+    assert "law Gaining: of 4096 random collisions 4096 added energy, one of them" in shown.err
+    assert "custom, tried on 4096 random pairs" in shown.out
+    assert executed(case, "run", "-o", case.with_name("gas.h5"), *settings) == 0
+    shown = capsys.readouterr()
+    assert "law Gaining: of 4096 random collisions 4096 added energy" in shown.err
+    assert "collisions have added energy" in shown.err
+    with pytest.warns(ifrdem.EnergyWarning, match="law Gaining: of 4096"):
+        ifrdem.Case.read(case, set=[*GAINING, "material[0].gain=1.1"]).simulation()
+    # P_n = 0.9 m_n g_n would let disks pass through each other: before any file is written.
+    out = case.with_name("weak.h5")
+    for command in (["check"], ["run", "-o", out]):
+        assert executed(case, *command, *sets(*GAINING, "material[0].gain=-0.1")) == 2
+        assert "go through each other" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_law_that_loses_energy_gives_no_warning(case: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert ifrdem.Case.read(case).check().warnings == ()
+
+
+def test_an_interrupted_run_resumes_with_the_same_file_only(
+    case: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, part = case.with_name("whole.h5"), case.with_name("part.h5")
+    assert executed(case, "run", "-o", whole) == 0
+    with monkeypatch.context() as patch:
+        counts: list[int] = []
+
+        def check(self: Stops) -> None:
+            counts.append(1)
+            if len(counts) == 3:
+                raise Stopped("stopped", 3)
+
+        patch.setattr(Stops, "check", check)
+        assert executed(case, "run", "-o", part) == 3
+    text = file_of(case).read_text(encoding="utf-8")
+    file_of(case).write_text(text.replace("1.0 -", "1.0 - 0.1 *"), encoding="utf-8")
+    for words in ([], ["--ignore-case-changes"]):
+        assert cli.main(["resume", str(part), *words]) == 2
+        error = capsys.readouterr().err
+        assert "has changed" in error
+        assert 'start.positions = "part.h5"' in error
+        assert "must be the file of the run" in error
+    file_of(case).unlink()
+    assert cli.main(["resume", str(part)]) == 2
+    assert f"there is no file {file_of(case).resolve()}" in capsys.readouterr().err
+    file_of(case).write_text(text, encoding="utf-8")
+    assert cli.main(["resume", str(part)]) == 0
+    with ifrdem.Trajectory(whole) as a, ifrdem.Trajectory(part) as b:
+        for name in ("position", "velocity", "spin"):
+            np.testing.assert_array_equal(getattr(a[-1], name), getattr(b[-1], name))
+
+
+def test_a_checkpoint_of_python_holds_the_law_by_its_file(case: Path) -> None:
+    gas, path = ifrdem.Case.read(case).simulation(), case.with_name("gas.checkpoint.h5")
+    gas.run(collisions_per_disk=1)
+    gas.save_checkpoint(path)
+    again = ifrdem.Simulation.from_checkpoint(path)
+    for one in (gas, again):
+        one.run(collisions_per_disk=2)
+    np.testing.assert_array_equal(gas.state.velocity, again.state.velocity)
+    file_of(case).write_text(LAW + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"gas\.checkpoint\.h5: law mylaw\.py:SpeedDependent: .*has changed"):
+        ifrdem.Simulation.from_checkpoint(path)
+
+
+def test_a_study_sweeps_a_coefficient_and_knows_a_changed_file(case: Path) -> None:
+    def study() -> ifrdem.Study:
+        return ifrdem.Study(
+            case,
+            vary=["material[0].c=0.0,0.2"],
+            seeds=1,
+            set=["output.histories_all="],
+            output=case.with_name("s.nc"),
+        )
+
+    first = study()
+    first.run(workers=0)
+    T = first.results().variables["temperature"].values
+    assert T.shape[:2] == (2, 1)
+    assert T[1, 0, -1] < T[0, 0, -1]
+    keys = {task.key for task in first.tasks}
+    assert {task.key for task in study().tasks} == keys
+    file_of(case).write_text(LAW + "\n", encoding="utf-8")
+    assert not {task.key for task in study().tasks} & keys
+
+
+@mpi.needed
+def test_two_ranks_have_the_law_of_the_root(case: Path) -> None:
+    alone, both = case.with_name("alone.h5"), case.with_name("both.h5")
+    settings = sets("species[0].number=21000", "run.collisions_per_disk=0.5", "output.histories_all=")
+    assert executed(case, "run", "-o", alone, *settings) == 0
+    done = mpi.on(2, *mpi.ifrdem("run", case, "-o", both, *settings))
+    assert done.returncode == 0, done.stderr
+    with ifrdem.Trajectory(alone) as a, ifrdem.Trajectory(both) as b:
+        assert int(b.parameters["ranks"]) == 2
+        np.testing.assert_array_equal(a[-1].velocity, b[-1].velocity)
+
+
+def test_run_stops_before_any_file_if_a_law_cannot_be_compiled(
+    case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file_of(case).write_text(LAW.replace("law.mu", "law.mue"), encoding="utf-8")
+    for command in (["check"], ["run", "-o", case.with_name("gas.h5")]):
+        assert executed(case, *command) == 2
+        error = capsys.readouterr().err
+        assert "mylaw.py, line 16, in collide" in error
+        assert "no 'mue' (did you mean 'mu'?)" in error
+    assert not case.with_name("gas.h5").exists()
