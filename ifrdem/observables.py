@@ -1,5 +1,5 @@
-"""Temperatures, energies and momentum of a state of disks."""
+"""Temperatures, energies, momentum and stress of a state of disks."""
 
-from .model.observables import Measure, drift_text, from_totals, measure, sums
+from .model.observables import Measure, Stress, drift_text, from_totals, measure, stress, sums
 
-__all__ = ["Measure", "drift_text", "from_totals", "measure", "sums"]
+__all__ = ["Measure", "Stress", "drift_text", "from_totals", "measure", "stress", "sums"]

@@ -70,6 +70,7 @@ class Columns:
                 self.at[name] = Several(at, count, of)
             at += self.at[name].width
         self.width: int = at - first
+        vars(self).update(self.at)  # read thousands of times a second
 
     def moved(self, first: int) -> "Columns":
         """This table with its first column at another number."""
@@ -165,11 +166,13 @@ TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathere
 # sides at the end; halo over the initial one of all tiles.
 REACH = Columns(**columns("halo", "excursion", "max_displacement", "overhang", "halo_factor"))
 # Sums over a window; whole numbers are exact up to 2^53. `fastest` is the largest square of a speed. They are
-# followed by those of walls: heat of thermal walls, sums of each wall, states of pistons.
+# followed by those that only some gases have: the virial, heat of thermal walls, sums of each wall, states of pistons.
 TALLY = Columns(
     collisions=None, wall_collisions=None, elastics=None, regimes=5, losses=MECHANISM,
     **columns("wall_work", "flow_work", "fastest", "squares", "sleepers"),
 )  # fmt: skip
+# Collisional part of the pressure tensor times area and time (`stress.py`): component of the momentum, then direction.
+VIRIAL = Columns(**columns("xx", "xy", "yx", "yy"))
 WALL_SUM = Columns(**columns("momentum_x", "momentum_y", "torque", "work", "heat", "hits"))
 PISTON_STATE = Columns(**columns("displacement", "speed"))
 # Of all tiles, or of BLOCK_OF_TILES: the largest square of a speed, and maxima of `reach`; then sums of the tally to
@@ -303,7 +306,7 @@ WALL = Columns(
 # Sums over all disks.
 READOUT = Columns(**columns(
     "translational", "rotational", "momentum_x", "momentum_y", "momentum_flux_xy", "fall", "all_events", "excess",
-    "mass",
+    "mass", "momentum_flux_xx",
 ))  # fmt: skip
 
 

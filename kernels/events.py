@@ -28,6 +28,7 @@ from .particle import (
 from .rest import (
     count_hit, fall_asleep, is_support, is_wedged, set_at_rest, set_in_motion, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
+from .stress import add_virial_of_pair
 from .tiles import head_at, layer_of, scale_of, write
 from .walls.cells import first_wall, other_image
 from .walls.collision import hit_wall
@@ -338,6 +339,21 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         charge_half(a, regime, lost, gas)
         charge_half(b, regime, lost, gas)
     count_collision(a, kind_a, regime, lost, rows, faster, vx_a, new_vx_a, tile, gas)
+    if ti.static(gas.uses.stressed):
+        add_virial_of_pair(
+            tile,
+            a,
+            b,
+            kind_a,
+            kind_b,
+            new_vx_a - vx_a,
+            vy_a - vy_a_0,
+            new_vx_b - vx_b,
+            vy_b - vy_b_0,
+            rx,
+            ry,
+            gas,
+        )
 
 
 @ti.func

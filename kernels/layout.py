@@ -26,9 +26,9 @@ slot_before            (room,)        slot at the window's beginning of the one 
 tile                   (tiles, ...)   where its lists begin and how long they are, by part; ghosts; state; owner
 reach                  (tiles, ...)   halo, and what decides if it was wide enough
 edge_x/y               (tiles + 1,)   sides of the columns and rows of tiles, on the grid of positions
-tally                  (tiles,        sums over the window to its end, and to requested moments; behind them those of
-                       1 + moments,   walls: heat of thermal ones, sums of each, how pistons moved
-                       ...)
+tally                  (tiles,        sums over the window to its end, and to requested moments; behind them the
+                       1 + moments,   virial, and those of walls: heat of thermal ones, sums of each, how pistons
+                       ...)           moved
 ghost, ghost_position  (ghosts,)      of copies of other tiles' disks: slot, hash of the history here, where they began
 event, event_int       (events,)      collisions of tracked disks, and their ids
 pair_time, pair        (pairs,)       times of collisions of two disks, and their ids
@@ -87,6 +87,7 @@ class Uses:
     remembers: bool = False  # a contact time: disks know when their latest collision was
     sheared: bool = False  # a mean flow
     tallied: bool = False  # a ledger of what dissipates energy
+    stressed: bool = False  # momentum that collisions transfer is added up
     partnered: bool = False  # disks know their latest partner
     turned: bool = False  # disks know how far they have turned
     itemised: bool = False  # disks know what their collisions took; only with a ledger

@@ -15,8 +15,9 @@ from .signature import Arrays, kernel
 def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     """Add a disk at a place in the box to the sums; nothing for a disk of infinite mass. In double precision.
 
-    Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls. Velocities
-    are those beyond the flow; then the excess of kinetic energy in the frames of rows of tiles, and the mass.
+    Kinetic energies, momentum, m v_x v_y and m v_x^2, mass times the way along gravity, collisions with disks and
+    walls. Velocities are those beyond the flow; then the excess of kinetic energy in the frames of rows of tiles, and
+    the mass.
     """
     disk = gas.disk[s]
     kind = listed_kind(s, gas)
@@ -31,6 +32,7 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     total[READOUT.momentum_y] += mass * vy
     total[READOUT.translational] += 0.5 * mass * (vx * vx + vy * vy)
     total[READOUT.rotational] += 0.5 * ti.cast(gas.kinds[kind].inertia, ti.f64) * spin * spin
+    total[READOUT.momentum_flux_xx] += mass * vx * vx
     total[READOUT.momentum_flux_xy] += mass * vx * vy
     total[READOUT.fall] += (x * gas.scale.gx + y * gas.scale.gy) * mass
     total[READOUT.mass] += mass
@@ -68,14 +70,22 @@ def placed(s, tile, time, gas: ti.template()):
     return x, y, boxes_x, boxes_y, frame, flow
 
 
+def is_single(words):
+    """True if the words of a frame are those of one in single precision."""
+    return has_numbers(words, ti.u32)
+
+
 @ti.func
-def put(i, name: ti.template(), m: ti.template(), value, single: ti.template(), gas: ti.template()):
+def store_number(i, name: ti.template(), m: ti.template(), value, gas: ti.template()):
     """Write number `m` of a quantity of disk `i` into its frame: a real one in the precision of the frame."""
+    single = ti.static(is_single(gas.frame_out))
     at = ti.static(first_word(name, gas.uses, single))
-    if ti.static(FRAME[name].count):
+    if ti.static(FRAME[name].count and single):
+        gas.frame_out[i, at + m] = ti.bit_cast(ti.cast(value, ti.i32), ti.u32)
+    elif ti.static(FRAME[name].count):
         gas.frame_out[i, at + m] = ti.cast(value, ti.i32)
     elif ti.static(single):
-        gas.frame_out[i, at + m] = ti.bit_cast(ti.cast(value, ti.f32), ti.i32)
+        gas.frame_out[i, at + m] = ti.bit_cast(ti.cast(value, ti.f32), ti.u32)
     else:
         bits = ti.bit_cast(ti.cast(value, ti.f64), ti.i64)
         gas.frame_out[i, at + 2 * m] = ti.cast(bits, ti.i32)
@@ -87,14 +97,14 @@ def read_out(
     part: ti.i32,
     time: ti.f64,
     filled: ti.i32,
-    single: ti.template(),
     gas: Arrays(
         "uses grid scale clock disk meta past hits dissipated asleep kind kinds tile edge_x edge_y frame_out totals"
     ),
 ):
     """Write disks by id (of one rank of several, by slot), unless `filled` is 0, and the sums of each tile.
 
-    `frame_out` (n, words): rows of `frame_dtype` as words; `latest_collision` counts from the window's beginning.
+    `frame_out` (n, words): rows of `frame_dtype` as words, u32 of frames in single precision, else i32;
+    `latest_collision` counts from the window's beginning.
     `totals` (tiles, sums).
     """
     spread = ti.static(spread_of_loops())
@@ -119,31 +129,31 @@ def read_out(
                     i = meta_row.id
                     if ti.static(gas.uses.shared):
                         i = s - part * gas.grid.room
-                    put(i, "position", 0, x, single, gas)
-                    put(i, "position", 1, y, single, gas)
-                    put(i, "velocity", 0, ti.cast(listed_disk.vx, ti.f64) + frame, single, gas)
-                    put(i, "velocity", 1, listed_disk.vy, single, gas)
-                    put(i, "spin", 0, listed_disk.spin, single, gas)
-                    put(i, "image", 0, meta_row.image_x + boxes_x, single, gas)
-                    put(i, "image", 1, meta_row.image_y + boxes_y, single, gas)
+                    store_number(i, "position", 0, x, gas)
+                    store_number(i, "position", 1, y, gas)
+                    store_number(i, "velocity", 0, ti.cast(listed_disk.vx, ti.f64) + frame, gas)
+                    store_number(i, "velocity", 1, listed_disk.vy, gas)
+                    store_number(i, "spin", 0, listed_disk.spin, gas)
+                    store_number(i, "image", 0, meta_row.image_x + boxes_x, gas)
+                    store_number(i, "image", 1, meta_row.image_y + boxes_y, gas)
                     events = meta_row.events
                     if ti.static(gas.uses.walled):
                         events -= gas.hits[s].wall_collisions
-                    put(i, "collisions", 0, events, single, gas)
+                    store_number(i, "collisions", 0, events, gas)
                     if ti.static(gas.uses.turned):
-                        put(i, "angle", 0, gas.past[s].angle, single, gas)
+                        store_number(i, "angle", 0, gas.past[s].angle, gas)
                     if ti.static(gas.uses.itemised):
                         for column in ti.static(range(MECHANISM.width)):
-                            put(i, "dissipated", column, gas.dissipated[s][column], single, gas)
+                            store_number(i, "dissipated", column, gas.dissipated[s][column], gas)
                     if ti.static(gas.uses.partnered):
-                        put(i, "last_partner", 0, gas.hits[s].last_partner, single, gas)
+                        store_number(i, "last_partner", 0, gas.hits[s].last_partner, gas)
                     if ti.static(gas.uses.rests):
                         sleeps = gas.asleep[s] == ASLEEP or gas.asleep[s] == ASLEEP_UNVERIFIED
-                        put(i, "asleep", 0, sleeps, single, gas)
-                    if ti.static(gas.uses.remembers and not single):
-                        put(i, "latest_collision", 0, gas.past[s].latest, single, gas)
-                    if ti.static(gas.uses.walled and not single):
-                        put(i, "wall_collisions", 0, gas.hits[s].wall_collisions, single, gas)
+                        store_number(i, "asleep", 0, sleeps, gas)
+                    if ti.static(gas.uses.remembers and not is_single(gas.frame_out)):
+                        store_number(i, "latest_collision", 0, gas.past[s].latest, gas)
+                    if ti.static(gas.uses.walled and not is_single(gas.frame_out)):
+                        store_number(i, "wall_collisions", 0, gas.hits[s].wall_collisions, gas)
             for c in ti.static(range(READOUT.width)):
                 gas.totals[k][c] = total[c]
 

@@ -1,7 +1,7 @@
 """Sums over all tiles: what they have added up in a window."""
 
 from .columns import REACH, TOTAL
-from .language import ti
+from .language import on_gpu, ti
 from .layout import AT_END, BLOCK_OF_TILES
 from .particle import round_products
 from .signature import Arrays, kernel
@@ -79,10 +79,12 @@ def sum_blocks(column, gas: ti.template()):
 @ti.func
 def sum_tiles(gas: ti.template()):
     """Sum up all columns: loops of a kernel."""
+    ti.loop_config(serialize=ti.static(not on_gpu()))
     for item in range(gas.found.shape[0] * gas.found.shape[1]):
         round_products(gas)
         if is_summed_here(gas):
             sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
+    ti.loop_config(serialize=ti.static(not on_gpu()))
     for column in range(gas.total.shape[0]):
         if is_summed_here(gas):
             sum_blocks(column, gas)

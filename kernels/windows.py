@@ -234,6 +234,7 @@ def run_windows(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, gas: WIND
 
     The host has set the first window. Each thread of the CPU takes tile after tile.
     """
+    ti.loop_config(serialize=True)  # a loop in threads wakes them, which takes longer than what it does
     for _ in range(1):
         round_products(gas)
         if gas.grid.single_tile == 0 and first == 0:

@@ -112,6 +112,8 @@ ANALYSIS: dict[str, dict[str, Any]] = {
     "hexatic": {"position": POINTS, "box": SIDES, "neighbours": "nearest", "time": 0.0},
     "impacts": {"psi": np.linspace(0.0, 1.5, 50), "regime": np.ones(50, dtype=int), "bins": 5},
     "mean_square_displacement": {"times": TIMES, "paths": PATHS, "origins": "all", "most_lags": 5},
+    "mean_stress": {"time": np.arange(5.0), "stress": np.ones((4, 4)), "kinetic": 0.5 * np.ones((4, 4)),
+                    "span": (0.5, 3.5)},
     "mean_with_error": {"series": TIMES},
     "pair_correlation": {"position": POINTS, "box": SIDES, "r_max": 3.0, "bins": 10, "r_min": 0.0,
                          "time": 0.0},
@@ -161,13 +163,15 @@ FORCES: dict[str, dict[str, Any]] = {
     "TableFriction": {"step": 0.1, "mu": 0.1, "gravity": 9.8},
 }
 MEASURE = ifrdem.observables.measure(DISKS, STATE)
+STRESSED = dataclasses.replace(MEASURE, virial=np.eye(2))
 OBSERVABLES: dict[str, dict[str, Any]] = {
     "drift_text": {"velocity": [1.0, 0.0]},
-    "from_totals": {"disks": DISKS, "totals": np.ones(9), "time": 1.0, "wall_collisions": 0,
+    "from_totals": {"disks": DISKS, "totals": np.ones(10), "time": 1.0, "wall_collisions": 0,
                     "about_mean": (True, True)},
     "measure": {"disks": DISKS, "state": STATE, "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0,
                 "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int),
                 "about_mean": (True, True)},
+    "stress": {"before": STRESSED, "after": dataclasses.replace(STRESSED, time=1.0), "area": 10.0},
     "sums": {"disks": DISKS, "state": STATE, "gravity": (0.0, 0.0)},
 }  # fmt: skip
 WALLS: dict[str, Any] = {
@@ -212,7 +216,7 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "IFRLaw": {"e_n": 0.9, "e_t": -0.8, "mu": 0.2, "sticking": "contact_point", "rho": 0.0, "k": 2.0},
     "IFRLaw.admissibility": {"self": LAW, "k_i": 2.0, "k_j": 2.0, "m_i": 1.0, "m_j": 1.0},
     "IFRLaw.check": {"self": LAW, "k_i": 2.0, "k_j": 2.0, "m_i": 1.0, "m_j": 1.0},
-    "Ledger": {"first": MEASURE, "latest": MEASURE, "frames": 1},
+    "Ledger": {"first": MEASURE, "latest": MEASURE, "frames": 1, "area": 10.0, "latest_row": MEASURE},
     "Ledger.observables": {"self": ifrdem.Ledger(), "measure": MEASURE},
     "Ledger.row": {"self": ifrdem.Ledger(), "measure": MEASURE},
     "Motion": {"kind": "sawtooth", "direction": (0.0, 1.0), "speed": 0.0, "amplitude": 0.1, "frequency": 1.0,
@@ -306,10 +310,10 @@ MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
 OTHERS: dict[ModuleType, set[str]] = {
     theory: {"CoolingRatio", "MixtureTemperatures", "Prediction", "ShearModes"},
     analysis: {"Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
-               "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
+               "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
                "VelocityDistribution"},
     ifrdem.forces: {"normals", "uniforms"},
-    ifrdem.observables: {"Measure"},
+    ifrdem.observables: {"Measure", "Stress"},
     # Functions of fits, files and gases are below.
     ifrdem.fit: {"Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design", "draws", "material",
                  "read", "table"},

@@ -19,7 +19,8 @@ from ifrdem.initial import radii
 FACES: list[ModuleType] = [ifrdem, initial, radii, forces, observables, theory, analysis, fit, bullet, plots]
 
 MADE_BY_FUNCTIONS = {
-    "Measure", "MixtureTemperatures", "Prediction", "ShearModes", "CoolingRatio", "Clusters", "ContactValue",
+    "MeanStress", "Measure", "Stress",
+    "MixtureTemperatures", "Prediction", "ShearModes", "CoolingRatio", "Clusters", "ContactValue",
     "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts", "PairCorrelation", "Pressure", "RatioFit",
     "SonineCoefficients", "StructureFactor", "VelocityDistribution", "Data", "Design", "Estimate", "Fit", "Fitted",
     "Interval", "Law",

@@ -19,6 +19,7 @@ from .displacement import (
 from .fields import Fields, coarse_grain
 from .impact import Impacts, impacts
 from .pressure import Pressure, compressibility, contact_from_rate, pressure_from_impulses
+from .stress import MeanStress, mean_stress
 from .structure import (
     Clusters,
     ContactValue,
@@ -40,10 +41,10 @@ from .velocities import (
 )
 
 __all__ = [
-    "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
+    "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts", "MeanStress",
     "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor", "VelocityDistribution",
     "clusters", "coarse_grain", "compressibility", "contact_from_rate", "contact_value", "correlation_time",
-    "diffusion_coefficient", "gaussian", "haff_fit", "hexatic", "impacts", "mean_square_displacement",
-    "mean_with_error", "pair_correlation", "pressure_from_impulses", "ratio_fit", "sonine_density",
-    "structure_factor", "unwrap", "velocity_autocorrelation", "velocity_distribution",
+    "diffusion_coefficient", "gaussian", "haff_fit", "hexatic", "impacts", "mean_square_displacement", "mean_stress",
+    "mean_with_error", "pair_correlation", "pressure_from_impulses", "ratio_fit", "sonine_density", "structure_factor",
+    "unwrap", "velocity_autocorrelation", "velocity_distribution",
 ]  # fmt: skip

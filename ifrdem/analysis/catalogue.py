@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.ifr import IFRLaw
+from ..model.observables import STRESS_SERIES
 from ..model.walton import Walton
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 from . import common, cooling, displacement, fields, impact, pressure, steadiness, structure, velocities
 from . import result as stored
+from . import stress as stresses
 from .result import NOT_STATIONARY, Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
 
 GAP = 0.1
@@ -442,8 +444,10 @@ def _span_mean(when: Array, values: Array, span: tuple[float, float]) -> float:
 def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     box, disks = trajectory.box, trajectory.disks
     if box.is_open or trajectory.free_area.all_walls:
-        text = "pressure of a homogeneous gas in a periodic box only"
-        raise InputError(f"{text}: this one has walls or no sides")
+        text = "pressure of a homogeneous gas in a periodic box only: this one has walls or no sides"
+        raise InputError(
+            text if box.is_open else f"{text}; `analyse stress` gives the pressure tensor between walls"
+        )
     used = all_frames(trajectory, frames)
     span = times(trajectory, used)
     when, (T, count) = stored.series(trajectory, "temperature", "collisions")
@@ -461,7 +465,9 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
     try:
         found = stored.collisions(trajectory)
     except InputError as error:
-        notes.append(f"not from impulses: {error}")
+        notes.append(f"not from impulses: {error}, or set output.stress = true for `analyse stress`")
+        if box.shear_rate:  # which has no histories
+            notes[-1] = "not from impulses: `analyse stress` gives the pressure tensor of a sheared gas"
     else:
         span = (max(span[0], found.span[0]), min(span[1], found.span[1]))
         if not span[1] > span[0]:
@@ -516,6 +522,54 @@ def _pressure_by_rate(
             rows.append(Reading("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
     notes.append("g at contact from the rate assumes Maxwellian, uncorrelated velocities")
     return rows
+
+
+def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
+    series = trajectory.series
+    if "stress" not in series:
+        raise InputError(
+            f"{trajectory.path} holds no stress: set output.stress = true in the case and run it again (in Python "
+            'record=["stress"])'
+        )
+    rising = np.concatenate(([True], np.diff(series.time) > 0.0))
+    when, rows_of = series.time[rising], {name: series[name][rising] for name in STRESS_SERIES}
+    if len(when) < 2:
+        raise InputError(f"{trajectory.path}: must have two rows of the series or more for a stress")
+    used = all_frames(trajectory, frames)
+    span = times(trajectory, used) if frames is not None else (float(when[0]), float(when[-1]))
+    span = (max(span[0], float(when[0])), min(span[1], float(when[-1])))
+    if not span[1] > span[0]:
+        raise InputError(f"{trajectory.path}: a stress is a mean over time: must be two frames or more")
+    found = stresses.mean_stress(when, *(rows_of[name][1:] for name in STRESS_SERIES), span=span)
+    mean, force = found.stress, unit(trajectory, "energy/length^2")
+    rows = [Reading("pressure p = (P_xx + P_yy) / 2", mean.pressure, found.pressure_error, force)]
+    pairs = {"xx": (0, 0), "xy": (0, 1), "yx": (1, 0), "yy": (1, 1)}
+    for name, at in pairs.items():
+        rows.append(Reading(f"P_{name}", float(mean.total[at]), float(found.error[at]), force))
+    for name, at in pairs.items():
+        rows.append(Reading(f"kinetic part of P_{name}", float(mean.kinetic[at]), unit=force))
+    rows.append(Reading("N_1 = (P_xx - P_yy) / p", mean.normal_difference, found.normal_difference_error))
+    if rate := trajectory.box.shear_rate:
+        rows.append(Reading("friction -P_xy / P_yy", mean.friction, found.friction_error))
+        viscosity = -float(mean.total[0, 1]) / rate
+        error = float(found.error[0, 1]) / abs(rate)
+        rows.append(
+            Reading(
+                "viscosity -P_xy / shear rate", viscosity, error, unit(trajectory, "energy time/length^2")
+            )
+        )
+    notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
+    notes.append(f"errors from {len(found.time)} blocks of time")
+    warnings = []
+    inside = (series.time >= span[0]) & (series.time <= span[1])
+    if "temperature" in series and not _is_stationary(T := series["temperature"][inside]):
+        text = (
+            "and stresses are means over that time; choose --frames over which T changes by less than a tenth"
+        )
+        warnings.append(f"{_stationarity_warning(trajectory, T)}, {text}")
+    table: Columns = {"time": found.time}
+    table |= {f"P_{name}(t)": found.blocks[:, at[0], at[1]] for name, at in pairs.items()}
+    return Evaluation(found, rows, {"": table}, notes, span, warnings)
 
 
 def of_cooling(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
@@ -637,6 +691,7 @@ ANALYSES = {
     "clusters": Analysis("clusters", of_clusters),
     "psi6": Analysis("hexatic order psi_6", of_psi6),
     "pressure": Analysis("pressure", of_pressure),
+    "stress": Analysis("pressure tensor", of_stress),
     "cooling": Analysis("Haff's law and the ratio of temperatures", of_cooling),
     "impact": Analysis("angles of impact and regimes", of_impact),
 }

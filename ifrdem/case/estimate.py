@@ -16,7 +16,7 @@ from ..errors import TheoryError
 from ..kernels import columns
 from ..model.density import packing_fraction
 from ..model.law import EnergyWarning
-from ..model.observables import MECHANISMS, REGIMES
+from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, STRESS_SERIES
 from ..model.viscoelastic import Viscoelastic
 from ..model.walls import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
@@ -45,6 +45,8 @@ LEDGER = {
     "ledger_residual": 1,
 }
 """The same of each row with output.ledger."""
+STRESSES = len(STRESS_SERIES) * len(COMPONENTS)
+"""Numbers of each row with output.stress."""
 
 OVERHEAD = 1.02
 """Of HDF5's groups, indices of chunks and half-filled chunks, as a multiple of the data of a trajectory file."""
@@ -451,6 +453,7 @@ def _trajectory_bytes(
     frame = chunks * sum(on_pages(per_chunk * _field_bytes(output, name)) for name in output.fields)
     walls = len(case.wall) + 2 * sum(not each for each in case.box.periodic)
     row = totals + sum(LEDGER.values()) * output.ledger + walls * len(SUMS) * output.wall_sums
+    row += STRESSES * output.stress
     event = sum(
         column.components * np.dtype(column.dtype).itemsize for column in layout.EVENT_COLUMNS.values()
     )

@@ -184,6 +184,13 @@ class CaseGas:
         return FreeArea(self.box, self._walls_at_start, self.begin[0])
 
     @property
+    def stress_area(self) -> float | None:
+        """Free area at the start, which stresses refer to [length^2]; None without output.stress."""
+        if not self.case.output.stress:
+            return None
+        return self.free_area.area() if self.free_area.all_walls else self.box.area
+
+    @property
     def begin(self) -> tuple[float, int]:
         """Time of the run's clock at the start [time], and number of collisions of all disks until then."""
         return (0.0, 0) if self.given is None else (self.given.time, self.given.collisions)

@@ -43,6 +43,7 @@ def record_of(case: CaseSections) -> list[str]:
     quantities = {
         "energy": output.ledger, "partner": "last_partner" in fields, "angle": "angle" in fields,
         "disk_energy": "dissipated" in fields, "wall": output.wall_sums,
+        "stress": output.stress,
     }  # fmt: skip
     return [name for name, enabled in quantities.items() if enabled]
 

@@ -67,6 +67,9 @@ class OutputSection(Section):
     wall_sums: bool = field(True, False)
     """Add up what each wall gives to the disks (momentum, torque, work, heat, hits), in the time series [true or
     false]."""
+    stress: bool = field(True, False)
+    """Add up the momentum that collisions transfer, for the pressure tensor P_ab in the time series: positive in
+    compression, mean since the row before [true or false]."""
     histories: list[Annotated[int, Field(ge=0)]] | None = field([0, 7], None, min_length=1)
     """Disks of which every collision is kept [list of their numbers, from 0]; so their paths are exact."""
     histories_sample: int | None = field(100, None, ge=1)

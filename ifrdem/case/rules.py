@@ -263,6 +263,10 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
             f"{len(case.wall)} walls: of {MOST_SUMMED} at most; make polylines of those that belong together"
         )
         yield Problem("output.wall_sums", "true", text)
+    if output.stress:
+        text = _no_stress(case)
+        if text:
+            yield Problem("output.stress", "true", text)
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:
             text = "it is there already; each may be given once"
@@ -288,6 +292,19 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
         rate = f"box.gravity_rotation_rate = {case.box.gravity_rotation_rate:g}"
         text = f"not where gravity turns ({rate}): leave histories out"
         yield Problem("output.histories", None, text)
+
+
+def _no_stress(case: CaseSections) -> str:
+    """Reason why a gas has no pressure tensor; "" if it has one."""
+    if case.box.open:
+        return "an open box has no area that a stress could refer to"
+    if case.run.resting_speed is not None:
+        text = "forces between resting disks, which are no collisions, carry a part of it"
+        return f'cannot be combined with run.collapse = "rest": {text}'
+    for i, each in enumerate(case.wall):
+        if each.piston is not None:
+            return f"cannot be combined with wall[{i}].piston, which changes the area of the gas"
+    return ""
 
 
 NOT_GROWN_ON_RANKS = (

@@ -41,6 +41,7 @@ NAMES = (
     "clusters",
     "psi6",
     "pressure",
+    "stress",
     "cooling",
     "impact",
 )
@@ -85,6 +86,7 @@ def analyse(
       clusters          sizes, the largest, radius of gyration
       psi6              hexatic order
       pressure          from impulses and from the rate of collisions
+      stress            pressure tensor, its parts, friction and N_1 (output.stress)
       cooling           fits of Haff's law and of T_rot / T
       impact            angles of impact and regimes
 

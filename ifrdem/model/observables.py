@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..kernels.columns import READOUT
 from ..mpi import SERIAL, collective, current
-from ..tools.checked import Array, Integer, Numbers, Real, validated
+from ..tools.checked import Array, Integer, Numbers, Positive, Real, validated
 from .state import Disks, State
 
 MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls", "rest")
@@ -24,6 +24,10 @@ no tangential impulse adds energy."""
 REGIMES = ("sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic")
 """Of collisions of two disks: whether friction slides or sticks, with the rolling torque rho P_n or without, or whether
 a remedy for collapse made them elastic."""
+STRESS_SERIES = ("stress", "stress_kinetic")
+"""Names in the time series of the pressure tensor and of its kinetic part."""
+COMPONENTS = ("xx", "xy", "yx", "yy")
+"""Of the pressure tensor: first of the momentum, then of the normal of the line that it crosses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +63,11 @@ class Measure:
         Sums of each wall, the sides of the box last (`WallSums`); None unless they are requested.
     pistons : array (P, 4) or None
         Displacement, velocity, energy and force of each piston (`Simulation.pistons`); None without pistons.
-    momentum_flux_xy : float
-        Kinetic part of the pressure tensor times the area, sum of m v_x v_y, v as in the temperature [energy].
+    momentum_flux : array (2, 2)
+        Kinetic part of the pressure tensor times the area: the sum of m v_a v_b, v as in the temperature [energy].
+    virial : array (2, 2) or None
+        Collisional part of the pressure tensor times the area, integrated over time since the start: the sum of
+        (dp_i)_a (r_i - r_j)_b over collisions [energy time]. None unless recorded ("stress"). See `stress`.
 
     Notes
     -----
@@ -82,8 +89,8 @@ class Measure:
     temperature: float
     rotational_temperature: float
     momentum: Array
+    momentum_flux: Array
     energy_input: float = 0.0
-    momentum_flux_xy: float = 0.0
     wall_work: float = 0.0
     wall_heat: float = 0.0
     potential_energy: float = 0.0
@@ -94,6 +101,7 @@ class Measure:
     regimes: NDArray[np.int64] | None = None
     walls: Array | None = None
     pistons: Array | None = None
+    virial: Array | None = None
 
     @property
     def theta(self) -> float:
@@ -185,9 +193,10 @@ def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0)) ->
     columns: list[NDArray[Any]] = [
         mass * (v_x**2 + v_y**2), inertia * state.spin**2, mass * v_x, mass * v_y, mass * v_x * v_y,
         mass * (state.position @ np.array(gravity)), state.collisions.astype(np.int64) + state.wall_collisions, mass,
+        mass * v_x**2,
     ]  # fmt: skip
     found = [float(current().total(each)) for each in columns]
-    return np.array([0.5 * found[0], 0.5 * found[1], *found[2:-1], 0.0, found[-1]])
+    return np.array([0.5 * found[0], 0.5 * found[1], *found[2:-2], 0.0, *found[-2:]])
 
 
 @validated
@@ -207,12 +216,12 @@ def from_totals(
     >>> import ifrdem
     >>> import numpy as np
     >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
-    >>> totals = np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0, 2.0])
+    >>> totals = np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0, 2.0, 2.0])
     >>> found = ifrdem.observables.from_totals(disks, totals, time=1.0, wall_collisions=0)
     >>> found.temperature, found.collisions
     (0.5, 2)
     """
-    translational, rotational, *momentum, momentum_flux_xy, fall, events, _, mass = totals.tolist()
+    translational, rotational, *momentum, xy, fall, events, _, mass, xx = totals.tolist()
     n = max(disks.n_movable, 1)
     if disks.n_movable < disks.n:  # which hold the gas
         about_mean = (False, False)
@@ -229,12 +238,93 @@ def from_totals(
         rotational_temperature=2.0 * rotational / n,
         momentum=np.array(momentum),
         drift_energy=drift_energy,
-        # sum m (v_x - u_x) (v_y - u_y)
-        momentum_flux_xy=momentum_flux_xy
-        - mean[0] * momentum[1]
-        - mean[1] * momentum[0]
-        + mass * mean[0] * mean[1],
+        momentum_flux=_about_mean(xx, xy, 2.0 * translational - xx, np.array(momentum), np.array(mean), mass),
         potential_energy=-fall or 0.0,
         wall_collisions=wall_collisions,
         **energy_terms,
     )
+
+
+def _about_mean(xx: float, xy: float, yy: float, momentum: Array, mean: Array, mass: float) -> Array:
+    """Sum of m (v_a - u_a) (v_b - u_b) from those of m v_a v_b, shape (2, 2)."""
+    drift = np.outer(momentum, mean)
+    whole: Array = np.array([[xx, xy], [xy, yy]]) - drift - drift.T + mass * np.outer(mean, mean)
+    return whole
+
+
+@dataclass(frozen=True, eq=False)
+class Stress:
+    """Mean pressure tensor of a gas over a time, in two dimensions a force on a length [energy/length^2].
+
+    P_ab is the flux of momentum along a through a line whose normal is along b. It is positive in compression, so the
+    stress in the sense of elasticity is -P.
+
+    Attributes
+    ----------
+    kinetic, collisional : array (2, 2)
+        What disks carry and what collisions transfer.
+    """
+
+    kinetic: Array
+    collisional: Array
+
+    @property
+    def total(self) -> Array:
+        """Kinetic and collisional part together, shape (2, 2) [energy/length^2]."""
+        return self.kinetic + self.collisional
+
+    @property
+    def pressure(self) -> float:
+        """Mean of both normal components, (P_xx + P_yy) / 2 [energy/length^2]."""
+        return 0.5 * float(np.trace(self.total))
+
+    @property
+    def friction(self) -> float:
+        """Shear over normal stress on lines along x, -P_xy / P_yy: positive for a flow u_x that grows along y.
+
+        nan without a normal stress.
+        """
+        return -float(self.total[0, 1]) / (float(self.total[1, 1]) or math.nan)
+
+    @property
+    def normal_difference(self) -> float:
+        """First normal stress difference over the pressure, N_1 = (P_xx - P_yy) / p; nan without a pressure.
+
+        M. Alam and S. Luding, Phys. Fluids 15, 2298 (2003), doi:10.1063/1.1587723.
+        """
+        return float(self.total[0, 0] - self.total[1, 1]) / (self.pressure or math.nan)
+
+
+@validated
+def stress(before: Measure, after: Measure, area: Positive) -> Stress:
+    """Mean pressure tensor of a gas between two measures of one simulation, in an area [length^2].
+
+    P_ab A = sum m V_a V_b + (1 / dt) sum_c (dp_i)_a (r_i - r_j)_b, over disks and over the collisions between the two
+    times; r_i - r_j is the vector to a disk's centre from its partner's, or from the contact on a wall. The collisional
+    part is exact; the kinetic part is the mean of both times. V is relative to the mean velocity or the flow, as in the
+    temperature. Between walls the area is the free area, in which the walls' part is included: then the mean of P_nn is
+    the pressure on them.
+
+    C. S. Campbell and A. Gong, J. Fluid Mech. 164, 107 (1986), doi:10.1017/S0022112086002495.
+
+    InputError if a measure holds no virial (record=["stress"]), or the second is not later.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks, box = ifrdem.Disks(2, mass=1.0, radius=0.5), ifrdem.Box((10.0, 10.0))
+    >>> start = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [-1.0, 0.0]], [0.0, 0.0])
+    >>> law = ifrdem.IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+    >>> gas = ifrdem.Simulation(disks, box, law, start, record=["stress"])
+    >>> first = gas.measure()
+    >>> gas.run(t_end=2.0)
+    >>> found = ifrdem.observables.stress(first, gas.measure(), box.area)
+    >>> float(found.kinetic[0, 0]), float(found.collisional[0, 0])  # 2 m v^2 / A; impulse 2, distance 1, time 2
+    (0.02, 0.01)
+    """
+    if before.virial is None or after.virial is None:
+        raise InputError('stress: not recorded; make the simulation with record=["stress"]')
+    if not after.time > before.time:
+        raise InputError(f"after.time = {after.time:g}: must be later than before.time = {before.time:g}")
+    kinetic = 0.5 * (before.momentum_flux + after.momentum_flux) / area
+    return Stress(kinetic, (after.virial - before.virial) / ((after.time - before.time) * area))

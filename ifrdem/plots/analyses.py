@@ -321,6 +321,37 @@ def _pressure(axes: Axes, found: analysis.Pressure) -> None:
     grid(axes)
 
 
+def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
+    """The pressure tensor in blocks of time, and the kinetic and collisional part of its mean."""
+    found = evaluation.result
+    names, at = ("xx", "yy", "xy", "yx"), ((0, 0), (1, 1), (0, 1), (1, 0))
+    colors, markers = (TRANSLATION, ROTATION, RATIO, KINDS[2]), "os^x"
+    for name, (a, b), color, marker in zip(names, at, colors, markers, strict=True):
+        style: dict[str, Any] = {"ms": 4.5, "mfc": "none", "lw": 1.0, "color": color}
+        line = "" if name == "yx" else "-"  # almost the same as xy
+        left.plot(found.time, found.blocks[:, a, b], f"{marker}{line}", label=f"$P_{{{name}}}$", **style)
+        left.axhline(found.stress.total[a, b], color=color, ls=":", lw=0.8)
+    left.set(xlabel=label(trajectory, "time $t$", "time"))
+    left.set_ylabel(label(trajectory, "mean over a block of time", "energy/length^2"))
+    left.axhline(0.0, color="0.7", lw=0.8, zorder=0)
+    legend_above(left, 4)
+    labels, place = [f"$P_{{{name}}}$" for name in names], np.arange(4.0)
+    parts = (
+        ("kinetic", found.stress.kinetic, TRANSLATION),
+        ("collisional", found.stress.collisional, ROTATION),
+    )
+    for i, (name, part, color) in enumerate(parts):
+        right.bar(place + 0.27 * (i - 1), [part[one] for one in at], 0.25, color=color, label=name)
+    error = np.nan_to_num([found.error[one] for one in at])
+    total = [found.stress.total[one] for one in at]
+    right.bar(place + 0.27, total, 0.25, yerr=error, **BARS, label="sum, with standard error")
+    right.axhline(0.0, color=RATIO, lw=0.8)
+    right.set_xticks(place, labels)
+    right.set_ylabel(label(trajectory, "mean pressure tensor", "energy/length^2"))
+    legend_above(right, 3)
+    grid(left, right)
+
+
 def impact(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """The density of the impact angle, that of molecular chaos, and shares of the regimes."""
     found = evaluation.result
@@ -350,7 +381,8 @@ TWO: dict[str, Any] = {"ncols": 2}
 PANELS = {
     "velocity": Panels(velocity, TWO), "rdf": Panels(pairs), "structure-factor": Panels(structure), "msd": Panels(msd),
     "vacf": Panels(vacf), "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
-    "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "cooling": Panels(cooling, TWO),
+    "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "stress": Panels(stress, TWO),
+    "cooling": Panels(cooling, TWO),
     "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}),
 }  # fmt: skip
 """Name of the analysis -> its picture."""
@@ -382,6 +414,7 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.HaffFit: Panels(lambda axes, found: _haff(axes, None, found, found.times[1])),
     analysis.RatioFit: Panels(_ratio),
     analysis.Pressure: Panels(_pressure),
+    analysis.MeanStress: Panels(lambda left, right, found: stress(left, right, None, _alone(found)), TWO),
     analysis.Impacts: Panels(lambda left, right, found: impact(left, right, None, _alone(found)), TWO),
 }  # fmt: skip
 """Type of a result of `ifrdem.analysis` -> its picture, which takes the axes and the result."""

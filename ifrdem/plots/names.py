@@ -17,6 +17,7 @@ PICTURES = {
     "fields": "maps of density, flow and thermal temperature",
     "clusters": "the largest cluster in time, and cluster sizes",
     "psi6": "hexatic order of the disks",
+    "stress": "pressure tensor against time, and its kinetic and collisional part (output.stress)",
     "cooling": "Haff's law, and the approach of T_rot / T to its end",
     "impact": "impact angles compared with molecular chaos, and regimes",
 }

@@ -13,11 +13,11 @@ import numpy as np
 
 from ..case.estimate import OBSERVABLES
 from ..errors import InputError, TrajectoryError
-from ..model.observables import MECHANISMS, REGIMES, Measure
+from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, STRESS_SERIES, Measure, stress
 from ..model.state import FrameRows, State
 from ..model.walls import OF_PISTONS, PISTONS, SUMS
 from ..simulation.tracking import Events, joined
-from ..tools.checked import Integer, validated
+from ..tools.checked import Array, Integer, Positive, validated
 from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
 
@@ -30,7 +30,10 @@ EVENTS_AT_ONCE = 200_000
 """Events that wait in memory before they are written; each takes 177 bytes."""
 OF_WALLS = "walls_"
 """Prefix of the sums of single walls (`model.walls.SUMS`) in a row of the time series."""
-COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
+COLUMNS: dict[str, tuple[str, ...]] = {
+    "dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES,
+    **dict.fromkeys(STRESS_SERIES, COMPONENTS),
+}  # fmt: skip
 
 
 @validated
@@ -53,6 +56,10 @@ class Ledger:
     """first, latest: those in the trajectory."""
     frames: Annotated[int, Integer(0)] = 0
     """Their number."""
+    area: Positive | None = None
+    """Area that stresses refer to [length^2]; None for none of them."""
+    latest_row: Measure | None = None
+    """That of the latest row of the time series, from which stresses are means."""
 
     @validated
     def dissipated(self, measure: Measure) -> float:
@@ -92,7 +99,10 @@ class Ledger:
 
     @validated
     def row(self, measure: Measure) -> dict[str, Any]:
-        """Quantities of a row of the time series (with `estimate.LEDGER`)."""
+        """Quantities of a row of the time series (with `estimate.LEDGER`).
+
+        Stresses are means since the row before, nan in the first one (`observables.stress`).
+        """
         row = self.observables(measure)
         if measure.dissipated is not None and measure.regimes is not None:
             row |= {
@@ -100,18 +110,30 @@ class Ledger:
                 "collisions_by_regime": measure.regimes,
                 "ledger_residual": self.residual(measure),
             }
+        if self.area is not None and measure.virial is not None:
+            row |= dict(zip(STRESS_SERIES, self._stresses(measure, self.area), strict=True))
         if measure.walls is not None:
             row |= {f"{OF_WALLS}{name}": column for name, column in zip(SUMS, measure.walls.T, strict=True)}
         return row
 
+    def _stresses(self, measure: Measure, area: float) -> tuple[Array, Array]:
+        """The pressure tensor since the row before and its kinetic part, by `COMPONENTS`."""
+        before, self.latest_row = self.latest_row, measure
+        if before is None or not measure.time > before.time:
+            return np.full(4, np.nan), np.full(4, np.nan)
+        found = stress(before, measure, area)
+        return found.total.ravel(), found.kinetic.ravel()
+
     def to_record(self) -> dict[str, Any]:
         """The ledger in the form of JSON, for a checkpoint."""
-        return {"first": _plain(self.first), "latest": _plain(self.latest), "frames": self.frames}
+        measures = {name: _plain(getattr(self, name)) for name in ("first", "latest", "latest_row")}
+        return {**measures, "frames": self.frames, "area": self.area}
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Ledger:
         """The ledger that `to_record` gave."""
-        return cls(_measure(record["first"]), _measure(record["latest"]), int(record["frames"]))
+        first, latest, row = (_measure(record[name]) for name in ("first", "latest", "latest_row"))
+        return cls(first, latest, int(record["frames"]), record["area"], row)
 
 
 def _plain(measure: Measure | None) -> dict[str, Any] | None:

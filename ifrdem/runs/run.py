@@ -150,7 +150,7 @@ def run(
     with queue:
         if start is not None:
             queue.begin_histories(tracked, start)
-        running = Run(file, outputs, simulation, plan, Ledger(), queue)
+        running = Run(file, outputs, simulation, plan, Ledger(area=gas.stress_area), queue)
         before = simulation.collisions
         rate = run_root(running, started, max_hours=max_hours, log=log, warn=warn)
     finish(running, started, before, rate, log)

@@ -7,6 +7,7 @@ only after `backend.start`.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -33,9 +34,9 @@ from ..kernels.columns import (
     named,
 )
 from ..kernels.language import from_numpy, ti, to_numpy, view
+from ..kernels.launch import Launcher
 from ..kernels.readout import exchange
 from ..kernels.shear import displacement
-from ..kernels.signature import parameters_of
 from ..kernels.walls.kinds import GONE
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
@@ -43,8 +44,8 @@ from ..model.walls import Wall
 from . import backend
 from .checks import MANTISSA, position_spacing
 from .domain import Domain
+from .extra_tally import ExtraTally
 from .tiling import RESTING_FALL, RESTING_WINDOW, Tiling, filled_region, split_of
-from .wall_tally import WallTally
 
 if TYPE_CHECKING:
     from .engine import EngineOptions
@@ -115,7 +116,7 @@ class DeviceArrays:
         self.uses: k.Uses = uses
         self.real: type[np.floating[Any]] = np.float32 if options.device.precision == "f32" else np.float64
         self._type = getattr(ti, options.device.precision)
-        self._arguments: dict[Callable[..., Any], list[str]] = {}
+        self._launchers: dict[Callable[..., Any], tuple[Launcher, Callable[[Any], tuple[Any, ...]]]] = {}
         self.on_gpu: bool = options.device.name != "cpu"
         self._twins: dict[str, Any] = {}
         self.room: int = 0
@@ -125,8 +126,10 @@ class DeviceArrays:
         self.law: Any = ti.ndarray(self._type, law_table.shape)
         from_numpy(self.law, law_table.astype(self.real))
         self.wall_rows: NDArray[np.float64] = walls.reshape(-1, WALL.width)
-        self.wall_tally: WallTally = WallTally.of(self.wall_rows, summed=uses.summed)
-        self.columns: int = self.wall_tally.width
+        self.extra_tally: ExtraTally = ExtraTally.of(
+            self.wall_rows, summed=uses.summed, stressed=uses.stressed
+        )
+        self.columns: int = self.extra_tally.width
         self.walls: Any
         self.make("walls", len(self.wall_rows))
         if len(self.wall_rows):
@@ -165,7 +168,7 @@ class DeviceArrays:
 
         Kernels on a CPU take NumPy arrays as they are; a GPU has arrays of its own for them (`launch`).
         """
-        n, pistons = self.n, self.wall_tally.pistons
+        n, pistons = self.n, self.extra_tally.pistons
         self.counter: Named = blank("counter", np.int32)
         self.clock: Named = blank("clock")
         self.grid: Named = blank("grid", np.int32)
@@ -595,12 +598,13 @@ class DeviceArrays:
 
     # ------------------------------------------------------------------ kernels
 
-    def launch(self, kernel: Callable[..., Any], *numbers: float, **given: Any) -> Any:
+    def launch(self, kernel: Callable[..., Any], *numbers: float, **given: Any) -> None:
         """Run a kernel: its first arguments are `numbers`, the others arrays, `given` or found here by their names."""
         if not self.on_gpu:
-            return self._call(kernel, numbers, given)
+            self._call(kernel, numbers, given)
+            return
         with self.sent():
-            return self._call(kernel, numbers, given | self._twins)
+            self._call(kernel, numbers, given | self._twins)
 
     @contextmanager
     def sent(self) -> Iterator[Callable[..., Any]]:
@@ -624,11 +628,16 @@ class DeviceArrays:
             array[:] = board[at : at + len(array)]
             at += len(array)
 
-    def _call(self, kernel: Callable[..., Any], numbers: tuple[float, ...], given: dict[str, Any]) -> Any:
-        if kernel not in self._arguments:
-            self._arguments[kernel] = parameters_of(kernel)
-        names = self._arguments[kernel][len(numbers) :]
-        return kernel(*numbers, *(given[name] if name in given else self._raw(name) for name in names))
+    def _call(self, kernel: Callable[..., Any], numbers: tuple[float, ...], given: dict[str, Any]) -> None:
+        if kernel not in self._launchers:
+            launcher = Launcher(kernel, len(numbers), given)
+            paths = [
+                f"{name}.array" if isinstance(getattr(self, name), Named) else name
+                for name in launcher.held_names
+            ]
+            self._launchers[kernel] = launcher, operator.attrgetter(*paths)
+        launcher, held_of = self._launchers[kernel]
+        launcher(numbers, held_of(self), given)
 
     def _raw(self, name: str) -> Any:
         """An array as kernels take it."""
@@ -675,6 +684,7 @@ class DeviceArrays:
 
     def release(self) -> None:
         """Give all device memory back."""
+        self._launchers.clear()
         for name, array in self._on_device().items():
             backend.free_array(array)
             setattr(self, name, None)

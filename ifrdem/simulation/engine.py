@@ -105,6 +105,9 @@ class EngineOptions:
             object.__setattr__(self, name, value)
         if self.order not in (None, *ORDERS):
             raise InputError(f"order = {self.order!r}: must be one of {', '.join(ORDERS)}")
+        if "stress" in self.record and isinstance(self.collapse, Rest):
+            text = "forces between resting disks, which are no collisions, carry a part of it"
+            raise InputError(f'record = "stress": cannot be combined with collapse = {self.collapse}: {text}')
         if self.tile_disks is not None:
             checked.integer("tile_disks", self.tile_disks, 1)
 
@@ -302,7 +305,7 @@ class Engine:
         return self.windows.now
 
     def _sum(self, column: int) -> float:
-        return float(self.windows.sums[column])
+        return self.windows.sum(column)
 
     @property
     def collisions(self) -> int:
@@ -328,19 +331,24 @@ class Engine:
     def wall_heats(self) -> NDArray[np.float64]:
         """Heat that each wall, those at sides of the box last, gave so far [energy]."""
         heat = np.zeros(len(self.walls))
-        tally = self.arrays.wall_tally
+        tally = self.arrays.extra_tally
         heat[tally.thermal] = tally.heats(self.windows.sums)
         return heat
 
     @property
+    def virial(self) -> NDArray[np.float64]:
+        """Momentum that collisions transferred so far, shape (2, 2) [energy time]: `Measure.virial`."""
+        return self.arrays.extra_tally.virial(self.windows.sums)
+
+    @property
     def wall_sums(self) -> NDArray[np.float64]:
         """Sums of what each wall gave so far, sides of the box last, shape (walls, 6); columns `model.walls.SUMS`."""
-        return self.arrays.wall_tally.sums(self.windows.sums)
+        return self.arrays.extra_tally.sums(self.windows.sums)
 
     @property
     def pistons(self) -> NDArray[np.float64]:
         """Displacement, velocity, energy and force of each piston, shape (pistons, 4): `model.walls.PISTONS`."""
-        states = self.arrays.wall_tally.piston_states(self.windows.sums).array
+        states = self.arrays.extra_tally.piston_states(self.windows.sums).array
         pistons = [(wall.piston, wall.normal_of_piston) for wall in self.walls if wall.piston is not None]
         found = np.empty((len(pistons), 4))
         for row, (piston, normal), (s, speed) in zip(found, pistons, states.tolist(), strict=True):
@@ -674,7 +682,7 @@ class Engine:
         watching = k.PAIRS if self.keep_collisions else k.TRACKED if self.tracking is not None else 0
         if self.keep_collisions and self.tracking is not None:
             raise EngineError("collisions of all disks cannot be kept while some are tracked")
-        before, was = windows.sums[TALLY.collisions], self.time
+        before, was = windows.sum(TALLY.collisions), self.time
         first = self._before[0]
         most = 1 if watching else self._windows_to_check if self.box.is_open else self.arrays.burst
         windows_before = self.statistics.windows
@@ -701,7 +709,7 @@ class Engine:
         if watching:
             self._take_watched(watching, was)
         self.statistics.elastic = windows.elastic
-        if windows.sums[TALLY.collisions] > before:  # of several ranks, all ask here: one may later, alone
+        if windows.sum(TALLY.collisions) > before:  # of several ranks, all ask here: one may later, alone
             self._collided_at = self.time
             self._resting = 0
         elif not math.isfinite(stop.time):

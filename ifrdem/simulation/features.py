@@ -24,6 +24,7 @@ RECORDABLE = {
     "partner": "the disk or wall that each disk hit last: `State.last_partner`",
     "angle": "the angle by which each disk has turned: `State.angle`",
     "disk_energy": "energy that each disk's collisions dissipate, by mechanism: `State.dissipated`; includes energy",
+    "stress": "momentum that collisions transfer, for the pressure tensor: `Measure.virial`",
     "wall": "momentum, torque, work, heat and collisions of each wall: `wall_sums` and `Measure`",
 }
 
@@ -67,6 +68,7 @@ def features_of(
         remembers=options.contact_time > 0.0,
         sheared=box.shear_rate != 0.0,
         tallied=options.has_ledger,
+        stressed="stress" in options.record,
         partnered="partner" in options.record,
         turned="angle" in options.record,
         itemised="disk_energy" in options.record,

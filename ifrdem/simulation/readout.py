@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 def totals(engine: Engine) -> NDArray[np.float64]:
     """Sums over all disks (`kernels/readout.py`) at the present time."""
-    return _launch(engine, np.zeros((1, 1), np.int32), filled=0, single=0)
+    return _launch(engine, np.zeros((1, 1), np.int32), filled=0)
 
 
-def _launch(engine: Engine, words: NDArray[np.int32], *, filled: int, single: int) -> NDArray[np.float64]:
+def _launch(engine: Engine, words: NDArray[Any], *, filled: int) -> NDArray[np.float64]:
     arrays = engine.arrays
     found = np.zeros((arrays.tiles, READOUT.width))
-    arrays.launch(read_out, engine.windows.part, engine.time, filled, single, frame_out=words, totals=found)
+    arrays.launch(read_out, engine.windows.part, engine.time, filled, frame_out=words, totals=found)
     sums = arrays.domain.sums(found)
     if not np.isfinite(sums).all():
         raise EngineError(f"t = {engine.time:.9g}: a velocity or spin is not finite; please report this")
@@ -50,7 +50,8 @@ def read_rows(
     kept = kind.names or ()
     constant = {name: each for name, each in held.items() if name not in kept}
     rows: Any = np.empty(max(n, 1), [*kind.descr, *constant.items()])
-    sums = _launch(engine, rows.view(np.int32).reshape(len(rows), -1), filled=1, single=int(single))
+    words = rows.view(np.uint32 if single else np.int32).reshape(len(rows), -1)
+    sums = _launch(engine, words, filled=1)
     (rows,) = domain.by_id(part, [rows[:n]])
     for name in constant:
         rows[name] = engine.past[name]

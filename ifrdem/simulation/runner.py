@@ -132,16 +132,18 @@ class TileRunner:
     def collect(self) -> None:
         """Collect the rows that the latest tiles have recorded."""
         a = self.arrays
-        if a.grid.watching & k.TRACKED:
+        watching = a.grid.watching
+        if watching & k.TRACKED:
             self.events.take(a, int(a.counter.n_watched))
-        if a.grid.watching & k.PAIRS:
+        if watching & k.PAIRS:
             self.pairs.take(a, int(a.counter.n_pairs))
 
     def clear(self) -> None:
         """Drop all recorded rows, before all tiles run again."""
-        if self.arrays.grid.watching & k.TRACKED:
+        watching = self.arrays.grid.watching
+        if watching & k.TRACKED:
             self.events.clear()
-        if self.arrays.grid.watching & k.PAIRS:
+        if watching & k.PAIRS:
             self.pairs.clear()
 
     def _drop(self, tiles: NDArray[np.int32]) -> None:
@@ -215,9 +217,10 @@ class TileRunner:
     def _check_progress(self) -> None:
         """Raise the error of a window in which a disk is too fast, or collisions pile up."""
         a = self.arrays
-        if a.counter.stalled == 2:
+        stalled = a.counter.stalled
+        if stalled == 2:
             raise unbounded(float(a.clock.begin))
-        if a.counter.stalled:
+        if stalled:
             raise InelasticCollapse(
                 f"t = {float(a.clock.begin):.9g} to {float(a.clock.end):.9g}: collisions pile up without end in a "
                 "window (inelastic collapse)"

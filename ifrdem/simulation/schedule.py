@@ -10,7 +10,7 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from fractions import Fraction
+from decimal import Decimal
 from typing import Any, NamedTuple
 
 from ..errors import InputError, RunWarning
@@ -41,6 +41,13 @@ class RunPoint(NamedTuple):
         return RunPoint(min(self.time, other.time), min(self.collisions, other.collisions))
 
 
+def _collisions_of(per_disk: float, n: int) -> int:
+    """The least number of collisions by which n disks have so many on average."""
+    # As a decimal fraction: 1.1 means 11 / 10, not the binary number that is a hair above.
+    numerator, denominator = Decimal(str(per_disk)).as_integer_ratio()
+    return -(-numerator * n // (2 * denominator))
+
+
 def end_at(
     n: int, begin: RunPoint, *, t_end: float | None = None, collisions_per_disk: float | None = None
 ) -> RunPoint:
@@ -56,8 +63,7 @@ def end_at(
     assert collisions_per_disk is not None
     had = f"a finite number, not below those already had, {2 * begin.collisions / max(n, 1):.6g}"
     collisions_per_disk = replace(checked.FINITE, needed=had)("collisions_per_disk", collisions_per_disk)
-    # As a decimal fraction: 1.1 means 11 / 10, not the binary number that is a hair above.
-    end = math.ceil(Fraction(str(collisions_per_disk)) * n / 2)
+    end = _collisions_of(collisions_per_disk, n)
     if end < begin.collisions:
         raise checked.must_be("collisions_per_disk", collisions_per_disk, had)
     return RunPoint(collisions=end)
@@ -74,7 +80,7 @@ def end_after(
         raise InputError("exactly one of time and collisions_per_disk must be given")
     if time is None:
         more = checked.POSITIVE("collisions_per_disk", collisions_per_disk)
-        return RunPoint(collisions=begin.collisions + math.ceil(Fraction(str(more)) * n / 2))
+        return RunPoint(collisions=begin.collisions + _collisions_of(more, n))
     end = begin.time + checked.POSITIVE("time", time)
     if end == begin.time:
         raise InputError(
@@ -205,7 +211,7 @@ class RunPlan:
                     "more"
                 )
         remaining = int(end.collisions - begin.collisions) if math.isfinite(end.collisions) else 0
-        per_disk = float(Fraction(2 * remaining, max(self.n, 1)))
+        per_disk = 2 * remaining / max(self.n, 1)
         many = trigger.count(duration=end.time - begin.time, collisions_per_disk=per_disk)
         if many > MOST:
             raise InputError(f"{trigger}: {many:.4g} times in this run; at most {MOST} are possible")
@@ -236,22 +242,22 @@ class RunPlan:
         if trigger.interval is not None:
             return RunPoint(min(begin.time + k * trigger.interval, end.time), end.collisions)
         if trigger.collisions is not None:
-            return self._after(Fraction(str(float(trigger.collisions))) * k * self.n / 2)
+            return self._after(_collisions_of(float(trigger.collisions), k * self.n))
         assert trigger.number is not None
         if k >= trigger.number:
             return end
         # As a fraction: rounding must not make a collision more of it.
-        part = Fraction(k, trigger.number)
+        part, whole = k, trigger.number
         if trigger.spacing == "log":
-            part = Fraction(trigger.log_from ** ((trigger.number - k) / (trigger.number - 1)))
+            factor = trigger.log_from ** ((trigger.number - k) / (trigger.number - 1))
+            part, whole = factor.as_integer_ratio()
         if math.isinf(end.collisions):
-            return RunPoint(time=begin.time + (end.time - begin.time) * float(part))
-        return self._after(part * int(end.collisions - begin.collisions))
+            return RunPoint(time=begin.time + (end.time - begin.time) * (part / whole))
+        return self._after(-(-part * int(end.collisions - begin.collisions) // whole))
 
-    def _after(self, collisions: Fraction) -> RunPoint:
+    def _after(self, collisions: int) -> RunPoint:
         """The point after so many collisions from the beginning, or the run's end."""
-        total = self.begin.collisions + math.ceil(collisions)
-        return RunPoint(self.end.time, min(total, self.end.collisions))
+        return RunPoint(self.end.time, min(self.begin.collisions + collisions, self.end.collisions))
 
     def first_not_reached(self, trigger: Trigger, k: int, time: float, collisions: int) -> int:
         """The first point from k on that a run at this time, after so many collisions, has not reached."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, SlowRunWarning
+from ..kernels.columns import READOUT, Named
 from ..model import crush
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
@@ -131,6 +132,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         - "disk_energy": also that of each disk's collisions, `State.dissipated`;
         - "partner": the disk or wall that each disk hit last, `State.last_partner`;
         - "angle": the angle by which each disk has turned, `State.angle`;
+        - "stress": the momentum that collisions transfer, in every `Measure`: `observables.stress` makes a pressure
+          tensor of two of these;
         - "wall": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
@@ -570,8 +573,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def _energy_of(self, disks: Disks, state: State) -> float:
         """Kinetic and potential energy [energy] of a state; gravity acts along walled directions only."""
-        translational, rotational, *_, fall, _, _, _ = sums(disks, state, self._engine.gravity).tolist()
-        return float(translational + rotational - fall)
+        totals = Named(sums(disks, state, self._engine.gravity), READOUT)
+        return float(totals.translational + totals.rotational - totals.fall)
 
     def save_checkpoint(
         self,
@@ -977,31 +980,32 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             self._call_at_frame(frame_callbacks, stored)
             if between is not None:
                 between()
-        pace = SlowRunCheck(end)
-        while not end.reached(self.time, self.collisions) or plan.next_frame == 1:
-            while not (frame := plan.point(frames, plan.next_frame)).reached(self.time, self.collisions):
+        pace, now = SlowRunCheck(end), (self.time, self.collisions)
+        while not end.reached(*now) or plan.next_frame == 1:
+            while not (frame := plan.point(frames, plan.next_frame)).reached(*now):
                 row = plan.point(rows, plan.next_row)
                 stop = frame.earlier(row) if exact else frame
                 self._engine.advance(
                     t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions,
                     rest_at=frame.time, ends=end.time, next_points=partial(plan.next_points, exact),
                 )  # fmt: skip
+                now = self.time, self.collisions
                 if progress is not None:
-                    progress(self.time, self.collisions)
-                slow = pace.trouble(self.time, self.collisions, self._engine.free_time)
+                    progress(*now)
+                slow = pace.trouble(*now, self._engine.free_time)
                 if slow is not None and self.comm.is_root:
                     warnings.warn(slow, SlowRunWarning, stacklevel=outside_level())
-                if plan.series is not None and row.reached(self.time, self.collisions):
-                    plan.next_row = plan.first_not_reached(rows, plan.next_row, self.time, self.collisions)
+                if plan.series is not None and row.reached(*now):
+                    plan.next_row = plan.first_not_reached(rows, plan.next_row, *now)
                     if sampling:
                         self._call_at_row(series_callbacks)
-                if between is not None and not frame.reached(self.time, self.collisions):
+                if between is not None and not frame.reached(*now):
                     between()
                 self._stop_if_asked()
             # First: a callback that raises has had its frame.
-            plan.next_frame = plan.first_not_reached(frames, plan.next_frame + 1, self.time, self.collisions)
+            plan.next_frame = plan.first_not_reached(frames, plan.next_frame + 1, *now)
             self._call_at_frame(frame_callbacks, stored)
-            if between is not None and not end.reached(self.time, self.collisions):
+            if between is not None and not end.reached(*now):
                 between()
 
     def _report_gain(self) -> None:
@@ -1088,6 +1092,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
+        if "stress" in self._engine.options.record:
+            ledger["virial"] = self._engine.virial
         if "wall" in self._engine.options.record:
             ledger["walls"] = self._engine.wall_sums
         return from_totals(

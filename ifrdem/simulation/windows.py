@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
-from ..kernels.columns import TALLY, TOTAL, named
+from ..kernels.columns import CLOCK, TALLY, TOTAL, named
 from ..kernels.events import TOO_FAR
 from ..kernels.planner import plan_window
 from ..kernels.windows import LEAST_HALO
@@ -50,6 +50,7 @@ class Windows:
         self.runner: TileRunner = TileRunner(arrays, statistics)
         self.statistics: Statistics = statistics
         self.now: float = time
+        self._clock = arrays.clock.array
         arrays.clock.begin = arrays.clock.end = time
         self._completed = False  # the window has been run to its end
         self._ready = False  # the present window has an end, and has not been run
@@ -60,7 +61,7 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
-        tally, pistons = arrays.wall_tally, named(arrays.wall_rows, "walls").piston
+        tally, pistons = arrays.extra_tally, named(arrays.wall_rows, "walls").piston
         states = tally.piston_states(self._done)
         states.displacement, states.speed = pistons.displacement[tally.pistons], pistons.speed[tally.pistons]
         # Times and numbers of collisions at which a run will stop.
@@ -77,12 +78,12 @@ class Windows:
     @property
     def begin(self) -> float:
         """Beginning of the present window [time]."""
-        return float(self.arrays.clock.begin)
+        return self._clock.item(CLOCK.begin)
 
     @property
     def end(self) -> float:
         """End of the present window [time]; its beginning until the window is planned."""
-        return float(self.arrays.clock.end)
+        return self._clock.item(CLOCK.end)
 
     @property
     def fastest(self) -> float:
@@ -102,12 +103,12 @@ class Windows:
     @property
     def sleepers(self) -> int:
         """Disks that fell asleep less those that woke."""
-        return int(self.sums[TALLY.sleepers])
+        return int(self.sum(TALLY.sleepers))
 
     @property
     def elastic(self) -> int:
         """Collisions that were elastic for a remedy for collapse."""
-        return int(self.sums[TALLY.elastics])
+        return int(self.sum(TALLY.elastics))
 
     def switch(self, uses: k.Uses) -> None:
         """Add up more or fewer quantities from now on: the motion stays the same."""
@@ -124,11 +125,22 @@ class Windows:
     @property
     def sums(self) -> NDArray[np.float64]:
         """Sums over all windows so far, to the present time; columns of `tally`."""
+        in_window = self._sums_in_window()
+        return self._done.copy() if in_window is None else self._done + in_window
+
+    def sum(self, column: int) -> float:
+        """One of `sums`, by its column."""
+        in_window = self._sums_in_window()
+        before: float = self._done.item(column)
+        return before if in_window is None else before + in_window.item(column)
+
+    def _sums_in_window(self) -> NDArray[np.float64] | None:
+        """Sums from the beginning of the present window to the present time; None where that is its beginning."""
         if self._completed and self.now == self.end:
-            return self._done + self._at_end
+            return self._at_end
         if self.now == self.begin and not self._paused:
-            return self._done.copy()
-        return self._done + self._sums_to(self._moment_now)
+            return None
+        return self._sums_to(self._moment_now)
 
     @property
     def part(self) -> int:

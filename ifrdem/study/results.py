@@ -20,7 +20,7 @@ from ..case.case import CaseSections
 from ..case.gas import CaseGas
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, there_are
 from ..model.ifr import EnergyWarning
-from ..model.observables import MECHANISMS, REGIMES
+from ..model.observables import COMPONENTS, MECHANISMS, REGIMES
 from ..plots.temperatures import MOST_KINDS
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
@@ -147,7 +147,8 @@ def collect(
         for name, values in zip(axis.names, zip(*axis.values, strict=True), strict=True):
             variables[name] = Variable((axis.names[0],), _coordinate(values))
     variables[SEED] = Variable((SEED,), np.array(plan.seeds))
-    for name, parts in (("mechanism", MECHANISMS), ("regime", REGIMES), ("axis", ("x", "y"))):
+    names = {"mechanism": MECHANISMS, "regime": REGIMES, "component": COMPONENTS, "axis": ("x", "y")}
+    for name, parts in names.items():
         variables[name] = Variable((name,), np.array(parts))
     if plan.output.analyses_at:
         variables[AT] = Variable((AT,), np.array(plan.output.analyses_at))

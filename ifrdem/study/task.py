@@ -26,6 +26,7 @@ from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..errors import DamageError, EngineError, InputError
+from ..model.observables import STRESS_SERIES
 from ..runs.recorder import COLUMNS, Ledger
 from ..simulation.schedule import RunPlan, RunPoint, end_at
 from ..tools.files import write_aside
@@ -34,7 +35,7 @@ from ..trajectory.file import TrajectoryError
 
 PerFrame = Literal["velocity", "rdf", "structure-factor", "fields", "clusters", "psi6"]
 """Analyses of single frames, at chosen places of a run."""
-OverTime = Literal["msd", "vacf", "pressure", "cooling", "impact"]
+OverTime = Literal["msd", "vacf", "pressure", "stress", "cooling", "impact"]
 OVER_TIME: tuple[str, ...] = get_args(OverTime)
 """Analyses of a whole run."""
 AT = "at"
@@ -140,7 +141,7 @@ class Task:
 
 def _series_alone(file: CaseFile) -> dict[str, Variable]:
     """The series of a run that writes no trajectory."""
-    rows, ledger = [], Ledger()
+    rows, ledger = [], Ledger(area=file.gas.stress_area)
 
     def row(measure: Any) -> None:
         rows.append({"time": measure.time, **ledger.row(measure)})
@@ -189,6 +190,7 @@ def _at_rows(case: CaseSections, n: int, found: dict[str, NDArray[Any]]) -> dict
     for each, values in found.items():
         padded = np.concatenate([values.astype(float), np.full((1, *values.shape[1:]), np.nan)])
         part = each.removeprefix("dissipated_by_").removeprefix("collisions_by_")
+        part = "component" if each in STRESS_SERIES else part
         inner = () if values.ndim == 1 else (part,) if each in COLUMNS else ("axis",)
         result[each] = Variable((name, *inner), padded[np.minimum(rows, len(values))], units.get(each, ""))
     return result

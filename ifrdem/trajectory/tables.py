@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.observables import MECHANISMS
+from ..model.observables import MECHANISMS, STRESS_SERIES
 from ..model.walls import OF_PISTONS
 from ..tools import checked
 from .layout import STATIC, version_of
@@ -237,6 +237,7 @@ def _axes(
     if value.ndim == 2 and names:
         dimension = name.removeprefix("dissipated_by_").removeprefix("collisions_by_")
         dimension = "wall" if name.startswith("walls_") else dimension
+        dimension = "component" if name in STRESS_SERIES else dimension
         coordinates[dimension] = list(names)
         return (dimension,)
     if value.shape[1:] == (2,):

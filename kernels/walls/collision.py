@@ -7,6 +7,7 @@ from ..layout import BY_HEAT, BY_LAW, BY_REMEDY
 from ..particle import (
     add, advance_to, charge, just_collided, kind_of, note_speed, update_history_hash, watched_row, write_motion,
 )  # fmt: skip
+from ..stress import add_virial
 from .images import as_partner, from_partner, position_at, wall_of
 from .kinds import FREE, STILL
 from .motion import turned_back, wall_motion, wall_turn
@@ -86,6 +87,13 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
         if ti.static(gas.uses.tallied):
             add(tile, TALLY.losses.walls, lost.sum(), gas)
         add_to_sums(i, w, tile, before, after, gained, contact, gas)
+        if ti.static(gas.uses.stressed):
+            kind = kind_of(i, gas)
+            radius = gas.kinds[kind].radius
+            add_virial(
+                tile, gas.kinds[kind].mass, after.vx - before.vx, after.vy - before.vy,
+                radius * contact.nx, radius * contact.ny, gas,
+            )  # fmt: skip
     return regime
 
 

@@ -23,6 +23,7 @@ from ifrdem.analysis.catalogue import number
 from ifrdem.cli import main as cli
 from ifrdem.cli.analyse import NAMES
 from ifrdem.errors import InputError
+from ifrdem.model.observables import COMPONENTS, STRESS_SERIES
 from ifrdem.plots import pictures
 from ifrdem.trajectory.layout import EVENT_COLUMNS, START_COLUMNS
 
@@ -37,6 +38,7 @@ def write(
     disks: Disks | None = None,
     box: Box = BOX,
     driven: float = 0.0,
+    stressed: bool = False,
 ) -> Path:
     """An ideal gas that flies freely, and cools by Haff's law with t_H = 2 if one believes what is written of it."""
     disks = Disks(N, mass=1.0, radius=0.2) if disks is None else disks
@@ -80,6 +82,9 @@ def write(
             }
             state = State(position, velocity, spin, time=time, image=image.astype(np.int32))
             writer.write(state, totals)
+        rows = [(t, dict.fromkeys(STRESS_SERIES, np.full(4, 1.0 if t else np.nan))) for t in (0.0, SPAN)]
+        if stressed:
+            writer.write_series_rows(rows, dict.fromkeys(STRESS_SERIES, COMPONENTS))
     return path
 
 
@@ -133,7 +138,7 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
+    write(tmp_path / "run.h5", stressed=True)
     assert run("analyse", "run.h5") == 0
     shown = capsys.readouterr().out
     record = json.loads(Path("run-analysis/run.json").read_text())
@@ -170,7 +175,7 @@ def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
+    write(tmp_path / "run.h5", stressed=True)
     assert run("analyse", "run.h5", "cooling", "--json", "-o", "out") == 0
     record = json.loads(capsys.readouterr().out)
     assert list(record["analyses"]) == ["cooling"]
@@ -428,7 +433,7 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
     "what", [one for one in pictures.PICTURES if one not in ("mechanisms", "dissipation", "walls", "piston")]
 )
 def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Path) -> None:
-    path = write(tmp_path / "run.h5")
+    path = write(tmp_path / "run.h5", stressed=True)
     add_histories(path)
     with Trajectory(path) as trajectory:
         figure = pictures.figure(trajectory, what)

@@ -270,7 +270,7 @@ def test_totals_on_the_device_are_those_of_the_state(device):
     device, host = simulation.measure(), observed[-1]
     for name in (
         "time", "collisions", "translational_energy", "rotational_energy", "temperature", "rotational_temperature",
-        "momentum", "momentum_flux_xy", "potential_energy", "wall_collisions", "energy_input",
+        "momentum", "momentum_flux", "potential_energy", "wall_collisions", "energy_input",
     ):  # fmt: skip
         assert getattr(device, name) == pytest.approx(getattr(host, name), rel=1e-12, abs=1e-11), name
 

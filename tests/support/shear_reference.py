@@ -31,6 +31,8 @@ class Sheared:
         Energy that collisions have dissipated, seen from where they happen.
     collisions : list of (time, i, j)
         All of them, i < j.
+    virial : array (2, 2)
+        Sum over collisions of the momentum that the first disk gains, times the vector to it from the second.
     """
 
     def __init__(self, disks: Disks, box: Box, law: tuple[float, ...], state: State) -> None:
@@ -38,7 +40,7 @@ class Sheared:
         self.x, self.v, self.w = state.position.copy(), state.velocity.copy(), state.spin.copy()
         self.now = self.opened = state.time
         self.clock = np.full(disks.n, state.time)
-        self.lost = 0.0
+        self.lost, self.virial = 0.0, np.zeros((2, 2))
         self.collisions: list[tuple[float, int, int]] = []
         self.step = box.shear_rate * box.lengths[1]  # velocity of the image above
         self.last: dict[int, tuple[int, int, int]] = {}
@@ -127,6 +129,7 @@ class Sheared:
         )  # fmt: skip
         new = [np.array(after[0:2]), np.array(after[3:5])]
         spins = after[2], after[5]
+        self.virial += np.outer(m[i] * (new[0] - self.v[i]), -r)
         for d, old, v, w in ((i, self.v[i], new[0], spins[0]), (j, self.v[j] + shift, new[1], spins[1])):
             inertia = m[d] * radius[d] ** 2 / k[d]
             self.lost += 0.5 * m[d] * float(old @ old - v @ v)

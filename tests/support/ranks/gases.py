@@ -60,13 +60,13 @@ def walled() -> Gas:
         Wall.line((0.0, 129.0), (0.0, -1.0), temperature=2.0),
         Wall.post((30.0, 100.0), 3.0),
     ]
-    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "record": ["energy"]}
+    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "record": ["energy", "stress"]}
     return disks, box, state, (0.98, *COIN[1:]), 10.0, more
 
 
 def sheared() -> Gas:
     disks = equal_disks(N)
-    return disks, *gases.sheared(disks, 0.3, rate=0.4), COIN, 10.0, {}
+    return disks, *gases.sheared(disks, 0.3, rate=0.4), COIN, 10.0, {"record": ["stress"]}
 
 
 def sizes(n: int, small: float = 1.0) -> Disks:

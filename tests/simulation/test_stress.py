@@ -1,0 +1,214 @@
+"""Pressure tensor: momentum that collisions transfer, against other codes and exact identities."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from support.gases import COIN, equal_disks, gas_of, mixture, start
+from support.gases import sheared as sheared_start
+from support.shear_reference import Sheared
+
+from ifrdem import ContactTime, Rest
+from ifrdem.errors import InputError
+from ifrdem.model.box import Box
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import Measure, Stress, measure, stress
+from ifrdem.model.state import Disks, State
+from ifrdem.model.wall_motion import Motion
+from ifrdem.model.walls import Wall
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.schedule import Trigger
+from ifrdem.simulation.simulation import Simulation
+
+ROUGH = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+
+
+def virial_of(events, disks: Disks) -> np.ndarray:
+    """Sum of (dp_i)_a (r_i - r_j)_b over rows of tracked disks; of pairs that stand twice, half of each.
+
+    The impulse is from velocities before and after; r_i - r_j is minus the normal times the distance of the contact.
+    """
+    p = disks.mass[events.id, None] * (events.velocity_after - events.velocity_before)
+    pair = events.partner >= 0
+    distance = disks.radius[events.id] + np.where(pair, disks.radius[np.where(pair, events.partner, 0)], 0.0)
+    half = np.where(pair, 0.5, 1.0)
+    return np.einsum("i,ia,ib->ab", -half * distance, p, events.normal)
+
+
+def test_the_virial_is_that_of_tracked_collisions(device):
+    """Of rough disks of many masses and radii, in a box without walls."""
+    disks = mixture(300)
+    gas = gas_of(disks, 0.4, ROUGH, device=device, tracked=range(300), record=["stress"])
+    gas.run(collisions_per_disk=8.0)
+    events = gas.take_events()
+    found = gas.measure().virial
+    np.testing.assert_allclose(found, virial_of(events, disks), rtol=1e-10, atol=1e-10 * np.abs(found).max())
+    assert found[0, 0] > 0.0 < found[1, 1]  # positive in compression
+    # Friction turns spins: P_xy and P_yx differ by more than rounding.
+    assert abs(found[0, 1] - found[1, 0]) > 1e-4 * found[0, 0]
+
+
+def test_walls_and_posts_transfer_momentum_from_where_they_are_touched(device):
+    """Walls that move and heat, an arc, a post and gravity; the normal of an event points from the disk to the wall."""
+    box = Box((12.0, 30.0), (False, False))
+    disks = equal_disks(40)
+    rng = np.random.default_rng(5)
+    grid = np.stack(np.meshgrid(np.arange(8), np.arange(5)), axis=-1).reshape(-1, 2) * 1.4 + 1.0
+    walls = [
+        Wall.line((0.0, 0.3), (0.0, 1.0), motion=Motion("sine", amplitude=0.2, frequency=1.0)),
+        Wall.line((0.0, 12.3), (0.0, -1.0), temperature=1.5),
+        Wall.post((6.0, 9.6), 1.0),
+        Wall.arc((6.0, 8.0), 3.0, (0.2, 1.2)),
+    ]
+    state = State(grid, rng.normal(size=(40, 2)), rng.normal(size=40))
+    gas = Simulation(
+        disks, box, ROUGH, state, device=device, walls=walls, gravity=(0.0, -0.05), tracked=range(40),
+        collapse=ContactTime(1e-5), record=["stress", "wall"],
+    )  # fmt: skip
+    gas.run(t_end=20.0)
+    found = gas.measure().virial
+    events = gas.take_events()
+    assert np.count_nonzero(events.partner == -2 - 3) > 5 < np.count_nonzero(events.partner == -2 - 2)
+    np.testing.assert_allclose(found, virial_of(events, disks), rtol=1e-9, atol=1e-9 * np.abs(found).max())
+
+
+def test_an_immovable_disk_transfers_what_the_other_one_loses(device):
+    """From the left onto an immovable disk: dp = -2 for the mover, 1 away along -x: virial 2."""
+    for first in (0, 1):  # whichever id is smaller
+        mass = np.where(np.arange(2) == first, np.inf, 1.0)
+        x, v = np.array([[5.0, 5.0], [5.0, 5.0]]), np.zeros((2, 2))
+        x[1 - first, 0], v[1 - first, 0] = 2.0, 1.0
+        gas = Simulation(
+            Disks(2, mass=mass, radius=0.5), Box((10.0, 10.0)), IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0),
+            State(x, v, np.zeros(2)), device=device, record=["stress"],
+        )  # fmt: skip
+        gas.run(t_end=3.0)
+        assert gas.measure().virial == pytest.approx(np.array([[2.0, 0.0], [0.0, 0.0]]), abs=1e-12)
+
+
+@pytest.mark.parametrize("order", ["serial", "tiled"])
+def test_a_sheared_gas_transfers_the_momentum_of_a_serial_code(order):
+    """Of a code in the lab without frames or rows (`Sheared`); 700 collisions, some across the moving images."""
+    disks = mixture(300)
+    box, state = sheared_start(disks, 0.3, 0.7)
+    reference = Sheared(disks, box, COIN, state)
+    reference.run(collisions=700, window=0.1)
+    options = {"order": order, "tile_disks": 30 if order == "tiled" else None, "record": ["stress"]}
+    engine = Engine(disks, box, state, np.array([[COIN]]), **options)
+    while engine.collisions < 700:
+        engine.advance(collisions=700)
+    # Rounding grows tenfold with each collision of a disk.
+    scale = np.abs(reference.virial).max()
+    np.testing.assert_allclose(engine.virial, reference.virial, atol=1e-6 * scale)
+    assert engine.virial[0, 1] < -0.05 * scale  # the flow is slowed
+
+
+def sheared_gas(n: int = 60, rate: float = 0.4) -> Simulation:
+    disks = mixture(n)
+    box, state = sheared_start(disks, 0.3, rate)
+    return Simulation(disks, box, ROUGH, state, record=["stress", "energy"])
+
+
+def test_viscous_heating_is_the_shear_stress_times_the_rate():
+    """dE/dt + dissipation = -rate P_xy A, to rounding: E of velocities relative to the flow.
+
+    Between collisions m V_x V_y changes by -rate m V_y^2 a unit of time, so its integral from one collision to the next
+    follows from its value after the first.
+    """
+    gas, rate = sheared_gas(), 0.4
+    rows: list[Measure] = []
+    every = Trigger(collisions=2.0 / gas.disks.n)
+    gas.run(collisions_per_disk=30.0, series=every, series_callbacks=[rows.append])
+    assert len(rows) == gas.collisions + 1
+    kinetic = 0.0
+    for before, after in itertools.pairwise(rows):
+        dt = after.time - before.time
+        kinetic += before.momentum_flux[0, 1] * dt - 0.5 * rate * before.momentum_flux[1, 1] * dt**2
+    last = rows[-1]
+    heat = -rate * (kinetic + last.virial[0, 1])
+    lost = float(np.sum(last.dissipated))
+    assert last.energy - rows[0].energy + lost == pytest.approx(heat, rel=1e-12)
+    assert last.energy_input == pytest.approx(heat, rel=1e-12)
+    assert heat > 10.0
+
+
+def test_what_shear_stresses_differ_by_turns_the_spins():
+    """Angular momentum: d(sum I w) = V_xy - V_yx, with V the virial, of laws without a rolling torque."""
+    gas = sheared_gas()
+    before = float(gas.disks.inertia @ gas.state.spin)
+    gas.run(collisions_per_disk=30.0)
+    virial = gas.measure().virial
+    gained = float(gas.disks.inertia @ gas.state.spin) - before
+    assert virial[0, 1] - virial[1, 0] == pytest.approx(gained, rel=1e-9)
+    assert abs(gained) > 0.01
+
+
+def test_the_virial_theorem_of_a_gas_between_walls():
+    """d(sum p_x x) = integral of sum m v_x^2 + sum of impulses times x.
+
+    Impulses of a pair make its part of the virial. A wall acts at the disk's centre: its part of the virial and the
+    impulse times the x of the contact, 0 or 15. The integral is by steps, to 1e-5 of it.
+    """
+    box = Box((15.0, 12.0), (False, True))
+    disks = mixture(60)
+    position = np.stack(np.meshgrid(np.arange(10), np.arange(6)), axis=-1).reshape(-1, 2) * 1.4 + 1.0
+    rng = np.random.default_rng(2)
+    state = State(position, rng.normal(size=(60, 2)), rng.normal(size=60))
+    gas = Simulation(disks, box, ROUGH, state, record=["stress", "wall"])
+    rows: list[Measure] = []
+    gas.run(t_end=30.0, series=Trigger(number=4000), series_callbacks=[rows.append])
+    t = np.array([row.time for row in rows])
+    flux = np.array([row.momentum_flux[0, 0] for row in rows])
+    integral = float(np.sum(0.5 * (flux[1:] + flux[:-1]) * np.diff(t)))
+    change = float(disks.mass @ (gas.state.velocity[:, 0] * gas.state.position[:, 0]))
+    change -= float(disks.mass @ (state.velocity[:, 0] * state.position[:, 0]))
+    right = gas.wall_sums.values[1, 0]
+    assert right < 0.0
+    assert integral + rows[-1].virial[0, 0] == pytest.approx(change - 15.0 * right, rel=2e-4)
+
+
+def test_sums_do_not_depend_on_what_looks():
+    """With stresses, and from a state within the run: the same bits of the gas, and the same sums to rounding."""
+    disks = equal_disks(300)
+    ends = []
+    for record in ([], ["stress"]):
+        gas = gas_of(disks, 0.4, ROUGH, record=record)
+        gas.run(t_end=0.9)
+        ends.append(gas)
+    np.testing.assert_array_equal(ends[0].state.velocity, ends[1].state.velocity)
+    other = gas_of(disks, 0.4, ROUGH, record=["stress"])
+    found = []
+    other.run(t_end=0.9, series=Trigger(number=7), series_callbacks=[lambda m: found.append(m.virial)])
+    np.testing.assert_allclose(found[-1], ends[1].measure().virial, rtol=1e-12)
+    assert (np.diff([each[0, 0] for each in found]) > 0.0).all()
+
+
+# --- the tensor --------------------------------------------------------------------------------------------
+
+
+def test_a_stress_is_kinetic_and_collisional_in_the_area():
+    disks = Disks(2, mass=2.0, radius=0.5)
+    state = State([[1.0, 1.0], [3.0, 1.0]], [[1.0, 2.0], [-1.0, 2.0]], [0.0, 0.0])
+    flux = measure(disks, state, about_mean=(False, False)).momentum_flux
+    np.testing.assert_allclose(flux, [[4.0, 0.0], [0.0, 16.0]], rtol=1e-15)
+    np.testing.assert_allclose(measure(disks, state).momentum_flux, [[4.0, 0.0], [0.0, 0.0]], atol=1e-15)
+    found = Stress(np.array([[4.0, -1.0], [-1.0, 2.0]]), np.array([[2.0, -1.0], [0.0, 2.0]]))
+    assert (found.pressure, found.friction) == (5.0, 0.5)
+    assert found.normal_difference == pytest.approx(0.4)  # (6 - 4) / 5
+
+
+def test_a_stress_needs_two_measures_of_a_run_that_records_it():
+    gas = gas_of(equal_disks(20), 0.1, ROUGH)
+    with pytest.raises(InputError, match=r'record=\["stress"\]'):
+        stress(gas.measure(), gas.measure(), 1.0)
+    gas = gas_of(equal_disks(20), 0.1, ROUGH, record=["stress"])
+    with pytest.raises(InputError, match=r"after\.time = 0: must be later"):
+        stress(gas.measure(), gas.measure(), 1.0)
+
+
+def test_resting_disks_have_no_stress():
+    box, state = start(equal_disks(20), 0.1)
+    with pytest.raises(InputError, match=r'record = "stress": cannot be combined with collapse = Rest'):
+        Simulation(equal_disks(20), box, ROUGH, state, collapse=Rest(0.01), record=["stress"])
