@@ -1092,8 +1092,6 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
-        if "stress" in self._engine.options.record:
-            ledger["virial"] = self._engine.virial
         if "wall" in self._engine.options.record:
             ledger["walls"] = self._engine.wall_sums
         return from_totals(
@@ -1106,5 +1104,5 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
             "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,
-            "about_mean": free,
+            "about_mean": free, "virial": self._engine.virial if "stress" in self._engine.options.record else None,
         }  # fmt: skip
