@@ -3,7 +3,7 @@
 In two dimensions, each collision passes the impulse J = P_n n + P_t t over the distance sigma n between two centres, so
 that over a time t::
 
-    P_ab A = sum m V_a V_b + (1 / t) sum_c sigma n_a J_b,      p = (P_xx + P_yy) / 2
+    P_ab A = sum m V_a V_b + (1 / t) sum_c sigma J_a n_b,      p = (P_xx + P_yy) / 2
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Pressure(Brief, ResultPlot):
     Z: float
     """Compressibility factor p A / (N T)."""
     collisional_tensor: Array
-    """P_ab of collisions: first where to, then which component of the impulse; shape (2, 2)."""
+    """P_ab of collisions, as in `observables.Stress`: first the component of the impulse; shape (2, 2)."""
 
 
 @validated
@@ -122,7 +122,7 @@ def pressure_from_impulses(
         raise InputError(f"tracked = {tracked}: must be from 1 to disks = {disks}")
     tangent = np.stack((-n[:, 1], n[:, 0]), axis=1)
     passed = J[:, :1] * n + J[:, 1:] * tangent
-    virial = 0.5 * disks / tracked * sigma[:, None, None] * n[:, :, None] * passed[:, None, :] / area
+    virial = 0.5 * disks / tracked * sigma[:, None, None] * passed[:, :, None] * n[:, None, :] / area
     tensor = virial.sum(axis=0) / (end - begin)
     block = np.minimum(((t - begin) / (end - begin) * BLOCKS).astype(int), BLOCKS - 1)
     trace = 0.5 * (virial[:, 0, 0] + virial[:, 1, 1])

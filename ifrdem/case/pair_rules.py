@@ -89,7 +89,8 @@ def verdicts(
     order = list(dict.fromkeys(each.material for each in species))
     for one, other in itertools.combinations_with_replacement(species, 2):
         # In one order, so that a pair that is missing is named once.
-        made_of = _coefficients(case, *sorted((one.material, other.material), key=order.index), from_files)
+        a, b = sorted((one.material, other.material), key=order.index)
+        made_of = _coefficients(case, a, b, from_files)
         if isinstance(made_of, str):
             yield PairVerdict(one.name, other.name, "pair", False, False, made_of, None)
         elif made_of is not None:

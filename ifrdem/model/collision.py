@@ -120,9 +120,9 @@ def collide(
     _refuse("normal", n, off, "must be a unit vector, to 1e-12")
 
     largest_k = float(np.max(mean_k(k_[..., 0], k_[..., 1], m[..., 0], m[..., 1]), initial=0.0))
-    if largest_k > getattr(
-        law, "k", 0.0
-    ):  # at or below law.k its construction has already said what is to be said
+    assert isinstance(law, CollisionLaw)  # `AnyLaw` has made one of a mapping
+    # At or below law.k its construction has already said what is to be said.
+    if largest_k > getattr(law, "k", 0.0):
         law.check(largest_k, largest_k)
 
     inverse = 1.0 / m

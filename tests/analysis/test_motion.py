@@ -325,8 +325,8 @@ def test_pressure_from_a_few_tracked_disks_is_that_of_all_in_the_mean() -> None:
     # 50 x 4 / 2 collisions x 1.5 x 3 / (2 A t) = 11.25
     assert found.collisional == pytest.approx(11.25)
     assert found.kinetic == pytest.approx(4.0)
-    # P_xy - P_yx is what collisions pass of angular momentum, n x J = P_t: 50 x 4 / 2 collisions x 1.5 x 0.4 / (A t).
-    difference = found.collisional_tensor[0, 1] - found.collisional_tensor[1, 0]
+    # P_yx - P_xy is what collisions pass of angular momentum, n x J = P_t: 50 x 4 / 2 collisions x 1.5 x 0.4 / (A t).
+    difference = found.collisional_tensor[1, 0] - found.collisional_tensor[0, 1]
     assert difference == pytest.approx(100 * 1.5 * 0.4 / 20.0)
 
 

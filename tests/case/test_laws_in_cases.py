@@ -60,6 +60,12 @@ def test_a_run_keeps_the_law_of_its_case(case: Path, settings: list[str], law: l
     assert cli.main(["run", str(case), "-o", str(out), *sets]) == 0
     with ifrdem.Trajectory(out) as run:
         assert run.laws == [[law]]
+        times = [0.0, 1.0, 3.0]
+        by_file, by_hand = (
+            ifrdem.theory.prediction(run.disks, given, 0.2, 1.0, 0.0, times) for given in (run.laws, law)
+        )
+        np.testing.assert_array_equal(by_file.temperature, by_hand.temperature)
+        assert by_file.temperature[-1] < 0.9
         assert run.observables["energy"][-1] < run.observables["energy"][0]
 
 

@@ -180,8 +180,13 @@ def test_sums_do_not_depend_on_what_looks():
     np.testing.assert_array_equal(ends[0].state.velocity, ends[1].state.velocity)
     other = gas_of(disks, 0.4, ROUGH, record=["stress"])
     found = []
-    other.run(t_end=0.9, series=Trigger(number=7), series_callbacks=[lambda m: found.append(m.virial)])
+    frames = []
+    other.run(
+        t_end=0.9, series=Trigger(number=7), series_callbacks=[lambda m: found.append(m.virial)],
+        frame_callbacks=[lambda _, m: frames.append(m.virial)],
+    )  # fmt: skip
     np.testing.assert_allclose(found[-1], ends[1].measure().virial, rtol=1e-12)
+    np.testing.assert_array_equal(frames[-1], found[-1])
     assert (np.diff([each[0, 0] for each in found]) > 0.0).all()
 
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ...initial import placement
 from ...model.box import Box
 from ...model.ifr import IFRLaw
+from ...model.law import CollisionLaw
 from ...model.observables import Measure
 from ...model.state import Disks, State
 from ...model.walls import Wall
@@ -166,7 +167,7 @@ def fluid(
     n: int,
     packing_fraction: float,
     seed: int,
-    law: IFRLaw = ELASTIC,
+    law: CollisionLaw = ELASTIC,
     *,
     melting: float,
     T: float = 1.0,
@@ -185,7 +186,7 @@ def fluid(
     return restarted(gas, law, seed=seed, **options)
 
 
-def restarted(gas: Simulation, law: IFRLaw = ELASTIC, **options: Any) -> Simulation:
+def restarted(gas: Simulation, law: CollisionLaw = ELASTIC, **options: Any) -> Simulation:
     """A simulation from the present state of another one in a box without walls, time and counts at 0."""
     now = gas.state
     return Simulation(gas.disks, gas.box, law, State(now.position, now.velocity, now.spin), **options)
