@@ -29,7 +29,6 @@ LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, a
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
 CHAINS, GPU_CHAINS = 4.0, 4.0  # halo for disks that hit one another in chains, in largest diameters
 GPU_COLLISIONS, GPU_TILE = 0.4, 64  # collisions of a disk in a window, and disks of a tile, for a GPU
-BLOCK_COLLISIONS = 0.4  # of a disk in a window, for a block of a GPU; half of it in thin gases
 BLOCK_DEVIATIONS = 4.5  # of the number of disks around a tile, for which a block of a GPU has room too
 DENSEST = 0.85  # packing fraction beyond which tiles and windows stay the same
 DENSEST_FLUID = 0.8  # packing fraction beyond which the estimate of collision rates stays the same: a crystal
@@ -156,7 +155,7 @@ class Tiling:
         if on_gpu:
             collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
             if uses.blockwise:  # so that lists have some ten disks
-                collisions = min(collisions, BLOCK_COLLISIONS * (0.5 + 0.5 * min(max(phi - 0.1, 0.0) / 0.2, 1.0)))
+                collisions = min(collisions, float(np.interp(phi, [0.1, 0.3], [0.2, 0.4])))
         elif few and not uses.sheared:
             collisions *= FEWER_WINDOWS
         if given is not None:  # whatever the device: windows decide the bits
