@@ -491,14 +491,14 @@ def predict_queue(me, limit, fastest, region: ti.template(), block: ti.template(
             first = MOST_NEAR + 1  # at none
         best, partner = block.scale.window, NO_PARTNER
         best, partner, wrong = look_around(a, first, ABREAST, block.slots, t, best, partner, region, block)
-        who = NONE
+        number = NONE
         if partner >= 0:
-            who = block.event_info[partner].id
+            number = block.event_info[partner].id
         for step in ti.static([2**k for k in reversed(range(ABREAST.bit_length() - 1))]):
             t_k = shuffled(best, step, mask)
-            k, w = shuffled_word(partner, step, mask), shuffled_word(who, step, mask)
-            if t_k < best or (t_k == best and w < who):
-                best, partner, who = t_k, k, w
+            k, number_k = shuffled_word(partner, step, mask), shuffled_word(number, step, mask)
+            if t_k < best or (t_k == best and number_k < number):
+                best, partner, number = t_k, k, number_k
         ti.simt.warp.sync(mask)
         if wrong == 1:
             ti.atomic_or(block.note[MARK], UNCERTAIN)
