@@ -2,7 +2,7 @@
 
 At each call of a kernel a runtime checks all arguments and writes a new list of them, which takes Taichi half a
 millisecond for the fifty arrays of a window. On a CPU the list of a launch can be used for the next one. Launches on a
-GPU use it up: there it is written anew, without checks. Either is done for the versions of runtimes that it was tried
+GPU use it up: there it is written again, without checks. Either is done for the versions of runtimes that it was tried
 with; with others, and by quadrants on a GPU, a kernel is called as usual.
 """
 
