@@ -5,7 +5,9 @@ those of another table. `layout.py` describes the arrays, this module their colu
 kernels reach columns by name through `records.py`, the host through `named`.
 """
 
-from typing import Any
+import functools
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -306,9 +308,62 @@ READOUT = Columns(**columns(
     "translational", "rotational", "momentum_x", "momentum_y", "momentum_flux_xy", "fall", "all_events", "excess",
     "mass", "momentum_flux_xx",
 ))  # fmt: skip
-REAL_OUT = Columns(**columns("x", "y", "vx", "vy", "spin"))
-INT_OUT = Columns(**columns("events", "image_x", "image_y"))
-HITS_OUT = Columns(**columns("wall_collisions", "last_partner", "asleep"))
+
+
+class Quantity(NamedTuple):
+    """A quantity of each disk in a frame: its name in `State`, how many numbers, its name in files (vectors have a view
+    in 3D there), the feature that it needs, and whether it is int32 or in the precision of the frame."""
+
+    attribute: str
+    components: int
+    file: str = ""
+    feature: str = ""
+    count: bool = False
+
+    @property
+    def dataset(self) -> str:
+        """Name of the dataset with the stored data inside the field's group."""
+        return "value_2d" if self.components == 2 else "value"
+
+    @property
+    def tail(self) -> tuple[int, ...]:
+        """Shape of one disk's values."""
+        return () if self.components == 1 else (self.components,)
+
+
+FRAME = {each.attribute: each for each in (
+    Quantity("position", 2, "position"),
+    Quantity("velocity", 2, "velocity"),
+    Quantity("angle", 1, "angle", "turned"),
+    Quantity("spin", 1, "angular_velocity"),
+    Quantity("dissipated", MECHANISM.width, "dissipated", "itemised"),
+    Quantity("latest_collision", 1, feature="remembers"),
+    Quantity("collisions", 1, "collisions", count=True),
+    Quantity("image", 2, "image", count=True),
+    Quantity("last_partner", 1, "last_partner", "partnered", count=True),
+    Quantity("asleep", 1, "asleep", "rests", count=True),
+    Quantity("wall_collisions", 1, feature="walled", count=True),
+)}  # fmt: skip
+
+
+def rows_dtype(quantities: Iterable[Quantity], real: Any) -> np.dtype[Any]:
+    """Type of a disk in a structured array of these quantities, real ones in this precision."""
+    return np.dtype([(each.attribute, np.int32 if each.count else real, each.tail) for each in quantities])
+
+
+@functools.cache
+def frame_dtype(uses: Any, single: bool) -> np.dtype[Any]:
+    """Type of a disk in what `read_out` gives: all that a gas with these `uses` keeps; if `single`, what files hold."""
+    kept = [each for each in FRAME.values() if not each.feature or getattr(uses, each.feature)]
+    return rows_dtype(
+        (each for each in kept if each.file or not single), np.float32 if single else np.float64
+    )
+
+
+def first_word(name: str, uses: Any, single: bool) -> int:
+    """Number of the first word of 32 bits of a quantity in it."""
+    return int((frame_dtype(uses, single).fields or {})[name][1]) // 4
+
 
 # Coefficients of the IFR law (`IFRLaw.table_row`).
 LAW = Columns(**columns("e_n", "e_t", "mu", "contact_point", "rho"))
@@ -359,7 +414,6 @@ TABLES: dict[str, Columns] = {
     "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT, "pair": PAIR,
     "counter": COUNTER, "clock": CLOCK, "grid": GRID, "scale": SCALE, "sums": TALLY, "total": TOTAL,
     "walls": WALL, "law": LAW,
-    "real_out": REAL_OUT, "int_out": INT_OUT, "past_out": PAST, "hits_out": HITS_OUT, "dissipated_out": MECHANISM,
     "totals": READOUT, "when": WHEN, "counter_words": COUNTER_WORDS,
 }  # fmt: skip
 """Tables of the columns of arrays, by the names that kernels give them; others have numbers."""
@@ -374,8 +428,7 @@ TYPES: dict[str, str] = {
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""
 AXES = {
-    "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "real_out": 2, "int_out": 2,
-    "past_out": 2, "hits_out": 2, "dissipated_out": 2, "totals": 2, "todo": 2, "pairs": 2,
+    "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2, "todo": 2, "pairs": 2,
 }  # fmt: skip
 """Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
 SINGLE = (

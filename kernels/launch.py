@@ -11,6 +11,7 @@ from typing import Any
 
 from . import runtime
 from .language import on_gpu, program, ti, view
+from .layout import Uses
 from .signature import parameters_of
 
 _IS_KNOWN = (runtime.chosen(), runtime.version(runtime.chosen())) in runtime.SAME_BITS
@@ -72,6 +73,7 @@ class Launcher:
         """Have the runtime check the arguments and launch the kernel; list them for the next launch."""
         self._launch, held = None, iter(self._held)
         arrays = [given[name] if name in self._given else next(held) for name in self._names[len(numbers) :]]
+        ti.lang.impl.current_cfg().opt_level = int(not any(map(_is_long, self._held)))
         self._kernel(*numbers, *arrays)
         if _IS_KNOWN and not on_gpu():
             self._list_arguments((*numbers, *arrays), len(numbers))
@@ -102,6 +104,15 @@ class Launcher:
         self._kinds = kinds
         # The program itself is not kept: it has to end where the runtime does.
         self._launch = lambda: program().launch_kernel(compiled, context)
+
+
+def _is_long(held: Any) -> bool:
+    """True for features whose kernels are so long that the runtime shall not look for common terms in a whole kernel.
+
+    The time for that goes with the square of the length: 20 of 23 s for a gas with pistons. LLVM finds nearly as many;
+    kernels have some 2 % more instructions then, and the same bits.
+    """
+    return isinstance(held, Uses) and (held.pistons or held.rests)
 
 
 def _compiled(primal: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:

@@ -3,7 +3,7 @@
 Also copies of small arrays, and of rows of others, between host and GPU.
 """
 
-from .columns import MECHANISM, READOUT, REAL_OUT, SMALL
+from .columns import FRAME, MECHANISM, READOUT, SMALL, first_word
 from .language import Rows, Table, has_numbers, spread_of_loops, ti, width
 from .layout import ASLEEP, ASLEEP_UNVERIFIED, SNAPSHOT
 from .particle import listed_kind, round_products
@@ -70,21 +70,41 @@ def placed(s, tile, time, gas: ti.template()):
     return x, y, boxes_x, boxes_y, frame, flow
 
 
+def is_single(words):
+    """True if the words of a frame are those of one in single precision."""
+    return has_numbers(words, ti.u32)
+
+
+@ti.func
+def store_number(i, name: ti.template(), m: ti.template(), value, gas: ti.template()):
+    """Write number `m` of a quantity of disk `i` into its frame: a real one in the precision of the frame."""
+    single = ti.static(is_single(gas.frame_out))
+    at = ti.static(first_word(name, gas.uses, single))
+    if ti.static(FRAME[name].count and single):
+        gas.frame_out[i, at + m] = ti.bit_cast(ti.cast(value, ti.i32), ti.u32)
+    elif ti.static(FRAME[name].count):
+        gas.frame_out[i, at + m] = ti.cast(value, ti.i32)
+    elif ti.static(single):
+        gas.frame_out[i, at + m] = ti.bit_cast(ti.cast(value, ti.f32), ti.u32)
+    else:
+        bits = ti.bit_cast(ti.cast(value, ti.f64), ti.i64)
+        gas.frame_out[i, at + 2 * m] = ti.cast(bits, ti.i32)
+        gas.frame_out[i, at + 2 * m + 1] = ti.cast(bits >> ti.i64(32), ti.i32)
+
+
 @kernel
 def read_out(
     part: ti.i32,
     time: ti.f64,
     filled: ti.i32,
     gas: Arrays(
-        "uses grid scale clock disk meta past hits dissipated asleep kind kinds tile edge_x edge_y real_out int_out "
-        "past_out hits_out dissipated_out totals"
+        "uses grid scale clock disk meta past hits dissipated asleep kind kinds tile edge_x edge_y frame_out totals"
     ),
 ):
     """Write disks by id (of one rank of several, by slot), unless `filled` is 0, and the sums of each tile.
 
-    `real_out` (n, 5): x, y, vx, vy, spin; `int_out` (n, 3): collisions with disks and walls, boxes travelled;
-    `past_out` (n, 2): time since the window's beginning of the latest collision, angle; `hits_out` (n, 3): collisions
-    with walls, latest partner, 1 for disks asleep; `dissipated_out` (n, mechanisms): energy that collisions took;
+    `frame_out` (n, words): rows of `frame_dtype` as words, u32 of frames in single precision, else i32;
+    `latest_collision` counts from the window's beginning.
     `totals` (tiles, sums).
     """
     spread = ti.static(spread_of_loops())
@@ -109,28 +129,31 @@ def read_out(
                     i = meta_row.id
                     if ti.static(gas.uses.shared):
                         i = s - part * gas.grid.room
-                    vx = ti.cast(listed_disk.vx, ti.f64) + frame
-                    row = ti.Vector([x, y, vx, listed_disk.vy, listed_disk.spin], ti.f64)
-                    for column in ti.static(range(REAL_OUT.width)):
-                        if ti.static(has_numbers(gas.real_out.array, ti.f32)):
-                            gas.real_out[i][column] = ti.cast(row[column], ti.f32)
-                        else:
-                            gas.real_out[i][column] = row[column]
-                    gas.int_out[i].events = meta_row.events
-                    gas.int_out[i].image_x = meta_row.image_x + boxes_x
-                    gas.int_out[i].image_y = meta_row.image_y + boxes_y
-                    if ti.static(gas.uses.remembers or gas.uses.turned):
-                        gas.past_out[i].latest, gas.past_out[i].angle = gas.past[s].latest, gas.past[s].angle
+                    store_number(i, "position", 0, x, gas)
+                    store_number(i, "position", 1, y, gas)
+                    store_number(i, "velocity", 0, ti.cast(listed_disk.vx, ti.f64) + frame, gas)
+                    store_number(i, "velocity", 1, listed_disk.vy, gas)
+                    store_number(i, "spin", 0, listed_disk.spin, gas)
+                    store_number(i, "image", 0, meta_row.image_x + boxes_x, gas)
+                    store_number(i, "image", 1, meta_row.image_y + boxes_y, gas)
+                    events = meta_row.events
+                    if ti.static(gas.uses.walled):
+                        events -= gas.hits[s].wall_collisions
+                    store_number(i, "collisions", 0, events, gas)
+                    if ti.static(gas.uses.turned):
+                        store_number(i, "angle", 0, gas.past[s].angle, gas)
                     if ti.static(gas.uses.itemised):
                         for column in ti.static(range(MECHANISM.width)):
-                            gas.dissipated_out[i][column] = gas.dissipated[s][column]
-                    if ti.static(gas.uses.walled or gas.uses.partnered):
-                        gas.hits_out[i].wall_collisions = gas.hits[s].wall_collisions
-                        gas.hits_out[i].last_partner = gas.hits[s].last_partner
+                            store_number(i, "dissipated", column, gas.dissipated[s][column], gas)
+                    if ti.static(gas.uses.partnered):
+                        store_number(i, "last_partner", 0, gas.hits[s].last_partner, gas)
                     if ti.static(gas.uses.rests):
-                        gas.hits_out[i].asleep = ti.cast(
-                            gas.asleep[s] == ASLEEP or gas.asleep[s] == ASLEEP_UNVERIFIED, ti.i32
-                        )
+                        sleeps = gas.asleep[s] == ASLEEP or gas.asleep[s] == ASLEEP_UNVERIFIED
+                        store_number(i, "asleep", 0, sleeps, gas)
+                    if ti.static(gas.uses.remembers and not is_single(gas.frame_out)):
+                        store_number(i, "latest_collision", 0, gas.past[s].latest, gas)
+                    if ti.static(gas.uses.walled and not is_single(gas.frame_out)):
+                        store_number(i, "wall_collisions", 0, gas.hits[s].wall_collisions, gas)
             for c in ti.static(range(READOUT.width)):
                 gas.totals[k][c] = total[c]
 

@@ -29,10 +29,7 @@ A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all.
 GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500
 """State and claims of a disk on a GPU; scratch space of the tiles that run at the same time; all of it, if few do."""
 
-COMPILING = (
-    "a second or two if this machine has compiled them before, else about ten seconds, and more with forces or "
-    'collapse = "rest", which have kernels of their own'
-)
+COMPILING = "a second or two if this machine has compiled them before, else about ten seconds"
 
 
 def refuse_cadences(gas: CaseGas, estimate: RunEstimate) -> None:

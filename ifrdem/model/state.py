@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, Self
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.columns import MECHANISM, MOST_IDS
+from ..kernels.columns import FRAME, MECHANISM, MOST_IDS
 from ..mpi import SERIAL, current
 from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked
@@ -346,7 +346,7 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
 
 
 State.assignable = frozenset(each.name for each in fields(State))
-OF_STATE = tuple(each.name for each in fields(State) if each.name not in ("time", "flow"))
+OF_STATE = tuple(FRAME)
 """Names of the quantities of each disk in a state, without the flow, which the box gives."""
 
 
@@ -391,13 +391,29 @@ def gather_state(n: int, state: State) -> State | None:
     return whole
 
 
-@dataclass(eq=False, repr=False)
-class StoredState(State):
-    """A state as a file in single precision keeps it: arrays of single precision, known to be finite.
+@dataclass(frozen=True, eq=False)
+class FrameRows:
+    """Disks at one time as writers take them: a structured array by id (`columns.FRAME`); fields are attributes too."""
 
-    An engine makes it for writers only, in a third of the time. Its arrays are columns of one:
-    what belongs to a disk stands together. `image` is None if it was not requested.
-    """
+    time: float
+    rows: NDArray[Any]
 
-    def __post_init__(self) -> None:
-        """Take the arrays as they are."""
+    @classmethod
+    def of(cls, state: State, names: Iterable[str]) -> FrameRows:
+        """Rows of some quantities of a state, in its precision."""
+        columns = {name: getattr(state, name) for name in names}
+        kind = [(name, each.dtype, each.shape[1:]) for name, each in columns.items()]
+        rows: NDArray[Any] = np.empty(state.n, kind)
+        for name, each in columns.items():
+            rows[name] = each
+        return cls(state.time, rows)
+
+    @property
+    def n(self) -> int:
+        """Number of disks."""
+        return len(self.rows)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in (self.rows.dtype.names or ()):
+            raise AttributeError(name)
+        return self.rows[name]

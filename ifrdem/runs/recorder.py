@@ -14,12 +14,12 @@ import numpy as np
 from ..case.estimate import OBSERVABLES
 from ..errors import InputError, TrajectoryError
 from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, STRESS_SERIES, Measure, stress
-from ..model.state import State
+from ..model.state import FrameRows, State
 from ..model.walls import OF_PISTONS, PISTONS, SUMS
 from ..simulation.tracking import Events, joined
 from ..tools.checked import Array, Integer, Positive, validated
 from ..trajectory.background import AsyncWriter
-from ..trajectory.parts_writer import PartsWriter, Shares
+from ..trajectory.parts_writer import PartsWriter
 
 ROWS_AT_ONCE, BYTES_AT_ONCE, WAIT = 256, 4 << 20, 2.0
 """Rows of the time series and bytes of frames that are written together at most, and seconds after which the next row
@@ -187,7 +187,7 @@ class Recorder:
         with contextlib.nullcontext() if kind is None else contextlib.suppress(InputError, TrajectoryError):
             self.write()
 
-    def frame(self, state: State | Shares, measure: Measure) -> None:
+    def frame(self, state: State | FrameRows, measure: Measure) -> None:
         """Write a frame, and the events until then, now or together with some others."""
         started = time.thread_time()
         self._close_part(measure.time)

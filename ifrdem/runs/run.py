@@ -7,7 +7,7 @@ import json
 import os
 import shlex
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,7 +25,7 @@ from ..case.objects import choose_runtime
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
 from ..model.law_records import to_record
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
-from ..model.state import State, gather_state
+from ..model.state import FrameRows, State
 from ..model.walls import wall_names
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
@@ -35,7 +35,7 @@ from ..simulation.tracking import Events
 from ..tools.checked import Array
 from ..tools.progress import Progress, Stage
 from ..tools.versions import revision
-from ..trajectory import parts
+from ..trajectory import layout, parts
 from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
 from ..trajectory.views import write_views
@@ -251,8 +251,8 @@ def run_root(
             eta_seconds=progress.seconds_left, frames=len(running.writer), series_rows=running.writer.series_rows,
         )  # fmt: skip
 
-    def frame(state: State, measure: Measure) -> None:
-        recorder.frame(_as_written(simulation, running.writer, state), measure)
+    def frame(rows: FrameRows, measure: Measure) -> None:
+        recorder.frame(_as_written(simulation, running.writer, rows), measure)
 
     def row(measure: Measure) -> None:
         recorder.row(measure)
@@ -281,7 +281,7 @@ def run_root(
             with recorder:
                 simulation.follow(
                     running.plan, frame_callbacks=[frame], series_callbacks=[row], progress=report, between=between,
-                    stored=_single(case),
+                    stored=_stored(case),
                 )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
             running.writer.flush()
@@ -333,8 +333,8 @@ def run_worker(
         except InputError as error:  # as in `save`
             raise TrajectoryError(str(error)) from error
 
-    def frame(state: State, _measure: Measure) -> None:
-        shares = _as_written(simulation, writer, state)
+    def frame(rows: FrameRows, _measure: Measure) -> None:
+        shares = _as_written(simulation, writer, rows)
         if writer is not None:
             writer.write_frames([(shares, None)])
 
@@ -348,7 +348,7 @@ def run_worker(
     with contextlib.nullcontext() if writer is None else writer:
         try:
             with stops:
-                simulation.follow(plan, frame_callbacks=[frame], between=between, stored=_single(case))
+                simulation.follow(plan, frame_callbacks=[frame], between=between, stored=_stored(case))
             if writer is not None:
                 writer.flush()
         except Stopped:
@@ -357,19 +357,19 @@ def run_worker(
     simulation.measure()  # after which the first one reads what was written
 
 
-def _as_written(simulation: Simulation, writer: AsyncWriter | PartsWriter | None, state: State) -> Any:
-    """A state as the writer takes it: shares of the parts of this rank, or all disks, on the first one (else None)."""
+def _as_written(simulation: Simulation, writer: AsyncWriter | PartsWriter | None, frame: FrameRows) -> Any:
+    """A frame as the writer takes it: rows of the parts of this rank, or all disks, on the first one (else None)."""
     if isinstance(writer, PartsWriter):
-        return writer.shares(state)
+        return writer.shares(frame)
     if not simulation.comm.is_distributed:
-        return state
-    with simulation.comm:
-        return gather_state(simulation.disks.n, state)
+        return frame
+    rows = simulation.comm.gather_rows(simulation.disks.n, [frame.rows])
+    return None if rows is None else FrameRows(frame.time, rows[0])
 
 
-def _single(case: CaseSections) -> Collection[str] | None:
-    """Fields that a file in single precision has; None for others."""
-    return case.output.fields if case.output.precision == "f4" else None
+def _stored(case: CaseSections) -> np.dtype[Any]:
+    """What the trajectory holds of each disk."""
+    return layout.frame_dtype(case.output.fields, case.output.precision)
 
 
 def _check_stop_on_all(

@@ -44,7 +44,7 @@ from ..model.gravity import validate as validate_gravity
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.observables import from_totals
-from ..model.state import Disks, State
+from ..model.state import Disks, FrameRows, State
 from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
 from ..mpi import Communicator
 from ..tools import checked, seeds
@@ -893,20 +893,23 @@ class Engine:
 
         return self.comm.run_on_all(check)
 
-    def _read_out(
-        self, stored: Collection[str] | None = None, whole: bool = False
-    ) -> tuple[State | None, NDArray[np.float64]]:
+    def _read_out(self, whole: bool = False) -> tuple[State | None, NDArray[np.float64]]:
         from .readout import read
 
-        return read(self, stored, whole)
+        return read(self, whole)
 
-    def observed(self, stored: Collection[str] | None = None) -> tuple[State | None, NDArray[np.float64]]:
+    def observed(
+        self, stored: np.dtype[Any] | None = None
+    ) -> tuple[State | FrameRows | None, NDArray[np.float64]]:
         """The present state, on the first rank or of the own slice, and its sums (`kernels/readout.py`).
 
-        With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`).
+        For a file that holds this of each disk (`stored`) it is rows for that.
         """
+        from .readout import read_rows
+
+        whole = not self.comm.is_distributed
         with self.exclusive_update():
-            return self._read_out(stored, not self.comm.is_distributed)
+            return self._read_out(whole) if stored is None else read_rows(self, stored, whole)
 
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/readout.py`). Less costly than a copy of the state."""

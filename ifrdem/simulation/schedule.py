@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 from ..errors import InputError, RunWarning
 from ..model.observables import Measure
-from ..model.state import State
 from ..tools import checked
 
-FrameCallback = Callable[[State, Measure], None]
+FrameCallback = Callable[[Any, Measure], None]
+"""Called with a `State`, or `FrameRows` for a file."""
 SeriesCallback = Callable[[Measure], None]
 Progress = Callable[[float, int], None]
 

@@ -6,7 +6,7 @@ import contextlib
 import math
 import os
 import warnings
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -913,12 +913,11 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         series_callbacks: Iterable[SeriesCallback] = (),
         progress: Progress | None = None,
         between: Callable[[], None] | None = None,
-        stored: Collection[str] | None = None,
+        stored: np.dtype[Any] | None = None,
     ) -> None:
         """Run as `run` does, from where a plan is to its end; `between()` is called wherever the run could stop.
 
-        Frame callbacks that want no more than what a file in single precision has, with the fields `stored`, get frames
-        as `StoredState` where the engine looks back, which is faster.
+        Frame callbacks that write files get what those hold of each disk (`stored`) as `FrameRows`, which is faster.
         The plan is kept up to date: after an exception it has what is due next.
         """
         frame_callbacks, series_callbacks = (
@@ -967,7 +966,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         series_callbacks: list[SeriesCallback],
         progress: Progress | None,
         between: Callable[[], None] | None,
-        stored: Collection[str] | None,
+        stored: np.dtype[Any] | None,
     ) -> None:
         frames, rows, end = plan.frames, plan.rows, plan.end
         sampling = plan.series is not None and bool(series_callbacks)
@@ -1061,15 +1060,17 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found])
         )
 
-    def _call_at_frame(self, frame_callbacks: list[FrameCallback], stored: Collection[str] | None) -> None:
+    def _call_at_frame(self, frame_callbacks: list[FrameCallback], stored: np.dtype[Any] | None) -> None:
         if not frame_callbacks:
             return
         state, totals = self._engine.observed(stored)
         measured = from_totals(self.disks, totals, self.time, self.wall_collisions, **self._energy_terms())
 
+        recorded = self._engine.options.recorded
+
         def call_back() -> None:
             assert state is not None
-            shown = state.without_all_but(self._engine.options.recorded)
+            shown = state.without_all_but(recorded) if isinstance(state, State) else state
             for callback in frame_callbacks:
                 callback(shown, measured)
 
@@ -1091,8 +1092,6 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
-        if "stress" in self._engine.options.record:
-            ledger["virial"] = self._engine.virial
         if "wall" in self._engine.options.record:
             ledger["walls"] = self._engine.wall_sums
         return from_totals(
@@ -1105,5 +1104,5 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
             "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,
-            "about_mean": free,
+            "about_mean": free, "virial": self._engine.virial if "stress" in self._engine.options.record else None,
         }  # fmt: skip

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ..errors import DamageError, InputError
+from ..kernels.columns import FRAME, Quantity, rows_dtype
 from ..model.box import Box
-from ..model.observables import MECHANISMS
 from ..model.state import Disks
 from ..tools.versions import package_versions
 from . import damage
@@ -53,36 +53,8 @@ CHUNK_FRAMES = 64
 CHUNK_ROWS = 512
 
 
-@dataclass(frozen=True)
-class Field:
-    """A quantity stored per disk and frame."""
-
-    attribute: str  # its name in `State`
-    components: int  # 2 for vectors, stored as (frames, n, 2) with a 3D view; 1 for scalars, (frames, n)
-    count: bool = False  # stored as int32; otherwise in the floating-point precision of the file
-
-    @property
-    def dataset(self) -> str:
-        """Name of the dataset with the stored data inside the field's group."""
-        return "value_2d" if self.components == 2 else "value"
-
-    @property
-    def tail(self) -> tuple[int, ...]:
-        """Shape of one disk's values."""
-        return () if self.components == 1 else (self.components,)
-
-
-FIELDS = {
-    "position": Field("position", 2),
-    "velocity": Field("velocity", 2),
-    "angle": Field("angle", 1),
-    "angular_velocity": Field("spin", 1),
-    "dissipated": Field("dissipated", len(MECHANISMS)),
-    "collisions": Field("collisions", 1, count=True),
-    "image": Field("image", 2, count=True),
-    "last_partner": Field("last_partner", 1, count=True),
-    "asleep": Field("asleep", 1, count=True),
-}
+FIELDS = {each.file: each for each in FRAME.values() if each.file}
+"""Quantities stored per disk and frame, (frames, n) or, of vectors, (frames, n, 2)."""
 
 VIEWS = {
     f"{PARTICLES}/{name}/value": {(".", f"/{PARTICLES}/{name}/{field.dataset}")}
@@ -246,6 +218,11 @@ def _fixed(text: str) -> Any:
     return np.array(text.encode(), dtype=h5py.string_dtype(length=max(1, len(text.encode()))))
 
 
+def frame_dtype(fields: Sequence[str], precision: str) -> np.dtype[Any]:
+    """Type of a disk in a frame of a file with these fields, by the names in `State`."""
+    return rows_dtype((FIELDS[name] for name in fields), PRECISIONS[precision])
+
+
 def clock(file: h5py.File) -> str:
     """Name of the group with the steps and times of frames."""
     return EDGES if EDGES in file else FRAMES
@@ -259,7 +236,7 @@ def _are_si(units: Mapping[str, str]) -> bool:
 
 
 def _create_field(
-    group: h5py.Group, field: Field, n: int, dtype: DTypeLike, filters: Mapping[str, object]
+    group: h5py.Group, field: Quantity, n: int, dtype: DTypeLike, filters: Mapping[str, object]
 ) -> None:
     # HDF5 has no chunks of size 0 in an axis that cannot grow.
     group.create_dataset(

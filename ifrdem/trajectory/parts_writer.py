@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import copy
 import os
 import secrets
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TrajectoryError, option_name
 from ..model.box import Box
-from ..model.state import Disks, State
+from ..model.state import Disks, FrameRows, State
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools.checked import Comm, Count, validated
@@ -27,15 +24,6 @@ from . import parts as part_files
 from .background import AsyncWriter
 from .parts import Parts
 from .writer import DEFAULT_FIELDS, TrajectoryWriter
-
-
-@dataclass(frozen=True)
-class Shares:
-    """A frame for the parts that a rank writes: the state of the disks of each part, by its number."""
-
-    time: float
-    n: int  # disks of all of them
-    states: dict[int, State]
 
 
 class PartsWriter:
@@ -79,8 +67,8 @@ class PartsWriter:
         self._comm = comm
         self._own = {number: AsyncWriter(each) for number, each in own.items()}
         self._head = None if head is None else AsyncWriter(head)
-        self._attributes = {"position", "spin", *(layout.FIELDS[name].attribute for name in fields)}
-        self._waiting: list[tuple[Any, Mapping[str, ArrayLike] | None]] = []
+        self._attributes = {"position", *(layout.FIELDS[name].attribute for name in fields)}
+        self._waiting: list[tuple[FrameRows, Mapping[str, ArrayLike] | None]] = []
         self._counted = 0 if self._head is None else int(self._head.written_counts["frames"])
 
     @classmethod
@@ -179,17 +167,12 @@ class PartsWriter:
             undo.pop_all()
         return cls(parts, here, head, fields, ranks, output_path)
 
-    def shares(self, state: State) -> Shares:
-        """Shares, for the parts that this rank writes, of a state of this rank's disks; called by all ranks."""
-        columns = {name: getattr(state, name) for name in sorted(self._attributes)}
-        states = {}
+    def shares(self, state: State | FrameRows) -> FrameRows:
+        """Rows for the parts that this rank writes, one part after another, of this rank's disks; called by all."""
+        frame = state if isinstance(state, FrameRows) else FrameRows.of(state, sorted(self._attributes))
         with self._comm:
-            rows_of_parts = _rows_of_parts(self.parts, columns)
-        for number, rows in rows_of_parts.items():
-            states[number] = copy.copy(state)
-            for name, values in rows.items():
-                setattr(states[number], name, values)
-        return Shares(state.time, sum(each.n for each in states.values()), states)
+            (rows,) = _for_own_parts(self.parts, [frame.rows])
+        return FrameRows(frame.time, rows)
 
     def write(self, state: State, observables: Mapping[str, ArrayLike] | None = None) -> None:
         """Append a frame of this rank's disks; called by all ranks, of which the first one's `observables` are kept.
@@ -199,13 +182,14 @@ class PartsWriter:
         self.write_frames([(self.shares(state), observables)])
         self.commit()
 
-    def write_frames(self, frames: Sequence[tuple[Shares, Mapping[str, ArrayLike] | None]]) -> None:
-        """Give frames to the parts of this rank, and keep their observables, on the first one, until `commit`."""
+    def write_frames(self, frames: Sequence[tuple[FrameRows, Mapping[str, ArrayLike] | None]]) -> None:
+        """Give frames, of `shares`, to the parts of this rank, and keep their observables until `commit`."""
+        own = _own_parts(self.parts, self._comm)
         for number, queue in self._own.items():
-            queue.write_frames([(shares.states[number], None) for shares, _ in frames])
+            queue.write_frames([(FrameRows(each.time, each.rows[own[number]]), None) for each, _ in frames])
         if self._head is not None:
-            for shares, observables in frames:  # NAME.h5 has no fields
-                self._waiting.append((SimpleNamespace(n=self.parts.n, time=shares.time), observables))
+            for each, observables in frames:  # NAME.h5 has no fields
+                self._waiting.append((FrameRows(each.time, np.empty(self.parts.n, [])), observables))
 
     def commit(self) -> None:
         """Commit the frames that are whole in all parts; called by all ranks."""
@@ -289,32 +273,35 @@ def _each_part(
     undo: contextlib.ExitStack,
 ) -> dict[int, TrajectoryWriter]:
     """A writer for each part that this rank writes, by its number; `undo` closes them."""
-    rows = _rows_of_parts(parts, {name: getattr(own, name) for name in layout.STATIC})
+    columns = _for_own_parts(parts, [getattr(own, name) for name in layout.STATIC])
+    rows_of = _own_parts(parts, current())
 
     def all_made() -> dict[int, TrajectoryWriter]:
         found = {}
-        for number, columns in rows.items():
-            found[number] = make(number, Disks(len(columns["mass"]), **columns))
+        for number, rows in rows_of.items():
+            each = [column[rows] for column in columns]
+            found[number] = make(number, Disks(len(each[0]), **dict(zip(layout.STATIC, each, strict=True))))
             undo.callback(found[number].close)
         return found
 
     return current().run_on_all(all_made)
 
 
-def _rows_of_parts(
-    parts: Parts, columns: Mapping[str, NDArray[Any] | None]
-) -> dict[int, dict[str, NDArray[Any]]]:
+def _for_own_parts(parts: Parts, rows: list[NDArray[Any]]) -> list[NDArray[Any]]:
     """Rows of the disks of all ranks, each of which has its own, as rows of the parts that this one writes."""
     ranks = current()
-    present = {name: each for name, each in columns.items() if each is not None}
-    rows = list(present.values())
-    if parts.first != tuple(bounds(parts.n, ranks.size).tolist()):
-        ids = np.array(ranks.slice_of(parts.n))
-        rows = ranks.exchange((np.searchsorted(parts.first, ids, side="right") - 1) % ranks.size, rows)
+    if parts.first == tuple(bounds(parts.n, ranks.size).tolist()):
+        return rows
+    ids = np.array(ranks.slice_of(parts.n))
+    return ranks.exchange((np.searchsorted(parts.first, ids, side="right") - 1) % ranks.size, rows)
+
+
+def _own_parts(parts: Parts, ranks: Communicator) -> dict[int, slice]:
+    """Where the rows of each part that this rank writes are among those of all of them, by its number."""
     found, at = {}, 0
     for number in range(ranks.rank, len(parts), ranks.size):
         end = at + parts.first[number + 1] - parts.first[number]
-        found[number] = {name: each[at:end] for name, each in zip(present, rows, strict=True)}
+        found[number] = slice(at, end)
         at = end
     return found
 

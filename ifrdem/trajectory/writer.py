@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, counted
 from ..model.box import Box, below
-from ..model.state import Disks, State, StoredState
+from ..model.state import Disks, FrameRows, State
 from ..model.walls import Wall, to_json
 from ..tools import checked
 from ..tools.checked import validated
@@ -277,7 +277,9 @@ class TrajectoryWriter(ReadOnlyAttributes):
         """
         self.write_frames([(state, observables)])
 
-    def write_frames(self, frames: Sequence[tuple[State, Mapping[str, ArrayLike] | None]]) -> None:
+    def write_frames(
+        self, frames: Sequence[tuple[State | FrameRows, Mapping[str, ArrayLike] | None]]
+    ) -> None:
         """Append frames, the arguments of `write` for each, and commit them together: faster than each.
 
         Raises InputError and TrajectoryError as `write`; then none of them is written.
@@ -313,8 +315,10 @@ class TrajectoryWriter(ReadOnlyAttributes):
                     )
                 self._rows.datasets.update(_prefixed(made))
                 self._observables = first
-            stacked = {name: np.stack([frame[name] for frame in found]) for name in found[0]}
-            self._rows.commit(self._output, stacked)
+            join = np.stack if len(found) > 1 else lambda one: one[0][None]  # a large frame is not copied
+            self._rows.commit(
+                self._output, {name: join([frame[name] for frame in found]) for name in found[0]}
+            )
             self._output.publish()
 
     def write_series(
@@ -395,7 +399,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
         self._series.drop_uncommitted()
         self._histories.drop_uncommitted()
 
-    def _checked_fields(self, state: State, before: float) -> dict[str, NDArray[Any]]:
+    def _checked_fields(self, state: State | FrameRows, before: float) -> dict[str, NDArray[Any]]:
         """Fields of a frame that comes after time `before`, as they are stored."""
         if state.n != self._n:
             raise InputError(f"the state has {state.n} disks: must be {self._n}")
@@ -403,12 +407,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
             raise InputError(f"time = {state.time}: must be a finite time not before {before}")
         found = {}
         for name, like in self._fields.items():
-            value = getattr(state, layout.FIELDS[name].attribute)
-            same = value.dtype == like.dtype and value.shape == like.shape
-            if same and isinstance(state, StoredState):
-                found[name] = np.ascontiguousarray(value)  # the engine has seen that all is finite
-            else:
-                found[name] = stored(name, value, like.shape, like.dtype)
+            found[name] = stored(name, getattr(state, layout.FIELDS[name].attribute), like.shape, like.dtype)
         if "position" in found and found["position"].dtype != state.position.dtype:
             # Rounding to fewer digits may carry a disk out of the box through its upper side.
             for axis, length in enumerate(self._box.lengths):
