@@ -105,10 +105,9 @@ def made(
     kind: type[CollisionLaw], values: Mapping[str, Any]
 ) -> tuple[CollisionLaw | None, list[tuple[str, str]]]:
     """The law with these coefficients, and what is wrong: a coefficient ("" for all) and a text for each mistake."""
-    names = kind.coefficients
-    there = (
-        f"{kind.__name__} has the coefficients {', '.join(names)}" if names else f"{kind.__name__} has none"
-    )
+    names, source = kind.coefficients, source_of(kind)
+    owner = kind.__name__ if source is None else source.law
+    there = f"{owner} has " + (f"the coefficients {', '.join(names)}" if names else "no coefficients")
     wrong = [
         (key, f"unknown coefficient{nearest(key, names)}; {there}") for key in values if key not in names
     ]

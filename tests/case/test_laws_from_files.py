@@ -163,8 +163,8 @@ def test_a_law_goes_to_other_processes_with_its_text(case: Path) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        (["material[0].c="], "material[0].c: missing: must be a finite number; SpeedDependent has the coefficients"),
-        (["material[0].muu=0.1"], "material[0].muu = 0.1: unknown coefficient (did you mean 'mu'?); SpeedDependent"),
+        (["material[0].c="], "material[0].c: missing: must be a finite number; mylaw.py:SpeedDependent has the "),
+        (["material[0].muu=0.1"], "material[0].muu = 0.1: unknown coefficient (did you mean 'mu'?); mylaw.py:"),
         (['material[0].mu="much"'], 'material[0].mu = "much": must be a finite number'),
         (['material[0].law="laws/mylaw.py:Speed"'], "no law 'Speed' in "),
         (['material[0].law="laws/my.py:Speed"'], 'law = "laws/my.py:Speed": there is no file '),
