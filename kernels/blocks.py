@@ -31,7 +31,7 @@ from typing import Any
 
 from .columns import BLOCK_INTEGERS, BLOCK_REALS, BLOCK_SUMS
 from .events import collide, compare, precedes, separation
-from .flights import bits_of, real_of
+from .flights import bits_of, contact_signs, real_of
 from .language import is_single_precision, shared, ti
 from .layout import AT_END, AT_MOMENT, BLOCK_SLOTS, DENSE_SLOTS, FAR, FULL_GHOSTS, NEAR_WORDS, NO_PARTNER
 from .particle import largest_square, radius_of, round_products, upper_half
@@ -229,14 +229,17 @@ def count_by_cell(n, tile, me, region: ti.template(), block: ti.template()):
 
 @ti.func
 def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
-    """List the disks that are nearer to the disk in slot i than contact and a margin [length]; 1 if there is no room.
+    """List the disks that are nearer to the disk in slot i than contact and a margin [length].
 
-    In order of slots. Cells are contiguous along y, and `head` is where each ends.
+    Returns 1 if there is no room; and of those in earlier slots that may meet it in the window, before anything else
+    happens, their number and the first four of their slots, in a word. Cells are contiguous along y, and `head` is
+    where each ends.
     """
     cell = block.event_info[i].cell
     cx, cy = cell >> 16, cell & 0xFFFF
-    x, y = block.motion[i].x, block.motion[i].y
+    x, y, vx, vy = block.motion[i].x, block.motion[i].y, block.motion[i].vx, block.motion[i].vy
     many, first, word = 0, ti.u64(0), ti.u64(0)
+    n_meet, meet = 0, ti.u64(0)
     for column in range(ti.max(cx - 1, 0), ti.min(cx + 1, region.nx - 1) + 1):
         first_cell = column * region.ny + ti.max(cy - 1, 0)
         k, end = 0, block.head[column * region.ny + ti.min(cy + 1, region.ny - 1)]
@@ -244,10 +247,16 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
             k = block.head[first_cell - 1]
         while k < end:
             rx, ry = block.motion[k].x - x, block.motion[k].y - y
-            reach = block.scale.widest + margin
+            sigma = block.scale.widest
             if ti.static(block.uses.mixed):
-                reach = radius_of(i, block) + radius_of(k, block) + margin
+                sigma = radius_of(i, block) + radius_of(k, block)
+            reach = sigma + margin
             if k != i and rx * rx + ry * ry < reach * reach:
+                if k < i:
+                    ux, uy = block.motion[k].vx - vx, block.motion[k].vy - vy
+                    if contact_signs(rx, ry, ux, uy, sigma, block.scale.window) < 0:
+                        meet = (meet << ti.u64(16)) | ti.cast(k, ti.u64)
+                        n_meet += 1
                 many += 1
                 entry = ti.cast(k, ti.u64) << ti.cast(16 * (many % 4), ti.u64)
                 if many < 4:
@@ -261,7 +270,7 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
     if many % 4 != 3 and many > 3 and many <= MOST_NEAR:
         block.near[i * NEAR_WORDS + many // 4] = word
     block.near[i * NEAR_WORDS] = first | ti.cast(ti.min(many, MOST_NEAR), ti.u64)
-    return ti.cast(many > MOST_NEAR, ti.i32)
+    return ti.cast(many > MOST_NEAR, ti.i32), n_meet, meet
 
 
 @ti.func
@@ -273,13 +282,38 @@ def entry_of(i, m, block: ti.template()):
 
 
 @ti.func
-def look_around(
-    i, first, step: ti.template(), below, t, best, partner, region: ti.template(), block: ti.template()
-):  # fmt: skip
+def first_meeting(i, n_meet, meet, best, partner, region: ti.template(), block: ti.template()):
+    """The earliest meeting of the disk in slot i with those in earlier slots: time, partner. As `list_neighbors` says.
+
+    So each pair is looked at once.
+    """
+    info, motion = block.event_info[i], block.motion[i]
+    x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
+    radius = block.scale.widest * 0.5
+    if ti.static(block.uses.mixed):
+        radius = radius_of(i, block)
+    size, last = ti.abs(vx) + ti.abs(vy), info.last
+    m, end = 0, n_meet
+    if n_meet > 4:
+        end = entry_of(i, 0, block)
+    while m < end:
+        j = ti.cast((meet >> ti.cast(16 * (m % 4), ti.u64)) & ti.u64(0xFFFF), ti.i32)
+        if n_meet > 4:
+            j = entry_of(i, m + 1, block)
+        if j < i:
+            start, rx, ry, ux, uy, sigma = separation(
+                j, x, y, vx, vy, tau, radius, 0.0 * x, 0.0 * x, info, block
+            )
+            compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, block)
+        m += 1
+    return best, partner
+
+
+@ti.func
+def look_around(i, first, t, best, partner, region: ti.template(), block: ti.template()):
     """The earliest meeting of the disk in slot i with those of its list: time, partner; 1 if the order is not certain.
 
-    With every `step`-th one from place `first` on, as far as they have slots before `below`. The disk looks at time t;
-    the order is tested if that is 0 or more.
+    With those at every `ABREAST`-th place from a first one on. The disk looks at time t.
     """
     wrong = 0
     info, motion = block.event_info[i], block.motion[i]
@@ -292,25 +326,18 @@ def look_around(
     m, end = first, entry_of(i, 0, block)
     while m <= end:
         j = entry_of(i, m, block)
-        if j < below:
-            start, rx, ry, ux, uy, sigma = separation(
-                j, x, y, vx, vy, tau, radius, 0.0 * x, 0.0 * x, info, block
-            )
-            ahead = block.motion[j].tau - t
-            if t >= 0.0 and ahead > 0.0:
-                dx = block.motion[j].x - (x + vx * (t - tau))
-                dy = block.motion[j].y - (y + vy * (t - tau))
-                fastest = ti.max(vx * vx + vy * vy, ti.cast(largest_square(j, block), float))
-                way = (
-                    sigma
-                    + ti.static(1.00001 if is_single_precision() else 1.000001) * ti.sqrt(fastest) * ahead
-                )
-                if dx * dx + dy * dy < way * way:
-                    wrong = 1
-            compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, block)
-        else:
-            m = end
-        m += step
+        start, rx, ry, ux, uy, sigma = separation(j, x, y, vx, vy, tau, radius, 0.0 * x, 0.0 * x, info, block)
+        ahead = block.motion[j].tau - t
+        if ahead > 0.0:
+            dx = block.motion[j].x - (x + vx * (t - tau))
+            dy = block.motion[j].y - (y + vy * (t - tau))
+            fastest = ti.max(vx * vx + vy * vy, ti.cast(largest_square(j, block), float))
+            margin = ti.static(1.00001 if is_single_precision() else 1.000001)
+            way = sigma + margin * ti.sqrt(fastest) * ahead
+            if dx * dx + dy * dy < way * way:
+                wrong = 1
+        compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, block)
+        m += ABREAST
     return best, partner, wrong
 
 
@@ -382,10 +409,11 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     ti.simt.block.sync()
     i = me
     while i < n:
-        if list_neighbors(i, margin, region, block) == 1:
+        full, n_meet, meet = list_neighbors(i, margin, region, block)
+        if full == 1:
             ti.atomic_or(block.note[MARK], LIST_FULL)
         best, partner = block.scale.window, NO_PARTNER
-        best, partner, _wrong = look_around(i, 1, 1, i, -1.0 + 0.0 * margin, best, partner, region, block)
+        best, partner = first_meeting(i, n_meet, meet, best, partner, region, block)
         block.motion[i].t_leave = FAR  # cells have no part in events
         keep_event(i, best, partner, FAR + 0.0 * margin, block)
         i += THREADS
@@ -490,7 +518,7 @@ def predict_queue(me, limit, fastest, region: ti.template(), block: ti.template(
         if not meets and half == 1:
             first = MOST_NEAR + 1  # at none
         best, partner = block.scale.window, NO_PARTNER
-        best, partner, wrong = look_around(a, first, ABREAST, block.slots, t, best, partner, region, block)
+        best, partner, wrong = look_around(a, first, t, best, partner, region, block)
         number = NONE
         if partner >= 0:
             number = block.event_info[partner].id
