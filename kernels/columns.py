@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-REAL, F64, F32, I32 = "real", "f64", "f32", "i32"
+REAL, F64, F32, I32, U64 = "real", "f64", "f32", "i32", "u64"
 """Types of numbers: REAL is that of the run, f64 or f32."""
-BYTES = {REAL: 8, F64: 8, F32: 4, I32: 4}  # of a run in double precision
+BYTES = {REAL: 8, F64: 8, F32: 4, I32: 4, U64: 8}  # of a run in double precision
 
 
 class Several:
@@ -160,8 +160,8 @@ HISTORY_HASH = Columns(**columns("hash_1", "hash_2"))
 
 # First slot (within its part) and number of disks at the window's beginning and end, by part; ghost records; 1 if it
 # has to be run again; disks gathered; 1 for a tile of this rank, if there are several ranks of MPI
-# (`ifrdem/simulation/ranks.py`).
-TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathered", "owned"))
+# (`ifrdem/simulation/ranks.py`); why a block of a GPU could not run it (`blocks.py`), or 0.
+TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathered", "owned", "mark"))
 # Halo; bound on how far its own disks left its sides; their largest displacement; how far they are beyond its
 # sides at the end; halo over the initial one of all tiles.
 REACH = Columns(**columns("halo", "excursion", "max_displacement", "overhang", "halo_factor"))
@@ -200,6 +200,10 @@ EVENT_INFO = Columns(**columns(
 IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_collisions", "home_tile"))
 START_POSITION = Columns(**columns("x", "y"))
 CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
+# The scratch space of a block of a GPU (`blocks.py`), by types of numbers.
+BLOCK_INTEGERS = Columns(event_info=EVENT_INFO, image_info=IMAGE_INFO, candidates=CANDIDATE)
+BLOCK_REALS = Columns(motion=MOTION, start_position=START_POSITION, since=None)
+BLOCK_SUMS = Columns(loss=MECHANISM, turn=None)
 # AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick hits of something
 # at rest, one after the other.
 REST = Columns(**columns("asleep", "may_rest", "hits"))
@@ -233,10 +237,11 @@ PAIR = Columns(**columns("tile", "id", "partner"))
 # of a gas in one tile: 1 where it pauses at the moment of a snapshot; 1 where it resumes there; 1 where it has
 # paused at a time, BY_COUNT at a number of collisions; bad tiles with the widest halo; 1 where no window of a
 # launch may follow; windows in which resting disks were not determined, and disks that fell asleep at speed; rows
-# of pairs.
+# of pairs; tiles that need blocks with more room, and bad ones that no block can run (`blocks.py`).
 COUNTER = Columns(**columns(
     "next_tile", "n_ghosts", "full", "n_slots", "needed", "resting", "stalled", "n_bad", "n_events", "n_windows",
     "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unverified", "jammed", "n_pairs",
+    "n_dense", "n_marked",
 ))  # fmt: skip
 # Begin and end of the window; where to stop (time, collisions in all), to pause, when a force acts; what sets the
 # length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
@@ -250,11 +255,11 @@ CLOCK = Columns(**columns(
 # Disks; tiles; lanes; slots, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
 # seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small
 # cells along a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works; room
-# for moments; rows of pairs; the first piston among the rows of walls, or -1.
+# for moments; rows of pairs; the first piston among the rows of walls, or -1; blocks of a GPU that run tiles.
 GRID = Columns(**columns(
     "n", "tiles_x", "tiles_y", "lanes", "lane_slots", "cells", "bins", "items", "part", "periodic_x", "periodic_y",
     "walls", "seed_low", "seed_high", "single_tile", "most_ghosts", "tiles_aside", "boxes_aside", "room", "watching",
-    "most_events", "coarse", "opaque_zero", "stride", "moments", "most_pairs", "first_piston",
+    "most_events", "coarse", "opaque_zero", "stride", "moments", "most_pairs", "first_piston", "blocks",
 ))  # fmt: skip
 MOST_MOMENTS = 8
 # Box; least side of a cell; window; largest diameter; what rounds positions; gravity; cut-off; contact time; shear
@@ -424,6 +429,7 @@ TYPES: dict[str, str] = {
     "ghost_position": REAL, "motion": REAL, "event_info": I32, "image_info": I32, "start_position": REAL,
     "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
     "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
+    "near": U64, "dense": I32, "block_integers": I32, "block_reals": REAL, "block_sums": F64,
     "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32,
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""

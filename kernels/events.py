@@ -29,7 +29,7 @@ from .rest import (
     count_hit, fall_asleep, is_support, is_wedged, set_at_rest, set_in_motion, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
 from .stress import add_virial_of_pair
-from .tiles import head_at, layer_of, scale_of, write
+from .tiles import head_at, layer_of, note_extremes, scale_of, write
 from .walls.cells import first_wall, other_image
 from .walls.collision import hit_wall
 from .walls.images import from_partner, wall_of
@@ -712,7 +712,9 @@ def write_here(
         if writing != AT_END:
             write(n, tile, writing, 0, 1, region, gas)
     else:
-        write(n, tile, writing, 0, 1, region, gas)
+        fastest, squares, excursion, farthest, overhang = write(n, tile, writing, 0, 1, region, gas)
+        if writing == AT_END:
+            note_extremes(tile, fastest, squares, excursion, farthest, overhang, gas)
 
 
 @ti.func

@@ -21,7 +21,7 @@ from .compiler_fixes import round_products_by  # noqa: E402  (imports `ti` from 
 
 __all__ = [
     "CompilationError", "Cube", "Rows", "Table", "declared", "from_numpy", "has_numbers", "is_single_precision",
-    "on_gpu", "program", "round_products_by", "spread_of_loops", "ti", "to_numpy", "view", "width",
+    "on_gpu", "program", "round_products_by", "shared", "spread_of_loops", "ti", "to_numpy", "view", "width",
 ]  # fmt: skip
 
 Rows: Any = ti.types.ndarray(ndim=1)
@@ -64,6 +64,11 @@ def on_gpu() -> bool:
 def is_single_precision() -> bool:
     """True if the real numbers of kernels are f32."""
     return bool(ti.lang.impl.get_runtime().default_fp == ti.f32)
+
+
+def shared(n: int, of: Any = None) -> Any:
+    """An array of n numbers that the threads of a block of a GPU share: of a type, or real ones."""
+    return ti.simt.block.SharedArray((n,), of or ti.lang.impl.get_runtime().default_fp)
 
 
 def spread_of_loops() -> int:

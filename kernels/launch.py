@@ -1,13 +1,15 @@
-"""Launches of a kernel on a CPU with the same arrays again and again: the list of its arguments is made once.
+"""Launches of a kernel with the same arrays again and again: the list of its arguments is made once.
 
 At each call of a kernel a runtime checks all arguments and writes a new list of them, which takes Taichi half a
-millisecond for the fifty arrays of a window. The list of a launch can be used for the next one. It is kept here for the
-versions of runtimes that this was tried with; with others, and on a GPU, whose launches use the list up, a kernel is
-called as usual.
+millisecond for the fifty arrays of a window. On a CPU the list of a launch can be used for the next one. Launches on a
+GPU use it up: there it is written again, without checks. Either is done for the versions of runtimes that it was tried
+with; with others, and by quadrants on a GPU, a kernel is called as usual.
 """
 
 from collections.abc import Callable, Collection
 from typing import Any
+
+import numpy as np
 
 from . import runtime
 from .language import on_gpu, program, ti, view
@@ -43,21 +45,31 @@ class Launcher:
             name for name in self._names[n_numbers:] if name not in self._given
         )
         self._held: tuple[Any, ...] = ()
+        self._arrays: dict[str, Any] = {}
         self._identities: list[int] = []
         self._kinds: dict[str, tuple[Any, int]] = {}  # types and axes of those given in the last launch
         self._set_numbers: list[Any] = []
         self._set_given: list[tuple[str, Callable[[Any], None]]] = []
         self._launch: Callable[[], None] | None = None
+        self._launch_with: Callable[[tuple[float, ...]], None] | None = None  # on a GPU
 
     def __call__(self, numbers: tuple[float, ...], held: tuple[Any, ...], given: dict[str, Any]) -> None:
         """Launch the kernel with numbers, the arrays of `held_names`, and `given` ones by name.
 
         A new list is written unless those held are the same objects as for the last launch.
         """
-        identities = list(map(id, held))
-        if self._launch is None or identities != self._identities or self._have_changed(given):
-            self._held, self._identities = held, identities  # kept, so that identities stay theirs
+        identities = [*map(id, held), *(id(each) for each in given.values() if isinstance(each, ti.Ndarray))]
+        if (
+            (self._launch is None and self._launch_with is None)
+            or identities != self._identities
+            or self._have_changed(given)
+        ):
+            # Kept, so that identities stay theirs.
+            self._held, self._identities, self._arrays = held, identities, given
             self._launch_first(numbers, given)
+            return
+        if self._launch_with is not None:
+            self._launch_with(numbers)
             return
         for set_number, number in zip(self._set_numbers, numbers, strict=True):
             set_number(number)
@@ -71,12 +83,41 @@ class Launcher:
 
     def _launch_first(self, numbers: tuple[float, ...], given: dict[str, Any]) -> None:
         """Have the runtime check the arguments and launch the kernel; list them for the next launch."""
-        self._launch, held = None, iter(self._held)
+        self._launch, self._launch_with, held = None, None, iter(self._held)
         arrays = [given[name] if name in self._given else next(held) for name in self._names[len(numbers) :]]
         ti.lang.impl.current_cfg().opt_level = int(not any(map(_is_long, self._held)))
         self._kernel(*numbers, *arrays)
         if _IS_KNOWN and not on_gpu():
             self._list_arguments((*numbers, *arrays), len(numbers))
+        elif _IS_KNOWN and _IS_TAICHI and not any(isinstance(each, np.ndarray) for each in arrays):
+            self._list_on_gpu((*numbers, *arrays), len(numbers))
+
+    def _list_on_gpu(self, arguments: tuple[Any, ...], n_numbers: int) -> None:
+        """Note how the arguments of a launch on a GPU, all of them numbers and arrays of Taichi, are listed again."""
+        kernel, compiled = _found(self._kernel._primal, arguments)
+        numbers, arrays = [], []
+        for place, (value, parameter) in enumerate(
+            (value, parameter)
+            for value, parameter in zip(arguments, self._kernel._primal.arguments, strict=True)
+            if not isinstance(parameter.annotation, ti.template)
+        ):
+            if place < n_numbers:
+                numbers.append(((place,), id(parameter.annotation) in _INTEGERS))
+            else:
+                arrays.append(((place,), value.arr))
+
+        def launch(values: tuple[float, ...]) -> None:
+            context = kernel.make_launch_context()
+            for (at, is_integer), value in zip(numbers, values, strict=True):
+                if is_integer:
+                    context.set_arg_int(at, int(value))
+                else:
+                    context.set_arg_float(at, float(value))
+            for at, array in arrays:
+                context.set_arg_ndarray(at, array)
+            program().launch_kernel(compiled, context)
+
+        self._launch_with = launch
 
     def _list_arguments(self, arguments: tuple[Any, ...], n_numbers: int) -> None:
         """List the arguments of a launch that has been done."""
@@ -120,10 +161,15 @@ def _compiled(primal: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
     if not _IS_TAICHI:
         key = primal._last_launch_key
         return primal.materialized_kernels[key].make_launch_context(), primal.compiled_kernel_data_by_key[key]
+    kernel, compiled = _found(primal, arguments)
+    return kernel.make_launch_context(), compiled
+
+
+def _found(primal: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
+    """A kernel of Taichi that has been launched with these arguments, and its compiled program."""
     kernel = primal.compiled_kernels[primal.func, primal.mapper.lookup(arguments)[0], primal.autodiff_mode]
     present = program()
-    compiled = present.compile_kernel(present.config(), present.get_device_caps(), kernel)
-    return kernel.make_launch_context(), compiled
+    return kernel, present.compile_kernel(present.config(), present.get_device_caps(), kernel)
 
 
 def _number_setter(context: Any, at: Any, annotation: Any) -> Callable[[Any], None]:

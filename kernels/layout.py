@@ -37,6 +37,11 @@ total                  (...)          the same over all
 watched                (n,)           1 for tracked disks, by id
 motion, ...            (lanes         the scratch space of a lane, which runs one tile after another
                        slots,)
+dense                  (tiles,)       tiles that need blocks with more room
+block_integers, ...    (blocks        the scratch space of a block: column after column
+                       slots,)
+near                   (blocks slots  slots of the disks near each, four in a word
+                       NEAR_WORDS,)
 contact                (...)          contacts of disks that may rest, and the forces there (`rest.py`)
 held, cached_force     (rows,), ...   forces at contacts of a disk, as last solved for (`rest.py`)
 =====================  =============  =================================================================================
@@ -54,8 +59,12 @@ FULL_SLOTS, FULL_CELLS, FULL_GHOSTS, FULL_WALLS, FULL_WATCHED, FULL_PAIRS = 1, 2
 BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
 PAIRS, TRACKED = 1, 2  # what is written down: the collisions of all pairs, and all that happens to some disks
 TEAM = 32  # threads of a GPU that share a tile
+BLOCK_SLOTS = 864  # disks of a tile and its halo that a block of a GPU has room for (`blocks.py`)
+DENSE_SLOTS = 4096  # the same of blocks that run what does not fit
+NEAR_WORDS = 12  # of four entries each of the list of a disk: how many disks are near it, and which
 HALO_DECAY = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
 BINS_PER_DISK = 8  # of the queue of a gas in one tile, whose windows are long; on a CPU
+MAX_TRAVEL = 0.4  # of the side of a tile, that the fastest disk may come in a window
 BLOCK = 1024
 FAR = 1.0e30  # a time later than any event
 FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w
@@ -102,6 +111,11 @@ class Uses:
         if unknown := given.keys() - Uses.__annotations__.keys():
             raise TypeError(f"there are no features {', '.join(sorted(unknown))}")
         vars(self).update(given)
+
+    @property
+    def blockwise(self) -> bool:
+        """True if blocks of threads of a GPU run the tiles of a gas with these features (`blocks.py`)."""
+        return not (self.walled or self.rests or self.sheared or self.layered)
 
     def replace(self, **given: Any) -> "Uses":
         """A copy with other values of the given features."""

@@ -9,7 +9,9 @@ from .layout import AT_END, FULL_WATCHED, TRACKED
 def round_products(gas: ti.template()):
     """Round products by themselves in the loop that begins with this, on a GPU (`compiler_fixes.py`)."""
     if ti.static(on_gpu()):
-        zero = ti.cast(gas.grid.opaque_zero, ti.u64)
+        zero = ti.cast(
+            ti.cast(gas.grid.opaque_zero, ti.u32), ti.u64
+        )  # no more than the lower half of a double
         ti.static(round_products_by(zero))
 
 
@@ -66,19 +68,27 @@ def update_history_hash(i, t, partner, gas: ti.template()):
 @ti.func
 def largest_speed(i, gas: ti.template()):
     """Bound on the speed of the disk in slot i in the window so far."""
-    return ti.cast(
-        ti.sqrt(ti.bit_cast(ti.cast(gas.event_info[i].max_speed_sq, ti.i64) << ti.i64(32), ti.f64)), float
-    )
+    return ti.cast(ti.sqrt(largest_square(i, gas)), float)
+
+
+@ti.func
+def largest_square(i, gas: ti.template()):
+    """Bound on the square of the speed of the disk in slot i in the window so far."""
+    return ti.bit_cast(ti.cast(gas.event_info[i].max_speed_sq, ti.i64) << ti.i64(32), ti.f64)
+
+
+@ti.func
+def upper_half(square):
+    """Upper half of the bits of a square (f64, 0 or more), rounded up: integers in the order of the squares."""
+    return ti.cast(ti.bit_cast(square, ti.i64) >> ti.i64(32), ti.i32) + 1
 
 
 @ti.func
 def note_speed(i, gas: ti.template()):
     """Keep the largest square of the speed of the disk in slot i: the upper half of a double, rounded up."""
     vx, vy = ti.cast(gas.motion[i].vx, ti.f64), ti.cast(gas.motion[i].vy, ti.f64)
-    square = ti.bit_cast(1.000001 * (vx * vx + vy * vy), ti.i64)
-    gas.event_info[i].max_speed_sq = ti.max(
-        gas.event_info[i].max_speed_sq, ti.cast(square >> ti.i64(32), ti.i32) + 1
-    )
+    square = upper_half(1.000001 * (vx * vx + vy * vy))
+    gas.event_info[i].max_speed_sq = ti.max(gas.event_info[i].max_speed_sq, square)
 
 
 @ti.func
@@ -102,8 +112,11 @@ def advance_to(i, t, gas: ti.template()):
 
 @ti.func
 def add(tile, column, value, gas: ti.template()):
-    """Add to the tally of a tile."""
-    gas.tally[tile, AT_END][column] = gas.tally[tile, AT_END][column] + value
+    """Add to the tally of a tile. On a GPU several threads may do that at a time (`blocks.py`)."""
+    if ti.static(on_gpu()):
+        ti.atomic_add(gas.tally[tile, AT_END][column], value)
+    else:
+        gas.tally[tile, AT_END][column] = gas.tally[tile, AT_END][column] + value
 
 
 @ti.func

@@ -6,14 +6,13 @@ positions and velocities are rounded. The host says where a run stops or pauses 
 
 from .columns import MOST_MOMENTS, TALLY
 from .language import spread_of_loops, ti
-from .layout import AT_END, FAR
+from .layout import AT_END, FAR, MAX_TRAVEL
 from .particle import round_products
 from .signature import Arrays, kernel
 from .sums import is_owned, max_speed_sq, sum_tiles, total_of
 from .walls.pistons import fastest_piston
 
 LEAST_PATH = 0.01  # of that of a gas that fills the box
-MAX_TRAVEL = 0.4  # of the side of a tile, that the fastest disk may come in a window
 
 
 @ti.func

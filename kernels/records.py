@@ -76,6 +76,82 @@ class Records:
         return NamedRow(self.array, index if isinstance(index, tuple) else (index,), self._columns)
 
 
+class InColumns:
+    """Records in a flat array, column after column: column c of row i lies at first + c * rows + i.
+
+    Threads that work on adjacent rows then reach adjacent numbers.
+    """
+
+    _data_oriented = True
+    __slots__ = ("_array", "_columns", "_first", "_rows")
+
+    def __init__(self, array: Any, columns: Columns, first: Any, rows: int) -> None:
+        self._array, self._columns, self._first, self._rows = array, columns, first, rows
+
+    def __getitem__(self, i: Any) -> "_RowInColumns":
+        return _RowInColumns(self, i)
+
+    def at(self, i: Any, column: Any) -> Any:
+        """A column of row i."""
+        return _at(self._array, self._first + column * self._rows + i)
+
+
+class _RowInColumns:
+    """A row of `InColumns`."""
+
+    _data_oriented = True
+    __slots__ = ("_index", "_records")
+
+    def __init__(self, records: InColumns, index: Any) -> None:
+        self._records, self._index = records, index
+
+    def __getattr__(self, name: str) -> Any:
+        return self._records.at(self._index, self._records._columns.column(name))
+
+    def __getitem__(self, column: Any) -> Any:
+        return self._records.at(self._index, self._records._columns.first + column)
+
+
+class From:
+    """The numbers of a flat array from a first one on."""
+
+    _data_oriented = True
+    __slots__ = ("_array", "_first")
+
+    def __init__(self, array: Any, first: Any) -> None:
+        self._array, self._first = array, first
+
+    def __getitem__(self, i: Any) -> Any:
+        return _at(self._array, self._first + i)
+
+
+class Split:
+    """Records of which some columns lie in arrays of their own: `columns` has these by name, `rows` the others."""
+
+    _data_oriented = True
+    __slots__ = ("_columns", "_rows")
+
+    def __init__(self, rows: Any, columns: Mapping[str, Any]) -> None:
+        self._rows, self._columns = rows, columns
+
+    def __getitem__(self, i: Any) -> "_SplitRow":
+        return _SplitRow(self._rows[i], self._columns, i)
+
+
+class _SplitRow:
+    """A row of `Split`."""
+
+    _data_oriented = True
+    __slots__ = ("_columns", "_index", "_row")
+
+    def __init__(self, row: Any, columns: Mapping[str, Any], index: Any) -> None:
+        self._row, self._columns, self._index = row, columns, index
+
+    def __getattr__(self, name: str) -> Any:
+        found = self._columns.get(name)
+        return getattr(self._row, name) if found is None else _at(found, self._index)
+
+
 class NamedNumbers:
     """Numbers of an array by name, in the precision of the run."""
 

@@ -243,14 +243,25 @@ def begin(tile, gas: ti.template()):
     if gas.grid.single_tile == 1:
         last = gas.grid.tiles_x * gas.grid.tiles_y - 1
     for k in range(tile, last + 1):
-        for when in range(AT_MOMENT + gas.grid.moments):
-            for column in range(gas.tally.shape[2]):
-                gas.tally[k, when][column] = 0.0
-        gas.reach[k].excursion, gas.reach[k].max_displacement, gas.reach[k].overhang = -ENDLESS, 0.0, 0.0
+        clear(k, gas)
     if gas.counter.again == 0:
-        gas.reach[tile].halo_factor = ti.max(HALO_DECAY * gas.reach[tile].halo_factor, 1.0)
+        decay = ti.static(
+            0.0 if on_gpu() and gas.uses.blockwise else HALO_DECAY
+        )  # blocks have no room for more
+        gas.reach[tile].halo_factor = ti.max(decay * gas.reach[tile].halo_factor, 1.0)
     gas.reach[tile].halo = ti.min(gas.scale.usual_halo * gas.reach[tile].halo_factor, gas.scale.most_halo)
     gas.tile[tile].count[part], gas.tile[tile].gathered, gas.tile[tile].n_ghosts = 0, 0, 0
+    gas.tile[tile].mark = 0
+
+
+@ti.func
+def clear(tile, gas: ti.template()):
+    """Set the sums of a tile over a window to 0."""
+    for when in range(AT_MOMENT + gas.grid.moments):
+        for column in range(gas.tally.shape[2]):
+            gas.tally[tile, when][column] = 0.0
+    gas.reach[tile].excursion, gas.reach[tile].max_displacement = -ENDLESS, 0.0
+    gas.reach[tile].overhang = 0.0
 
 
 @ti.func
@@ -315,7 +326,6 @@ def count_chunk(thread, region: ti.template(), gas: ti.template()):
 @ti.func
 def order(tile, thread, region: ti.template(), gas: ti.template()):
     """Store where the disks of each cell begin, and where the tile's list and its ghost records do."""
-    part = 1 - gas.grid.part
     cells = region.nx * region.ny
     chunk = (cells + ti.static(team_of(gas.uses)) - 1) // ti.static(team_of(gas.uses))
     before = 0
@@ -326,34 +336,47 @@ def order(tile, thread, region: ti.template(), gas: ti.template()):
         gas.head[region.cells + c] = ti.select(here > 0, before, -1)
         before += here
     if thread == 0:
-        if gas.counter.again == 0:
-            if gas.grid.single_tile == 1:
-                for other in range(gas.grid.tiles_x * gas.grid.tiles_y):
-                    gas.tile[other].start[part] = gas.tile[other].start.other[part]
-                    gas.tile[other].count[part] = gas.tile[other].count.other[part]
-            else:
-                gas.tile[tile].start[part] = ti.atomic_add(gas.counter.n_slots, gas.tile[tile].count[part])
-        ghosts = gas.tile[tile].n_ghosts
-        if ghosts > 0:
-            g = ti.atomic_add(gas.counter.n_ghosts, ghosts)
-            gas.tile[tile].ghosts = g
-            if g + ghosts > gas.grid.most_ghosts:
-                ti.atomic_or(gas.counter.full, FULL_GHOSTS)
+        reserve(tile, gas)
 
 
 @ti.func
-def load(m, tile, region: ti.template(), gas: ti.template()):
-    """Load candidate m into the lane's slots, which are sorted by cell."""
-    part = gas.grid.part
-    offset = region.lane * gas.grid.lane_slots
-    chosen = gas.candidates[offset + m]
-    s, c, rank, step = chosen.slot, chosen.cell, chosen.own_rank, chosen.step
-    i = offset
-    if ti.static(team_of(gas.uses) > 1):
-        i += ti.atomic_add(gas.head[region.cells + c], 1)
+def reserve(tile, gas: ti.template()):
+    """Choose where the tile's list and its ghost records begin: their lengths are known."""
+    part = 1 - gas.grid.part
+    if gas.counter.again == 0:
+        if gas.grid.single_tile == 1:
+            for other in range(gas.grid.tiles_x * gas.grid.tiles_y):
+                gas.tile[other].start[part] = gas.tile[other].start.other[part]
+                gas.tile[other].count[part] = gas.tile[other].count.other[part]
+        else:
+            gas.tile[tile].start[part] = ti.atomic_add(gas.counter.n_slots, gas.tile[tile].count[part])
+    ghosts = gas.tile[tile].n_ghosts
+    if ghosts > 0:
+        g = ti.atomic_add(gas.counter.n_ghosts, ghosts)
+        gas.tile[tile].ghosts = g
+        if g + ghosts > gas.grid.most_ghosts:
+            ti.atomic_or(gas.counter.full, FULL_GHOSTS)
+
+
+@ti.func
+def slot_of(m, region: ti.template(), gas: ti.template()):
+    """The slot of candidate m among those that are sorted by cell: the next one of its cell."""
+    cell = region.cells + gas.candidates[region.lane * gas.grid.lane_slots + m].cell
+    i = region.lane * gas.grid.lane_slots
+    if ti.static(on_gpu()):
+        i += ti.atomic_add(gas.head[cell], 1)
     else:
-        i += gas.head[region.cells + c]
-        gas.head[region.cells + c] = gas.head[region.cells + c] + 1
+        i += gas.head[cell]
+        gas.head[cell] = gas.head[cell] + 1
+    return i
+
+
+@ti.func
+def load(m, i, tile, region: ti.template(), gas: ti.template()):
+    """Load candidate m into slot i."""
+    part = gas.grid.part
+    chosen = gas.candidates[region.lane * gas.grid.lane_slots + m]
+    s, c, rank, step = chosen.slot, chosen.cell, chosen.own_rank, chosen.step
     other, step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, step, gas)
     x, y, lap_x, lap_y, row = position_in_tile(s, step_y, shift_x, shift_y, region, gas)
     vx, vy = gas.disk[s].vx, gas.disk[s].vy
@@ -395,7 +418,7 @@ def load(m, tile, region: ti.template(), gas: ti.template()):
     gas.event_info[i].hash_1, gas.event_info[i].hash_2, gas.event_info[i].max_speed_sq = 0, 0, 0
     note_speed(i, gas)
     gas.start_position[i].x, gas.start_position[i].y = x + row * gas.scale.aside, y
-    gas.event_info[i].partner, gas.event_info[i].last = NO_PARTNER, NO_PARTNER
+    gas.event_info[i].last = NO_PARTNER
     gas.event_info[i].number, gas.event_info[i].previous = 0, -1
     cx = c // region.ny
     gas.event_info[i].cell = (cx << 16) + c - cx * region.ny
@@ -525,7 +548,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
     """Write own disks to their slots, as they are at the window's end, or at a requested moment.
 
     At the end, where a window begins next, histories and ghost records are written. A `team` of threads shares the n
-    disks.
+    disks. Returns what `note_extremes` takes, of the thread's share.
     """
     offset = region.lane * gas.grid.lane_slots
     base = gas.tile[tile].start.other[gas.grid.part]
@@ -535,8 +558,9 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
         m = when - AT_MOMENT
         part = SNAPSHOT + m
         time = gas.scale.moment[m]
-        for column in range(gas.tally.shape[2]):
-            gas.tally[tile, when][column] = gas.tally[tile, AT_END][column]
+        if thread == 0:
+            for column in range(gas.tally.shape[2]):
+                gas.tally[tile, when][column] = gas.tally[tile, AT_END][column]
     if ti.static(gas.uses.pistons):
         write_pistons(tile, when, time, gas)
     fall_x, fall_y = gas.scale.gx * time, gas.scale.gy * time
@@ -593,12 +617,17 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
             position.x, position.y = gas.start_position[i].x, gas.start_position[i].y
             position.displacement = (largest_speed(i, gas) + faster) * time
         i += team
-    if when == AT_END:
-        ti.atomic_max(gas.tally[tile, AT_END].fastest, ti.cast(fastest, ti.f64))
-        ti.atomic_add(gas.tally[tile, AT_END].squares, squares)  # whole numbers: exact in any order
-        ti.atomic_max(gas.reach[tile].excursion, excursion)
-        ti.atomic_max(gas.reach[tile].max_displacement, max_displacement)
-        ti.atomic_max(gas.reach[tile].overhang, overhang)
+    return fastest, squares, excursion, max_displacement, overhang
+
+
+@ti.func
+def note_extremes(tile, fastest, squares, excursion, max_displacement, overhang, gas: ti.template()):
+    """Enter what `write` returns at a window's end into the sums of a tile and its bounds."""
+    ti.atomic_max(gas.tally[tile, AT_END].fastest, ti.cast(fastest, ti.f64))
+    ti.atomic_add(gas.tally[tile, AT_END].squares, squares)  # whole numbers: exact in any order
+    ti.atomic_max(gas.reach[tile].excursion, excursion)
+    ti.atomic_max(gas.reach[tile].max_displacement, max_displacement)
+    ti.atomic_max(gas.reach[tile].overhang, overhang)
 
 
 @ti.func

@@ -10,8 +10,8 @@ from .rest import update_resting
 from .signature import Arrays, kernel
 from .sums import is_owned, max_speed_sq, sum_tiles, total_of
 from .tiles import (
-    begin, cells_of, count_chunk, gather, is_too_narrow, is_wrong, link_cells, link_cells_of_layers, load, order,
-    region_of, team_of, write,
+    begin, cells_of, count_chunk, gather, is_too_narrow, is_wrong, link_cells, link_cells_of_layers, load,
+    note_extremes, order, region_of, slot_of, team_of, write,
 )  # fmt: skip
 from .walls.cells import place_walls
 from .walls.motion import wall_phases
@@ -83,7 +83,7 @@ def prepare(tile, lane, gas: ti.template()):
         order(tile, 0, region, gas)
         n = gas.tile[tile].gathered
         for m in range(n):
-            load(m, tile, region, gas)
+            load(m, slot_of(m, region, gas), tile, region, gas)
         if ti.static(gas.uses.layered):
             link_cells_of_layers(n, region, gas)
         else:
@@ -202,7 +202,7 @@ def load_tiles(first: ti.template(), n_listed: ti.template(), gas: ti.template()
     for item in range((n_listed - first) * team):
         k, region, m, n = share_of(item, first, gas)
         while m < n:
-            load(m, k, region, gas)
+            load(m, slot_of(m, region, gas), k, region, gas)
             m += team
     for item in range((n_listed - first) * team):
         _k, region, m, n = share_of(item, first, gas)
@@ -271,7 +271,8 @@ def run_windows_on_gpu(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, ga
     for item in range((n_listed - first) * team):
         k, region, thread, n = share_of(item, first, gas)
         if n > 0:
-            write(n, k, AT_END, thread, team, region, gas)
+            fastest, squares, excursion, farthest, overhang = write(n, k, AT_END, thread, team, region, gas)
+            note_extremes(k, fastest, squares, excursion, farthest, overhang, gas)
     sum_tiles(gas)
 
 
@@ -289,6 +290,8 @@ def verify(
         round_products(gas)
         if item % spread == 0 and is_active(gas) and is_owned(item // spread, gas) == 1:
             gas.tile[item // spread].bad = is_too_narrow(item // spread, gas)
+            if gas.tile[item // spread].mark > 0:
+                gas.tile[item // spread].bad = 1
     for item in range(spread * team * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
         if item % spread == 0:
@@ -300,6 +303,9 @@ def verify(
         round_products(gas)
         if is_active(gas) and gas.tile[k].bad == 1:
             gas.listed[ti.atomic_add(gas.counter.n_bad, 1)] = k
-            if gas.reach[k].halo >= gas.scale.most_halo:
-                ti.atomic_add(gas.counter.stuck, 1)
-            gas.reach[k].halo_factor = HALO_GROWTH * gas.reach[k].halo_factor
+            if gas.tile[k].mark > 0:
+                ti.atomic_add(gas.counter.n_marked, 1)
+            else:
+                if gas.reach[k].halo >= gas.scale.most_halo:
+                    ti.atomic_add(gas.counter.stuck, 1)
+                gas.reach[k].halo_factor = HALO_GROWTH * gas.reach[k].halo_factor

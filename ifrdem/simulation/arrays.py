@@ -19,6 +19,9 @@ from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.columns import (
     ADDRESSABLE,
+    BLOCK_INTEGERS,
+    BLOCK_REALS,
+    BLOCK_SUMS,
     CONTACTS_PER_DISK,
     KIND,
     MOST_MOMENTS,
@@ -52,6 +55,7 @@ if TYPE_CHECKING:
 
 GPU_THREADS = 32768  # of which some work on events, spread over all multiprocessors
 BURST = 64  # windows of a gas in one tile that one launch runs at most
+BLOCK_LANES = 32  # tiles that threads of a GPU run at the same time where blocks run most
 GPU_BURST = 20_000_000  # disks times windows, of a GPU
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
 
@@ -335,6 +339,7 @@ class DeviceArrays:
             from_numpy(getattr(self, name), edges[axis])
         self._make_table("tile", total)
         self.make("listed", total)
+        self.make("dense", total if self.on_gpu else 1)
         self._make_table("reach", total)
         blocks = -(-total // k.BLOCK_OF_TILES)
         self.make("blocks", blocks)  # that this process adds up
@@ -388,6 +393,10 @@ class DeviceArrays:
     def _plan_launches(self) -> None:
         """Set how many lanes, tiles and windows one launch has."""
         lanes = 1 if self.single_tile else min(backend.lanes(), self.tiles)
+        self.blockwise: bool = self.on_gpu and not self.single_tile and self.uses.blockwise
+        if self.blockwise:
+            lanes = min(BLOCK_LANES, self.tiles)  # of the few tiles that no block can run
+            self._make_blocks(min(backend.gpu_blocks(), self.tiles))
         self.grid.lanes, self.grid.single_tile = lanes, int(self.single_tile)
         spread = min(max(GPU_THREADS // self.tiles, 1), k.TEAM)
         self.grid.stride = 1 << (spread.bit_length() - 1)
@@ -399,6 +408,18 @@ class DeviceArrays:
                 self.uses.sheared or self.single_tile or self.uses.shared
             )  # by something that the host does
             self.burst = 1 if followed else min(BURST, 1 + GPU_BURST // max(self.n, 1))
+
+    def _make_blocks(self, blocks: int) -> None:
+        """Make scratch space for so many blocks of a GPU, at least for one that runs dense tiles."""
+        blocks = max(blocks, -(-k.DENSE_SLOTS // k.BLOCK_SLOTS))
+        if self.grid.blocks == blocks:
+            return
+        self.grid.blocks = blocks
+        rows, summed = blocks * k.BLOCK_SLOTS, self.uses.turned or self.uses.itemised
+        self.make("block_integers", rows * BLOCK_INTEGERS.width)
+        self.make("block_reals", rows * BLOCK_REALS.width)
+        self.make("block_sums", rows * BLOCK_SUMS.width if summed else 1)
+        self.make("near", rows * k.NEAR_WORDS)
 
     def _make_lanes(self, cells_of_all: float) -> None:
         """Make scratch space for the lanes, unless there is enough; the whole region has so many cells."""
@@ -612,8 +633,10 @@ class DeviceArrays:
         if not self.on_gpu:
             yield self.launch
             return
-        if not self._twins:
-            for name in SMALL:
+        for name in SMALL:
+            if name not in self._twins or self._twins[name].shape[0] != len(self._raw(name)):
+                if name in self._twins:  # more moments in a window have more sums
+                    backend.free_array(self._twins[name])
                 kind = {np.dtype(np.int32): ti.i32, np.dtype(np.float32): ti.f32}.get(
                     self._raw(name).dtype, ti.f64
                 )

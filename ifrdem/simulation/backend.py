@@ -28,6 +28,7 @@ from ..kernels import runtime
 from ..mpi import Communicator
 from .device import NAMES, Device
 
+MULTIPROCESSOR_COUNT = 16  # the driver's number of this attribute
 GPU_LANES = 65536  # tiles that have scratch space at the same time
 LOG = logging.getLogger("ifrdem")
 
@@ -239,6 +240,14 @@ def gpu_name() -> str:
     name = ctypes.create_string_buffer(256)
     driver.cuDeviceGetName(name, 256, handle)
     return name.value.decode(errors="replace")
+
+
+def gpu_blocks() -> int:
+    """Blocks of threads that the GPU runs at the same time: two for each of its multiprocessors."""
+    driver, handle = _gpu()
+    count = ctypes.c_int(0)
+    driver.cuDeviceGetAttribute(ctypes.byref(count), MULTIPROCESSOR_COUNT, handle)
+    return 2 * max(count.value, 1)
 
 
 def gpu_memory() -> int:

@@ -583,9 +583,9 @@ class RankDomain(Domain):
         """Verify own tiles, by hashes and sums of all ranks; all then know how many tiles are bad."""
         counter = self.arrays.counter
         self.share()
-        counter.n_bad = counter.stuck = 0
+        counter.n_bad = counter.stuck = counter.n_marked = 0
         self.arrays.launch(verify)
-        runner.n_bad = int(counter.n_bad)
+        runner.n_bad, runner.n_marked = int(counter.n_bad), int(counter.n_marked)
         found = [runner.n_bad, counter.stuck, runner.rests, self.unassigned, self.n_short(runner.n_bad)]
         n_bad, stuck, rests, unassigned, n_short = self.comm.allreduce(np.array(found, dtype=np.int64))
         if unassigned:

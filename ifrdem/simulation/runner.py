@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
+from ..kernels.blocks import run_windows_by_blocks
 from ..kernels.columns import TOTAL
 from ..kernels.language import to_numpy
 from ..kernels.windows import run_windows, run_windows_on_gpu, verify
@@ -41,6 +42,8 @@ class TileRunner:
         Collisions of tracked disks, and of all pairs, that tiles have written down in the window.
     n_bad : int
         Tiles of this process, the first ones of `arrays.listed`, that did not pass the last verification.
+    n_marked : int
+        Those among them that no block of a GPU can run.
     rests : bool
         True if a disk came to rest on a wall.
     """
@@ -52,6 +55,7 @@ class TileRunner:
         self.n_bad = 0
         self.rests: bool = False
         self._n_ghosts = 0  # ghost records of the tiles that ran last
+        self.n_marked = 0
 
     # ------------------------------------------------------------------ which tiles run
 
@@ -185,7 +189,7 @@ class TileRunner:
             self._call_kernels(tiles, most)
             self._n_ghosts = int(a.counter.n_ghosts)
             self._check_progress()
-            self.n_bad = int(a.counter.n_bad)
+            self.n_bad, self.n_marked = int(a.counter.n_bad), int(a.counter.n_marked)
             if not a.counter.full:
                 self.rests |= bool(a.counter.resting)
                 return
@@ -207,10 +211,13 @@ class TileRunner:
         a = self.arrays
         alone = bool(a.grid.single_tile)
         kernel: Callable[..., Any] = run_windows_on_gpu if a.on_gpu else run_windows
+        batch = a.batch
+        if a.blockwise and not (alone or (a.counter.again and self.n_marked)):
+            kernel, batch = run_windows_by_blocks, tiles
         with a.sent() as launch:
             for _ in range(1 if alone else most):
-                for first in range(0, tiles, a.batch):
-                    launch(kernel, first, min(first + a.batch, tiles), most)
+                for first in range(0, tiles, batch):
+                    launch(kernel, first, min(first + batch, tiles), most)
                 if not (alone or a.uses.shared):
                     launch(verify)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError
 from ..kernels.columns import MOST_DISKS, SINGLE_TILE
+from ..kernels.layout import BLOCK_SLOTS, MAX_TRAVEL
 from ..model.box import Box
 from ..model.density import henderson, packing_fraction, path_in_collisions
 from ..model.state import Disks, State
@@ -28,6 +29,7 @@ LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, a
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
 CHAINS, GPU_CHAINS = 4.0, 4.0  # halo for disks that hit one another in chains, in largest diameters
 GPU_COLLISIONS, GPU_TILE = 0.4, 64  # collisions of a disk in a window, and disks of a tile, for a GPU
+BLOCK_DEVIATIONS = 4.5  # of the number of disks around a tile, for which a block of a GPU has room too
 DENSEST = 0.85  # packing fraction beyond which tiles and windows stay the same
 DENSEST_FLUID = 0.8  # packing fraction beyond which the estimate of collision rates stays the same: a crystal
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
@@ -37,6 +39,16 @@ def tile_parameters(phi: float) -> tuple[float, int]:
     """Fastest measured parameters at a packing fraction phi: collisions of a disk in a window, disks of a tile."""
     collisions = np.interp(phi, [0.0, 0.1, 0.3, 0.6], [0.5, 0.7, 1.3, 1.5])
     return float(collisions), 5000
+
+
+def block_side(phi: float, free: float, halo: float) -> float:
+    """Side of a tile that a block of a GPU runs [length]: with its halo [length] it has what a block has room for.
+
+    A disk has the area `free` [length^2]. The variance of the number of disks in an area is its mean times
+    (1 - phi)^3 / (1 + phi), by the compressibility of scaled-particle theory.
+    """
+    spread = math.sqrt(BLOCK_SLOTS * (1.0 - phi) ** 3 / (1.0 + phi))
+    return math.sqrt((BLOCK_SLOTS - BLOCK_DEVIATIONS * spread) * free) - 2.0 * halo
 
 
 def disks_per_cell(phi: float) -> float:
@@ -142,6 +154,8 @@ class Tiling:
         collisions, tile_disks = tile_parameters(phi)
         if on_gpu:
             collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
+            if uses.blockwise:  # so that lists have some ten disks
+                collisions = min(collisions, float(np.interp(phi, [0.1, 0.3], [0.2, 0.4])))
         elif few and not uses.sheared:
             collisions *= FEWER_WINDOWS
         if given is not None:  # whatever the device: windows decide the bits
@@ -163,8 +177,13 @@ class Tiling:
         single_tile = options.order == "serial" or (options.order is None and few and not on_gpu)
         single_tile = single_tile and not uses.sheared
         tiles = (1, 1)
+        chain_halo = widest * ((GPU_CHAINS if on_gpu else CHAINS) + 3.0 * phi)
         if not single_tile:
             least_tile = (GPU_LEAST_TILE if on_gpu else LEAST_TILE) * widest
             tiles = tiles_along(sides, (options.tile_disks or tile_disks) * free, least_tile)
-        chain_halo = widest * ((GPU_CHAINS if on_gpu else CHAINS) + 3.0 * phi)
+            if on_gpu and uses.blockwise and n and not options.tile_disks:
+                # By the speed of the fastest of n disks in equilibrium.
+                way = min(path * math.sqrt(math.log(n) + 2.0), MAX_TRAVEL * window_side)
+                side = max(block_side(phi, free, chain_halo + 2.0 * way), least_tile)
+                tiles = math.ceil(sides[0] / side), math.ceil(sides[1] / side)
         return cls(tiles, single_tile, cell_side, coarse, window_side, collisions, path, chain_halo)
