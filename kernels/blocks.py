@@ -22,8 +22,8 @@ it: then g was made later than f, against the assumption. Disks that are not lis
 than the speed that the lists are made for, which is marked too. So no meeting is missed, and the motion of hard disks
 without missed meetings is unique. Times depend on flights only and are the same from either side.
 
-A marked tile is run again at once, with longer lists; one that is marked for the third time, or that has more disks
-than a block has room for, is run by one thread (`windows.run_windows_on_gpu`).
+A marked tile is run again at once with longer lists, and then one event after another. One that is marked then too, or
+that has more disks than a block has room for, is run by one thread (`windows.run_windows_on_gpu`).
 """
 
 from collections import namedtuple
@@ -33,7 +33,17 @@ from .columns import BLOCK_INTEGERS, BLOCK_REALS, BLOCK_SUMS
 from .events import collide, compare, precedes, separation
 from .flights import bits_of, contact_signs, real_of
 from .language import is_single_precision, shared, ti
-from .layout import AT_END, AT_MOMENT, BLOCK_SLOTS, DENSE_SLOTS, FAR, FULL_GHOSTS, NEAR_WORDS, NO_PARTNER
+from .layout import (
+    AT_END,
+    AT_MOMENT,
+    BLOCK_SLOTS,
+    DENSE_SLOTS,
+    FAR,
+    FULL_GHOSTS,
+    NEAR_WORDS,
+    NO_PARTNER,
+    PAIRS,
+)
 from .particle import largest_square, radius_of, round_products, upper_half
 from .records import From, InColumns, Split
 from .signature import Arrays, kernel
@@ -62,9 +72,9 @@ TICKS = 1073741824.0  # keys in a window
 FASTER, FASTEST_OF_ALL = 1.35, 1.15
 MARGIN = 1.5  # beyond contact that lists have at least, in largest diameters
 ATTEMPTS = 3
-MOST_ROUNDS = 4000
+MOST_ROUNDS = 20_000
 # What threads note for one another.
-GATHERED, OWN, COPIES, MARK, SPEED, QUEUED, TILE, ROOM, FIRST_SUM = range(9)
+GATHERED, OWN, COPIES, MARK, SPEED, QUEUED, LEAST, TILE, ROOM, FIRST_SUM = range(10)
 NOTES = FIRST_SUM + THREADS // 32
 # Why a tile has to be run again: a list has no place left, the order of events is not certain, a disk is too fast for
 # the lists, there are too many disks, rounds without end, or no room for ghost records.
@@ -481,7 +491,26 @@ def queue_earliest(n, block: ti.template()):
                     if precedes(i, found, block):
                         found = i
     block.queue[0] = ti.cast(found, ti.u16)
-    block.note[QUEUED] = 1
+
+
+@ti.func
+def queue_least(n, me, block: ti.template()):
+    """Queue the event that has the least key of all: the earliest one, unless there are several."""
+    i = me
+    while i < n:
+        if block.key[i] < NONE:
+            ti.atomic_min(block.note[LEAST], block.key[i])
+        i += THREADS
+    ti.simt.block.sync()
+    i = me
+    while i < n:
+        key = block.key[i]
+        if key < NONE and key == block.note[LEAST]:
+            p = partner_of(i, block)
+            if block.key[p] > key or i < p or partner_of(p, block) != i:  # not stored by both
+                if ti.atomic_add(block.note[QUEUED], 1) == 0:
+                    block.queue[0] = ti.cast(i, ti.u16)
+        i += THREADS
 
 
 @ti.func
@@ -547,8 +576,13 @@ def forget_keys(n, me, block: ti.template()):
 
 
 @ti.func
-def run_rounds(n, tile, me, limit, fastest, rounds, region: ti.template(), block: ti.template()):
-    """All events until `limit`, in rounds, or until the tile is marked. Returns the number of rounds so far."""
+def run_rounds(
+    n, tile, me, limit, fastest, serial, rounds, region: ti.template(), block: ti.template()
+):  # fmt: skip
+    """All events until `limit`, in rounds, or until the tile is marked. Returns the number of rounds so far.
+
+    If `serial`, one event after another.
+    """
     going = 1
     forget_keys(n, me, block)
     ti.simt.block.sync()
@@ -562,7 +596,7 @@ def run_rounds(n, tile, me, limit, fastest, rounds, region: ti.template(), block
                 ti.atomic_min(block.low[partner_of(i, block)], key)
             i += THREADS
         if me == 0:
-            block.note[QUEUED] = 0
+            block.note[QUEUED], block.note[LEAST] = 0, NONE
             if rounds > MOST_ROUNDS:
                 block.note[MARK] = ENDLESS
         going = ti.simt.block.sync_count_nonzero(pending)
@@ -570,13 +604,17 @@ def run_rounds(n, tile, me, limit, fastest, rounds, region: ti.template(), block
             going = 0
         if going > 0:
             rounds += 1
-            queue_events(n, me, block)
+            if serial == 0:
+                queue_events(n, me, block)
+            else:
+                queue_least(n, me, block)
             ti.simt.block.sync()
             many = block.note[QUEUED]
-            if many == 0:
+            if many == 0 or (serial == 1 and many > 1):
                 ti.simt.block.sync()
                 if me == 0:
                     queue_earliest(n, block)
+                    block.note[QUEUED] = 1
                 ti.simt.block.sync()
             collide_queue(tile, me, region, block)
             ti.simt.block.sync()
@@ -587,7 +625,7 @@ def run_rounds(n, tile, me, limit, fastest, rounds, region: ti.template(), block
 
 
 @ti.func
-def run_stages(n, tile, me, fastest, region: ti.template(), block: ti.template()):
+def run_stages(n, tile, me, fastest, serial, region: ti.template(), block: ti.template()):
     """All events of the window; own disks are written at each requested moment."""
     rounds, stage, going = 0, 0, 1
     while going > 0:
@@ -598,7 +636,7 @@ def run_stages(n, tile, me, fastest, region: ti.template(), block: ti.template()
                 block.key[i] = key_of(i, limit, block)
                 i += THREADS
         ti.simt.block.sync()
-        rounds = run_rounds(n, tile, me, limit, fastest, rounds, region, block)
+        rounds = run_rounds(n, tile, me, limit, fastest, serial, rounds, region, block)
         ti.simt.block.sync()
         if limit < FAR and block.note[MARK] == 0:
             write(n, tile, AT_MOMENT + stage, me, THREADS, region, block)
@@ -642,6 +680,8 @@ def run_tile_by_block(tile, me, block: ti.template()):
     region = region_around(tile, halo, block.scale.widest, block)
     wider, faster = ti.cast(1.0, float), ti.cast(FASTER, float)
     attempt, n, mark = 0, 0, 0
+    # What it writes down it cannot write again: pairs are written down in few windows only.
+    serial = ti.cast((block.grid.watching & PAIRS) > 0, ti.i32)
     while attempt < ATTEMPTS:
         n, fastest = prepare_block(tile, me, wider, ti.cast(faster, ti.f64), region, block)
         if attempt == 0 and me == 0:
@@ -654,7 +694,7 @@ def run_tile_by_block(tile, me, block: ti.template()):
                 block.note[ROOM] = ti.cast((block.counter.full & FULL_GHOSTS) == 0, ti.i32)
         ti.simt.block.sync()
         if block.note[MARK] == 0 and block.note[ROOM] == 1:
-            run_stages(n, tile, me, fastest, region, block)
+            run_stages(n, tile, me, fastest, serial, region, block)
         ti.simt.block.sync()
         mark = block.note[MARK]
         ti.simt.block.sync()
@@ -666,6 +706,8 @@ def run_tile_by_block(tile, me, block: ti.template()):
                 wider *= 0.8
             elif (mark & UNCERTAIN) > 0:
                 wider *= 1.4
+            if attempt == ATTEMPTS - 1:
+                serial, wider = 1, 0.0 * wider  # then the order is certain, with the shortest lists
             if (mark & TOO_FAST) > 0:
                 faster *= 1.3
             if me == 0:
