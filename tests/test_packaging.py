@@ -39,7 +39,9 @@ def files_on_disk() -> dict[str, Path]:
             linked = any((ROOT / folder / parent).is_symlink() for parent in (name, *name.parents))
             manual = path.suffix in (".md", ".png", ".webp") and name.parts[0] == "docs"
             wanted = (
-                path.suffix in (".py", ".pyi", ".toml", ".csv", ".html") or path.name == "py.typed" or manual
+                path.suffix in (".py", ".pyi", ".toml", ".csv", ".html", ".json")
+                or path.name == "py.typed"
+                or manual
             )
             if wanted and path.is_file() and not linked:
                 found[f"{inside}/{name.as_posix()}"] = path
