@@ -773,6 +773,7 @@ def run_windows_by_blocks(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32,
             ti.simt.block.sync()
             start_tile(tile_of(k, block), me, block)
             k = take_tile(n_listed, me, block)
+        ti.simt.block.sync()  # another item of the loop may follow
     for _ in range(1):
         gas.counter.next_tile = 0
     ti.loop_config(block_dim=THREADS)
@@ -786,4 +787,5 @@ def run_windows_by_blocks(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32,
             ti.simt.block.sync()
             run_tile_by_block(block.dense[k], me, block)
             k = take_tile(gas.counter.n_dense, me, block)
+        ti.simt.block.sync()  # another item of the loop may follow
     sum_tiles(gas)

@@ -1,0 +1,72 @@
+"""Tiles by blocks of threads have the bits of the CPU, in any order of threads and without a race.
+
+On a stand-in for an NVIDIA driver, which runs the code of a GPU on the CPU (`support/emulator`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ifrdem.kernels import runtime
+
+SUPPORT = Path(__file__).parents[2] / "support"
+SETTINGS = {
+    "STUB_SM": "2",
+    "STUB_ORDER": "7",  # threads in a shuffled order
+    "STUB_RACE": "1",
+    "TI_ADVANCED_OPTIMIZATION": "1",  # as users run it
+}
+
+pytestmark = [
+    pytest.mark.skipif(
+        shutil.which("gcc") is None or (sys.platform, platform.machine()) != ("linux", "x86_64"),
+        reason="the emulator needs gcc, and Linux on x86-64",
+    ),
+    pytest.mark.skipif(runtime.chosen() != "taichi", reason="the emulator reads the code of Taichi"),
+]
+
+
+@pytest.fixture(scope="module")
+def gases(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str]:
+    """What `emulated_gases.py` reports of each gas, and what the emulator says."""
+    own = {"EMULATE_DIR": str(tmp_path_factory.mktemp("emulator")), "EMULATOR_PYTHON": sys.executable}
+    done = subprocess.run(
+        [SUPPORT / "emulator" / "emulate", sys.executable, SUPPORT / "emulated_gases.py"],
+        env=os.environ | SETTINGS | own,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1]), done.stderr
+
+
+def test_threads_do_not_race(gases: tuple[dict[str, Any], str]) -> None:
+    _, messages = gases
+    assert "emulator:" not in messages  # which reports each race
+
+
+@pytest.mark.parametrize(
+    ("name", "points", "dense"), [("small tiles", 1, False), ("dense tiles", 1, True), ("moments", 36, False)]
+)
+def test_blocks_have_the_bits_of_the_cpu(
+    gases: tuple[dict[str, Any], str], name: str, points: int, dense: bool
+) -> None:
+    found = gases[0][name]
+    assert found["blockwise"]
+    assert (found["dense"] > 0) == dense
+    assert found["points"] == points
+    assert found["windows"] > 1
+    assert found["collisions"] >= 500
+    assert found["differing"] == []
+    assert found["regimes"]
+    assert found["losses"]
