@@ -315,7 +315,7 @@ READOUT = Columns(**columns(
 ))  # fmt: skip
 
 
-class Quantity(NamedTuple):
+class FrameField(NamedTuple):
     """A quantity of each disk in a frame: its name in `State`, how many numbers, its name in files (vectors have a view
     in 3D there), the feature that it needs, and whether it is int32 or in the precision of the frame."""
 
@@ -337,21 +337,21 @@ class Quantity(NamedTuple):
 
 
 FRAME = {each.attribute: each for each in (
-    Quantity("position", 2, "position"),
-    Quantity("velocity", 2, "velocity"),
-    Quantity("angle", 1, "angle", "turned"),
-    Quantity("spin", 1, "angular_velocity"),
-    Quantity("dissipated", MECHANISM.width, "dissipated", "itemised"),
-    Quantity("latest_collision", 1, feature="remembers"),
-    Quantity("collisions", 1, "collisions", count=True),
-    Quantity("image", 2, "image", count=True),
-    Quantity("last_partner", 1, "last_partner", "partnered", count=True),
-    Quantity("asleep", 1, "asleep", "rests", count=True),
-    Quantity("wall_collisions", 1, feature="walled", count=True),
+    FrameField("position", 2, "position"),
+    FrameField("velocity", 2, "velocity"),
+    FrameField("angle", 1, "angle", "turned"),
+    FrameField("spin", 1, "angular_velocity"),
+    FrameField("dissipated", MECHANISM.width, "dissipated", "itemised"),
+    FrameField("latest_collision", 1, feature="remembers"),
+    FrameField("collisions", 1, "collisions", count=True),
+    FrameField("image", 2, "image", count=True),
+    FrameField("last_partner", 1, "last_partner", "partnered", count=True),
+    FrameField("asleep", 1, "asleep", "rests", count=True),
+    FrameField("wall_collisions", 1, feature="walled", count=True),
 )}  # fmt: skip
 
 
-def rows_dtype(quantities: Iterable[Quantity], real: Any) -> np.dtype[Any]:
+def rows_dtype(quantities: Iterable[FrameField], real: Any) -> np.dtype[Any]:
     """Type of a disk in a structured array of these quantities, real ones in this precision."""
     return np.dtype([(each.attribute, np.int32 if each.count else real, each.tail) for each in quantities])
 

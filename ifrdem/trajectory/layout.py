@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ..errors import DamageError, InputError
-from ..kernels.columns import FRAME, Quantity, rows_dtype
+from ..kernels.columns import FRAME, FrameField, rows_dtype
 from ..model.box import Box
 from ..model.state import Disks
 from ..tools.versions import package_versions
@@ -236,7 +236,7 @@ def _are_si(units: Mapping[str, str]) -> bool:
 
 
 def _create_field(
-    group: h5py.Group, field: Quantity, n: int, dtype: DTypeLike, filters: Mapping[str, object]
+    group: h5py.Group, field: FrameField, n: int, dtype: DTypeLike, filters: Mapping[str, object]
 ) -> None:
     # HDF5 has no chunks of size 0 in an axis that cannot grow.
     group.create_dataset(

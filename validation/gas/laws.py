@@ -62,7 +62,7 @@ Laws = tuple[IFRLaw | Walton, IFRLaw | Walton]
 """IFR and Walton's."""
 
 
-class Impacts(NamedTuple):
+class FittedLaw(NamedTuple):
     """Both laws of a coin, and what single impacts see of their difference."""
 
     laws: Laws
@@ -83,7 +83,7 @@ def angles(law: CollisionLaw, psi: Array) -> Array:
     return np.degrees(np.arctan2(np.abs(after[..., 1]), after[..., 0])).T
 
 
-def fitted(law: IFRLaw) -> Impacts:
+def fitted(law: IFRLaw) -> FittedLaw:
     """Walton's law fitted to the impacts of an IFR law."""
     rows = zip(PSI, *angles(law, PSI), strict=True)
     with tempfile.TemporaryDirectory() as folder:
@@ -92,7 +92,7 @@ def fitted(law: IFRLaw) -> Impacts:
         path.write_text("\n".join(("psi,delta_1,delta_2", *lines)), encoding="utf-8")
         found = fit.fit(fit.read(path, {"angles": ERROR}), M=1.0, model=["walton"]).laws["walton"]
     walton = Walton(**{name: float(found.coefficients[name]) for name in Walton.coefficients})
-    return Impacts((law, walton), float(found.chi2), angles(walton, FINE) - angles(law, FINE))
+    return FittedLaw((law, walton), float(found.chi2), angles(walton, FINE) - angles(law, FINE))
 
 
 def run(quick: bool, seed: int) -> Result:
@@ -116,7 +116,7 @@ def run(quick: bool, seed: int) -> Result:
     return result
 
 
-class Cooling(NamedTuple):
+class CoolingSeries(NamedTuple):
     """A cooling gas in time: rows (replicas, frames)."""
 
     tau: Array
@@ -137,7 +137,7 @@ def _by_dsmc(law: CollisionLaw, seeds: range) -> Array:
     return np.array(found).transpose(1, 0, 2)
 
 
-def _cooling(law: CollisionLaw, seeds: range, end: float) -> Cooling:
+def _cooling(law: CollisionLaw, seeds: range, end: float) -> CoolingSeries:
     found, frames = [], round(end)
     for seed in seeds:
         gas = fluid(DISKS, PHI, seed, law, melting=MELTING)
@@ -147,7 +147,7 @@ def _cooling(law: CollisionLaw, seeds: range, end: float) -> Cooling:
         cells = np.array([_in_cells(state, gas.box.lengths[0]) for state in states])
         found.append((T / T[0], T_rot / T, *cells.T))
     tau = np.linspace(0.0, end, frames + 1)
-    return Cooling(tau, *np.array(found).transpose(1, 0, 2))
+    return CoolingSeries(tau, *np.array(found).transpose(1, 0, 2))
 
 
 def _in_cells(state: State, length: float) -> tuple[float, float]:
@@ -179,7 +179,9 @@ def _driven(law: Any, seeds: range) -> Array:
     return np.array(found)
 
 
-def _compare_cooling(result: Result, seeds: range, gases: list[Cooling], homogeneous: list[Array]) -> None:
+def _compare_cooling(
+    result: Result, seeds: range, gases: list[CoolingSeries], homogeneous: list[Array]
+) -> None:
     for what, first, last in (("T", 2, 2), ("T", 5, 5), ("theta", 1, 3)):
         frames, own = slice(first, last + 1), (first <= AT) & (last >= AT)
         simulated = [getattr(gas, what)[:, frames].mean(axis=1) for gas in gases]
@@ -221,7 +223,7 @@ def _means(driven: Array) -> tuple[Array, Array]:
     return T, T_rot / T
 
 
-def _table(result: Result, found: dict[str, Impacts], homogeneous: dict[str, list[Array]]) -> None:
+def _table(result: Result, found: dict[str, FittedLaw], homogeneous: dict[str, list[Array]]) -> None:
     lines: list[tuple[str | float, ...]] = []
     for name, one in found.items():
         walton = one.laws[1]
@@ -247,7 +249,7 @@ def _table(result: Result, found: dict[str, Impacts], homogeneous: dict[str, lis
     )  # fmt: skip
 
 
-def _gas_table(result: Result, gases: list[Cooling], driven: list[Array]) -> None:
+def _gas_table(result: Result, gases: list[CoolingSeries], driven: list[Array]) -> None:
     lines: list[tuple[str | float, ...]] = []
     for tau in (each for each in (5.0, 10.0, 20.0, 30.0, 50.0, END) if each <= gases[0].tau[-1]):
         at = round(tau)
@@ -284,7 +286,7 @@ def _band(axes: Any, x: Array, values: Array, colour: str, label: str | None = N
     axes.plot(x, mean, color=colour, label=label, **look)
 
 
-def _picture(impacts: Impacts, gases: list[Cooling], driven: list[Array]) -> Picture:
+def _picture(impacts: FittedLaw, gases: list[CoolingSeries], driven: list[Array]) -> Picture:
     figure, axes = style.panels(3, 2, width=3.2, height=2.8)
     _draw_impacts(axes[0], impacts)
     _draw_cooling(axes[1:4], impacts.laws, gases)
@@ -310,7 +312,7 @@ def _picture(impacts: Impacts, gases: list[Cooling], driven: list[Array]) -> Pic
     return Picture("gas_laws", caption, figure)
 
 
-def _draw_impacts(axes: Any, one: Impacts) -> None:
+def _draw_impacts(axes: Any, one: FittedLaw) -> None:
     axes.axhspan(-ERROR, ERROR, color=style.GREY, alpha=0.2, lw=0.0, label="error of a measurement")
     for i, colour in enumerate((style.GREEN, style.PURPLE)):
         axes.plot(FINE, one.difference[i], color=colour, label=rf"$\delta_{i + 1}$")
@@ -321,7 +323,7 @@ def _draw_impacts(axes: Any, one: Impacts) -> None:
     axes.legend(loc="lower left")
 
 
-def _draw_cooling(axes: Any, laws: Laws, gases: list[Cooling]) -> None:
+def _draw_cooling(axes: Any, laws: Laws, gases: list[CoolingSeries]) -> None:
     tau = gases[0].tau
     times = np.concatenate([[0.0], np.geomspace(1e-3, 1e4, 2000)])
     for name, law, gas in zip(NAMES, laws, gases, strict=True):
@@ -347,7 +349,7 @@ def _draw_cooling(axes: Any, laws: Laws, gases: list[Cooling]) -> None:
     axes[1].set(ylim=(0.0, 0.78))
 
 
-def _draw_clusters(axes: Any, gases: list[Cooling]) -> None:
+def _draw_clusters(axes: Any, gases: list[CoolingSeries]) -> None:
     right = axes.twinx()
     for name, gas in zip(NAMES, gases, strict=True):
         _band(axes, gas.tau, gas.clumping, LOOK[name], f"{name}, numbers in cells")
