@@ -754,8 +754,7 @@ BLOCKS = Arrays(" ".join((*WINDOW.names, "near", "dense block_integers block_rea
 def run_windows_by_blocks(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, gas: BLOCKS):
     """As `windows.run_windows_on_gpu`, a tile by a block of threads; tiles that it marks have to be run again.
 
-    Tiles with more disks than fit, and those that are run again, which have wider halos, are run by blocks with room
-    for DENSE_SLOTS.
+    `run_dense_tiles` has to follow: it runs those that have more disks than fit.
     """
     for _ in range(1):
         round_products(gas)
@@ -774,6 +773,15 @@ def run_windows_by_blocks(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32,
             start_tile(tile_of(k, block), me, block)
             k = take_tile(n_listed, me, block)
         ti.simt.block.sync()  # another item of the loop may follow
+
+
+@kernel
+def run_dense_tiles(gas: BLOCKS):
+    """Run the tiles of the window that need blocks with room for DENSE_SLOTS, and add up the sums of all tiles.
+
+    Those with more disks than fit into the others, and those that are run again, which have wider halos. A kernel of
+    its own: Taichi gives shared arrays of several loops of a kernel the same names, and then one size.
+    """
     for _ in range(1):
         gas.counter.next_tile = 0
     ti.loop_config(block_dim=THREADS)

@@ -66,9 +66,23 @@ def is_single_precision() -> bool:
     return bool(ti.lang.impl.get_runtime().default_fp == ti.f32)
 
 
+_SHARED: dict[Any, int] = {}  # bytes that arrays of the kernel take which is compiled
+MOST_SHARED = 49_152  # bytes of the threads of a block
+
+
 def shared(n: int, of: Any = None) -> Any:
-    """An array of n numbers that the threads of a block of a GPU share: of a type, or real ones."""
-    return ti.simt.block.SharedArray((n,), of or ti.lang.impl.get_runtime().default_fp)
+    """An array of n numbers that the threads of a block of a GPU share: of a type, or real ones.
+
+    ValueError if those of a kernel do not fit: Taichi would give the array no room at all, without a message.
+    """
+    of = of or ti.lang.impl.get_runtime().default_fp
+    kernel = ti.lang.impl.get_runtime().compiling_callable
+    taken = _SHARED.get(kernel, 0) + n * np.dtype(ti.lang.util.to_numpy_type(of)).itemsize
+    if taken > MOST_SHARED:
+        raise ValueError(f"shared arrays of {taken} bytes: a block of threads has {MOST_SHARED}")
+    _SHARED.clear()
+    _SHARED[kernel] = taken
+    return ti.simt.block.SharedArray((n,), of)
 
 
 def spread_of_loops() -> int:

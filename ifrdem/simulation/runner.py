@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
-from ..kernels.blocks import run_windows_by_blocks
+from ..kernels.blocks import run_dense_tiles, run_windows_by_blocks
 from ..kernels.columns import TOTAL
 from ..kernels.language import to_numpy
 from ..kernels.windows import run_windows, run_windows_on_gpu, verify
@@ -211,13 +211,15 @@ class TileRunner:
         a = self.arrays
         alone = bool(a.grid.single_tile)
         kernel: Callable[..., Any] = run_windows_on_gpu if a.on_gpu else run_windows
-        batch = a.batch
-        if a.blockwise and not (alone or (a.counter.again and self.n_marked)):
-            kernel, batch = run_windows_by_blocks, tiles
+        by_blocks = a.blockwise and not (alone or (a.counter.again and self.n_marked))
         with a.sent() as launch:
             for _ in range(1 if alone else most):
-                for first in range(0, tiles, batch):
-                    launch(kernel, first, min(first + batch, tiles), most)
+                if by_blocks:
+                    launch(run_windows_by_blocks, 0, tiles, most)
+                    launch(run_dense_tiles)
+                else:
+                    for first in range(0, tiles, a.batch):
+                        launch(kernel, first, min(first + a.batch, tiles), most)
                 if not (alone or a.uses.shared):
                     launch(verify)
 

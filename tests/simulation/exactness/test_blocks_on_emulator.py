@@ -23,7 +23,6 @@ SETTINGS = {
     "STUB_SM": "2",
     "STUB_ORDER": "7",  # threads in a shuffled order
     "STUB_RACE": "1",
-    "TI_ADVANCED_OPTIMIZATION": "1",  # as users run it
 }
 
 pytestmark = [
