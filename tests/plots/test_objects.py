@@ -259,6 +259,7 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
                 steps, np.tile([1.0, 0.0], (50, 1)), np.tile([2.0, 0.0], (50, 1)), np.ones(50), span=(0.0, 5.0),
                 area=100.0, disks=10, tracked=10, temperature=1.0,
             ),
+            analysis.mean_stress(steps, np.ones((49, 4)), np.ones((49, 4))),
         ]  # fmt: skip
     assert {type(one) for one in found} == set(analyses.RESULTS)
     for one in found:
