@@ -347,6 +347,7 @@ def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: E
     right.bar(place + 0.27, total, 0.25, yerr=error, **BARS, label="sum, with standard error")
     right.axhline(0.0, color=RATIO, lw=0.8)
     right.set_xticks(place, labels)
+    right.set_xlabel("component")
     right.set_ylabel(label(trajectory, "mean pressure tensor", "energy/length^2"))
     legend_above(right, 3)
     grid(left, right)
