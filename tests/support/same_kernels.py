@@ -231,7 +231,7 @@ def after(make: Callable[..., Engine], **options: Any) -> str:
         engine.advance(t_end=engine.time + 0.2)
         assert engine.last_collisions is not None
         found |= {"times": engine.last_collisions.time, "pairs": engine.last_collisions.pair}
-    _, sums = engine.observed(stored=("image",))
+    _, sums = engine.observed(stored=np.dtype([("image", np.int32, (2,))]))
     found["sums to be written"] = sums
     found |= {f"kept {name}": value for name, value in snapshot.take(engine).items()}
     engine.release()

@@ -22,7 +22,6 @@ from ifrdem.simulation import tiling
 from ifrdem.simulation.engine import Engine
 
 tiling.GPU_CHAINS = 0.3  # halos that are too narrow for some tiles
-tiling.GPU_TILE = 40
 N, COMM = 700, MPI.COMM_WORLD
 
 
@@ -35,7 +34,15 @@ def after(comm: Any) -> tuple[Engine, dict[str, Any]]:
         disks = state = None
     forces = [Rescale(0.3, energy=1.0)]
     engine = Engine(
-        disks, box, state, np.array([[COIN]]), comm=comm, device="cuda", record=["partner"], forces=forces
+        disks,
+        box,
+        state,
+        np.array([[COIN]]),
+        comm=comm,
+        device="cuda",
+        record=["partner"],
+        forces=forces,
+        tile_disks=40,
     )
     goal = engine.collisions + N
     while engine.collisions < goal:
