@@ -37,9 +37,9 @@ def test_a_gas_of_the_wrong_law_fails_the_row_of_its_spins(swapped: bool, passes
     """Ratios of a gas of the IFR law with itself are 1; the theories of both laws differ by 3 % in theta."""
     rng = np.random.default_rng(1)
 
-    def gas(theta: float) -> laws.Cooling:
+    def gas(theta: float) -> laws.CoolingSeries:
         noise = 1.0 + 0.004 * rng.normal(size=(2, 10, 11))
-        return laws.Cooling(np.arange(11.0), noise[0], theta * noise[1], noise[0], noise[0])
+        return laws.CoolingSeries(np.arange(11.0), noise[0], theta * noise[1], noise[0], noise[0])
 
     def dsmc(theta: float) -> np.ndarray:
         noise = 1.0 + 0.004 * rng.normal(size=(2, 20, len(laws.AT)))
