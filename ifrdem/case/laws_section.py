@@ -152,7 +152,7 @@ class FileKeys(Section):
 
     @property
     def values(self) -> dict[str, Any]:
-        """What is given for coefficients, by name."""
+        """The given values of coefficients, by name."""
         return dict(self.__pydantic_extra__ or {})
 
 

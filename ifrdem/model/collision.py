@@ -167,7 +167,7 @@ def impulses(
     row: Sequence[ArrayLike],
     function: Callable[..., Any] | None = None,
 ) -> tuple[Array, ...]:
-    """What `collide` of a class of laws returns, or another `function` of it, such as its `parts`, called with numbers.
+    """Impulses by `collide` of a class of laws, or by another `function` of it, such as its `parts`, of given numbers.
 
     `pair` has an array for each of `OF_PAIR`, `row` a number or an array for each coefficient. InputError if a function
     of a custom law cannot be called with numbers, or impulses are not finite.

@@ -368,7 +368,7 @@ def _as_written(simulation: Simulation, writer: AsyncWriter | PartsWriter | None
 
 
 def _stored(case: CaseSections) -> np.dtype[Any]:
-    """What the trajectory holds of each disk."""
+    """Type of a disk in the frames of the trajectory."""
     return layout.frame_dtype(case.output.fields, case.output.precision)
 
 

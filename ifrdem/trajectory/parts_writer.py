@@ -297,7 +297,7 @@ def _for_own_parts(parts: Parts, rows: list[NDArray[Any]]) -> list[NDArray[Any]]
 
 
 def _own_parts(parts: Parts, ranks: Communicator) -> dict[int, slice]:
-    """Where the rows of each part that this rank writes are among those of all of them, by its number."""
+    """Slice of the rows of this rank that belong to each part that it writes, by the part's number."""
     found, at = {}, 0
     for number in range(ranks.rank, len(parts), ranks.size):
         end = at + parts.first[number + 1] - parts.first[number]

@@ -23,7 +23,7 @@ def split(columns: list[np.ndarray], size: int) -> list[list[np.ndarray]]:
 
 @pytest.mark.parametrize("n", [0, 7, MOST_KINDS + 200, 30_000])
 def test_kinds_do_not_depend_on_how_disks_are_divided(n: int) -> None:
-    """The same where each part has few kinds, and all together have many."""
+    """Kinds of the parts, merged, are those of the whole, and so is the verdict that these are all."""
     columns = columns_of(n)
     rows, every = kinds_among(columns)
     assert every == (n < 1000)

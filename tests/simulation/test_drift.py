@@ -193,7 +193,7 @@ def test_a_cold_gas_in_fast_motion_is_waited_for() -> None:
 
 
 def test_where_a_medium_is_at_rest_temperatures_are_in_its_frame() -> None:
-    """The same between walls. Disks without collisions slow down as exp(-rate t), and T as its square."""
+    """Disks without collisions slow down as exp(-rate t) in the medium, and T as its square."""
     disks = Disks(4, mass=2.0, radius=0.01)
     state = State(
         np.array([[1.0, 1.0], [1.0, 5.0], [5.0, 1.0], [5.0, 5.0]]), np.tile([3.0, 0.0], (4, 1)), np.zeros(4)

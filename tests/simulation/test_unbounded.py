@@ -37,7 +37,7 @@ def blob(n: int, packing_fraction: float = 0.4, at: tuple[float, float] = (-7.0,
 
 @pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_collisions_are_those_in_a_huge_periodic_box(order: str) -> None:
-    """The same pairs in the same order, until rounding separates the two; no disk gets near a side of the huge one."""
+    """Both gases have the same pairs in order until rounding separates them; no disk nears a side of the huge box."""
     disks, state = blob(150)
     found = []
     huge = State(state.position + 2000.0, state.velocity, state.spin)

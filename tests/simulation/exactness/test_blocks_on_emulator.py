@@ -36,7 +36,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def gases(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str]:
-    """What `emulated_gases.py` reports of each gas, and what the emulator says."""
+    """Report of `emulated_gases.py` for each gas, and messages of the emulator."""
     own = {"EMULATE_DIR": str(tmp_path_factory.mktemp("emulator")), "EMULATOR_PYTHON": sys.executable}
     done = subprocess.run(
         [SUPPORT / "emulator" / "emulate", sys.executable, SUPPORT / "emulated_gases.py"],
