@@ -620,6 +620,7 @@ class CaseGas:
             "walls": self._walls_at_start,
             "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
             "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
+            "species": {each.name: each.number for each in self.species} if len(self.species) > 1 else None,
             "tracked": tracked, "comm": comm,
         }  # fmt: skip
         if not self.law().is_proved:  # the simulation checks it
