@@ -161,9 +161,8 @@ def read_out(
 @kernel
 def read_species(
     part: ti.i32,
-    time: ti.f64,
     gas: Arrays(
-        "uses grid scale clock disk meta hits kind kinds tile edge_x edge_y first_of_species species_totals"
+        "uses grid scale clock disk meta hits kind kinds tile edge_y first_of_species species_totals"
     ),
 ):
     """Add up the motion and the collisions with disks of each species, tile by tile.
@@ -185,9 +184,10 @@ def read_species(
                     last = first
             for s in range(first, last):
                 listed_disk, kind_row, id_of_disk = gas.disk[s], listed_kind(s, gas), gas.meta[s].id
-                x, y, boxes_x, boxes_y, frame, flow = placed(s, k, time, gas)
                 mass = ti.cast(gas.kinds[kind_row].mass, ti.f64)
-                vx, vy = ti.cast(listed_disk.vx, ti.f64) - flow, ti.cast(listed_disk.vy, ti.f64)
+                vx, vy = ti.cast(listed_disk.vx, ti.f64), ti.cast(listed_disk.vy, ti.f64)
+                if ti.static(gas.uses.sheared):
+                    vx -= flow_at(listed_disk.y, gas)
                 spin = ti.cast(listed_disk.spin, ti.f64)
                 at = -SPECIES.width
                 for j in range(gas.first_of_species.shape[0]):

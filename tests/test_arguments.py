@@ -619,8 +619,8 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "walls": (), "gravity": (0.0, 0.0),
-        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "species": None, "tracked": (), "seed": 0,
-        "comm": None,
+        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "species": None, "tracked": (),
+        "seed": 0, "comm": None,
     }  # fmt: skip
     return {
         "DSMC": (dsmc, {"disks": DISKS, "law": law, "packing_fraction": 0.1, "velocity": np.ones((4, 2)),

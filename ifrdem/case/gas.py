@@ -407,8 +407,10 @@ class CaseGas:
         for i, own in enumerate(self._of_species(current().slice_of(self.n))):
             each, seed = (self.drawn or self.species)[i], seeds.of_species(self.case.run.seed, i)
             mass = each.columns(own)[0]
-            energy = {"temperature": each.temperature} if each.temperature is not None else {"speed_rms": each.speed_rms}
-            velocity.append(placement.maxwellian(mass, **energy, seed=seed))
+            speed = each.speed_rms if each.temperature is None else None
+            velocity.append(
+                placement.maxwellian(mass, speed_rms=speed, temperature=each.temperature, seed=seed)
+            )
             spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, seed=seed))
             if lone:
                 masses.append(mass if each.speed_rms > 0.0 else np.zeros_like(mass))

@@ -198,7 +198,8 @@ def species_sums(disks: Disks, state: State, species: Mapping[str, int]) -> Arra
         movable, state.collisions,
     ]  # fmt: skip
     ends = np.cumsum(numbers)
-    return np.array([[np.sum(each[end - n : end], dtype=float) for each in columns] for end, n in zip(ends, numbers)])
+    own = [slice(end - n, end) for end, n in zip(ends, numbers, strict=True)]
+    return np.array([[np.sum(each[rows], dtype=float) for each in columns] for rows in own])
 
 
 @validated

@@ -41,9 +41,9 @@ def validate_record(record: Iterable[str]) -> frozenset[str]:
 
 
 def validate_species(species: Any) -> tuple[tuple[str, int], ...]:
-    """Names and numbers of species, from a mapping, () for none: InputError for others, and for numbers below 1."""
-    if isinstance(species, tuple) and not species:
-        return ()
+    """Names and numbers of species, from a mapping or pairs: InputError for others, and for numbers below 1."""
+    if isinstance(species, tuple) and all(isinstance(each, tuple) and len(each) == 2 for each in species):
+        species = dict(species)
     if not isinstance(species, Mapping):
         raise InputError(f"species = {species!r}: must be a mapping from names to numbers of disks")
     for name, number in species.items():

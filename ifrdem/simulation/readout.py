@@ -30,9 +30,7 @@ def species_totals(engine: Engine) -> NDArray[np.float64]:
     arrays, numbers = engine.arrays, np.array([number for _, number in engine.options.species])
     first = (np.cumsum(numbers) - numbers + arrays.domain.first_id).astype(np.int32)
     found = np.zeros((arrays.tiles, len(numbers) * SPECIES.width))
-    arrays.launch(
-        read_species, engine.windows.part, engine.time, first_of_species=first, species_totals=found
-    )
+    arrays.launch(read_species, engine.windows.part, first_of_species=first, species_totals=found)
     return arrays.domain.sums(found).reshape(len(numbers), SPECIES.width)
 
 

@@ -220,7 +220,8 @@ QUANTITIES = {
     **dict.fromkeys(
         ("translational_energy", "rotational_energy", "energy", "temperature", "rotational_temperature",
          "potential_energy", "energy_input", "wall_work", "wall_heat", "dissipated_energy",
-         "dissipated_by_mechanism", "ledger_residual", "species_temperature", "species_rotational_temperature", "walls_work", "walls_heat", "walls_torque"),
+         "dissipated_by_mechanism", "ledger_residual", "species_temperature", "species_rotational_temperature",
+         "walls_work", "walls_heat", "walls_torque"),
         "energy",
     ),
 }  # fmt: skip

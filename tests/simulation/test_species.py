@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from support import mpi
 
 import ifrdem
 
@@ -106,3 +109,18 @@ def test_checkpoint_keeps_species(tmp_path: Path) -> None:
     expected = simulation.measure().species_temperature
     again = ifrdem.Simulation.from_checkpoint(tmp_path / "gas.h5")
     assert again.measure().species_temperature == pytest.approx(expected, rel=1e-13)
+
+
+@mpi.needed
+def test_series_of_a_run_on_ranks(tmp_path: Path) -> None:
+    """Of two ranks, which have a part of each species, the series of one process to rounding of sums."""
+    species = [one | {"number": 350 * one["number"]} for one in CASE["species"]]
+    text = ifrdem.Case(**CASE | {"species": species, "run": {"name": "two", "t_end": 0.05}}).to_toml()
+    (tmp_path / "two.toml").write_text(text)
+    words = [sys.executable, "-m", "ifrdem", "run", tmp_path / "two.toml", "--no-picture"]
+    done = mpi.on(2, *words, "-o", tmp_path / "ranks.h5")
+    assert done.returncode == 0, done.stderr
+    subprocess.run([*map(str, words), "-o", str(tmp_path / "one.h5")], check=True, capture_output=True)
+    with ifrdem.Trajectory(tmp_path / "ranks.h5") as ranks, ifrdem.Trajectory(tmp_path / "one.h5") as one:
+        for name in ("species_temperature", "species_rotational_temperature", "species_collisions"):
+            assert ranks.series[name] == pytest.approx(one.series[name], rel=1e-11)
