@@ -240,6 +240,15 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
     assert engine.statistics.in_order == 0
 
 
+def test_windows_that_no_halo_is_wide_enough_for_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each window, found in tiles first, is run again in the region that is the whole box, from the tiles' lists."""
+    monkeypatch.setattr(TileRunner, "run_until_good", TileRunner._run_whole_box)
+    engine, state = after("phi = 0.6", per_disk=5, order="tiled", tile_disks=250)
+    assert engine.arrays.tiles == 16
+    assert engine.statistics.in_order == engine.statistics.windows > 3
+    assert same(state, in_order("phi = 0.6", 5))
+
+
 def unverified(monkeypatch: pytest.MonkeyPatch, part: float = NARROW) -> None:
     narrowed(monkeypatch, part)
     monkeypatch.setattr(TileRunner, "run_until_good", lambda self: None)
