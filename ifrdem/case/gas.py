@@ -21,10 +21,10 @@ from ..initial.from_csv import StartData
 from ..model import crush
 from ..model.box import Box
 from ..model.free_area import FreeArea
-from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw
+from ..model.laws.ifr import EnergyWarning
+from ..model.laws.law import CollisionLaw
+from ..model.laws.pairs import MEAN_APPROACH, PairLaws
 from ..model.observables import drift_text
-from ..model.pair_laws import MEAN_APPROACH, PairLaws
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
 from ..model.walls import Wall, free_directions, smooth_materials, wall_names
 from ..mpi import SERIAL, Communicator, current, distribution

@@ -23,7 +23,7 @@ from ..case.file import CaseFile
 from ..case.gas import REPORTED_DRIFT, CaseGas
 from ..case.objects import choose_runtime
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
-from ..model.law_records import to_record
+from ..model.laws.records import to_record
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import FrameRows, State
 from ..model.walls import wall_names

@@ -290,7 +290,7 @@ def _check_resting(
     device: Device,
 ) -> None:  # fmt: skip
     """Refuse disks at rest where the model of them does not hold (`kernels/rest.py`); arguments as for `Engine`."""
-    from ..model.ifr import IFRLaw
+    from ..model.laws.ifr import IFRLaw
 
     name = f"collapse = {collapse}"
     if device.name != "cpu" or device.precision != "f64":

@@ -41,8 +41,8 @@ from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff, advice
 from ..model.collapse import validate as validate_collapse
 from ..model.gravity import Gravity, RotatingGravity
 from ..model.gravity import validate as validate_gravity
-from ..model.ifr import IFRLaw
-from ..model.law import CollisionLaw, compiled
+from ..model.laws.ifr import IFRLaw
+from ..model.laws.law import CollisionLaw, compiled
 from ..model.observables import from_totals
 from ..model.state import Disks, FrameRows, State
 from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials

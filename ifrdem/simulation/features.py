@@ -13,7 +13,7 @@ from ..kernels.columns import named
 from ..kernels.layout import Uses
 from ..kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
 from ..model.box import Box
-from ..model.law import CollisionLaw, compiled
+from ..model.laws.law import CollisionLaw, compiled
 from ..model.walls import Wall
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from ..model import walls
 from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.gravity import RotatingGravity
-from ..model.law import CollisionLaw
-from ..model.law_files import source_of
-from ..model.law_records import ARGUMENTS, from_record, is_custom, to_record
+from ..model.laws.files import source_of
+from ..model.laws.law import CollisionLaw
+from ..model.laws.records import ARGUMENTS, from_record, is_custom, to_record
 from ..model.state import COLUMNS
 from .device import Device
 

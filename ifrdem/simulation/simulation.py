@@ -21,11 +21,11 @@ from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
 from ..model.custom_code import check_constants
 from ..model.gravity import RotatingGravity
-from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw, check_law_constants
+from ..model.laws.ifr import EnergyWarning
+from ..model.laws.law import CollisionLaw, check_law_constants
+from ..model.laws.pairs import PairLaws
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
-from ..model.pair_laws import PairLaws
 from ..model.state import COLUMNS, DiskKinds, Disks, State, gather_disks, gather_state, scatter_state
 from ..model.wall_checks import check_types
 from ..model.walls import Wall, WallSums, sides

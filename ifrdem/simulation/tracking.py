@@ -15,9 +15,9 @@ from ..errors import InputError
 from ..kernels import layout as k
 from ..kernels.columns import named
 from ..model.box import Box, below
-from ..model.collision import UNKNOWN, collide
-from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw, parts_of
+from ..model.laws.collision import UNKNOWN, collide
+from ..model.laws.ifr import EnergyWarning
+from ..model.laws.law import CollisionLaw, parts_of
 from ..model.state import Disks
 from ..model.walls import Wall
 

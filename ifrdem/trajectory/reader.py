@@ -31,8 +31,8 @@ from ..errors import (
 )
 from ..model.box import Box
 from ..model.free_area import FreeArea
-from ..model.law import CollisionLaw
-from ..model.law_records import checked_record, from_record, is_custom, of_table
+from ..model.laws.law import CollisionLaw
+from ..model.laws.records import checked_record, from_record, is_custom, of_table
 from ..model.state import Disks
 from ..model.walls import OF_PISTONS, Wall, at_displacements
 from ..model.walls import from_json as walls_from_json

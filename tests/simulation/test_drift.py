@@ -13,7 +13,7 @@ import ifrdem
 from ifrdem import Device
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion

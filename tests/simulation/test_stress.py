@@ -13,7 +13,7 @@ from support.shear_reference import Sheared
 from ifrdem import ContactTime, Rest
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import Measure, Stress, measure, stress
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion, Piston

@@ -9,9 +9,9 @@ from support.gases import equal_disks, mixture, start
 from ifrdem import VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.collision import collide
 from ifrdem.model.forces import RandomKicks
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.collision import collide
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion
 from ifrdem.model.walls import Wall

@@ -15,7 +15,7 @@ from ifrdem.errors import InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.forces import TableFriction
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ifrdem import theory
 from ifrdem.errors import InputError, TheoryWarning
-from ifrdem.model.coin_table import coins
-from ifrdem.model.collision import collide
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.coin_table import coins
+from ifrdem.model.laws.collision import collide
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.theory.collisions import Collider, energy_changes
 from ifrdem.theory.sheared_gas import collisional_changes, relaxation, sheared, steady_state
 

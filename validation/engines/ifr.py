@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from ... import bullet
-from ...model.coin_table import coins
-from ...model.ifr import IFRLaw
+from ...model.laws.coin_table import coins
+from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import sides
 from ...tools.checked import Array

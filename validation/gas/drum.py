@@ -30,7 +30,7 @@ import numpy as np
 from ...model.box import Box
 from ...model.collapse import Rest
 from ...model.gravity import RotatingGravity
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import Wall
 from ...simulation.simulation import Simulation

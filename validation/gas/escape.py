@@ -23,9 +23,9 @@ import numpy as np
 from ...errors import EngineError
 from ...initial import maxwellian, random_positions
 from ...model.box import Box
-from ...model.coin_table import coins
 from ...model.collapse import VelocityCutoff
-from ...model.ifr import IFRLaw
+from ...model.laws.coin_table import coins
+from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.wall_motion import Motion, Turn
 from ...model.walls import Wall

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import Wall
 from ...tools.checked import Array

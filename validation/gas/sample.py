@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from ...initial import placement
 from ...model.box import Box
-from ...model.ifr import IFRLaw
-from ...model.law import CollisionLaw
+from ...model.laws.ifr import IFRLaw
+from ...model.laws.law import CollisionLaw
 from ...model.observables import Measure
 from ...model.state import Disks, State
 from ...model.walls import Wall

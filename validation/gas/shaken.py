@@ -42,7 +42,7 @@ import numpy as np
 
 from ...model.box import Box
 from ...model.collapse import VelocityCutoff
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks
 from ...model.wall_motion import Motion
 from ...model.walls import Wall

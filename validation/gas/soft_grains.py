@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ...model.box import Box
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...tools.checked import Array
 from ..speed.soft_disks import SoftDisksError, lammps, spring_and_damping, write_start

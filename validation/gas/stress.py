@@ -36,9 +36,9 @@ import numpy as np
 
 from ... import theory
 from ...model.box import Box
-from ...model.coin_table import coins
-from ...model.collision import collide
-from ...model.ifr import IFRLaw
+from ...model.laws.coin_table import coins
+from ...model.laws.collision import collide
+from ...model.laws.ifr import IFRLaw
 from ...model.observables import Measure, Stress, stress
 from ...model.state import Disks, State
 from ...model.walls import Wall

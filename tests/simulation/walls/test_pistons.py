@@ -13,7 +13,7 @@ import ifrdem
 from ifrdem import Device, Rest
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion, Piston, Turn

@@ -15,7 +15,7 @@ from support.gases import COIN, ELASTIC, run_to
 from ifrdem import Device
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion

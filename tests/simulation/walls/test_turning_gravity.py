@@ -14,7 +14,7 @@ from ifrdem import Rest, RotatingGravity
 from ifrdem.errors import InputError
 from ifrdem.initial import random_positions
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
 from ifrdem.simulation.simulation import Simulation

@@ -10,10 +10,10 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
-from ..tools import checked
-from ..tools.checked import Array, Number, Positive, validated
-from .custom_code import FromKernels
+from ...errors import InputError
+from ...tools import checked
+from ...tools.checked import Array, Number, Positive, validated
+from ..custom_code import FromKernels
 from .ifr import STICKING, IFRLaw
 from .law import CollisionLaw
 
@@ -119,7 +119,7 @@ class Viscoelastic(CollisionLaw):
 
     def restitutions(self, g_n: ArrayLike, m_n: ArrayLike, R: float) -> Array:
         """e_n of pairs of effective masses [mass] and radius [length] that approach at g_n [length/time]; arrays."""
-        from ..kernels.laws import restitution  # imports Taichi, which is slow
+        from ...kernels.laws import restitution  # imports Taichi, which is slow
 
         stiffness = 2.0 * self.Y * math.sqrt(R) / (3.0 * np.asarray(m_n, dtype=np.float64))
         b = 1.5 * self.A * stiffness**0.4 * np.asarray(g_n, dtype=np.float64) ** 0.2

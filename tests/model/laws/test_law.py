@@ -12,9 +12,9 @@ from support.law_examples import Half, Misnamed, Numbered, Short, Silent, Viscoe
 
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.collision import collide
-from ifrdem.model.ifr import EnergyWarning, IFRLaw
-from ifrdem.model.law import CollisionLaw
+from ifrdem.model.laws.collision import collide
+from ifrdem.model.laws.ifr import EnergyWarning, IFRLaw
+from ifrdem.model.laws.law import CollisionLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine

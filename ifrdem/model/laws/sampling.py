@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..tools.callers import outside_level
-from ..tools.checked import Array
-from .custom_code import why_not_compiled
+from ...errors import InputError
+from ...tools.callers import outside_level
+from ...tools.checked import Array
+from ..custom_code import why_not_compiled
+from ..state import Disks
 from .law import OF_PAIR, CollisionLaw, EnergyWarning, check_law_constants, compiled
-from .state import Disks
 
 PAIRS = 4096
 _ROUND_OFF = 1e-9  # of an impulse or energy, in single precision too where its sums do not go into the state
@@ -39,9 +39,9 @@ def check_by_sampling(
     speed : float
         The fastest at the start [length/time].
     """
-    from ..kernels.contact import sample_law
-    from ..kernels.language import CompilationError
-    from ..kernels.layout import Uses
+    from ...kernels.contact import sample_law
+    from ...kernels.language import CompilationError
+    from ...kernels.layout import Uses
 
     check_law_constants(kind)
     movable = np.flatnonzero(disks.movable)

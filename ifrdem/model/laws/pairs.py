@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..tools.checked import Array
+from ...errors import InputError
+from ...tools.checked import Array
+from ..state import Disks
 from .law import CollisionLaw
-from .law_sampling import check_by_sampling
-from .state import Disks
+from .sampling import check_by_sampling
 
 Laws = list[list[CollisionLaw]]
 MEAN_APPROACH = math.sqrt(0.5 * math.pi)
@@ -80,7 +80,7 @@ class PairLaws:
                 law.check_speed(MEAN_APPROACH * speed_rms, m_n, R)
 
     def check_by_sampling(self, disks: Disks, of_walls: Sequence[int], speed: float) -> None:
-        """Try laws that are not known to be passive on random pairs (`law_sampling.py`)."""
+        """Try laws that are not known to be passive on random pairs (`sampling.py`)."""
         if not self.is_passive:
             check_by_sampling(self.kind, self.coefficients, disks, of_walls, speed)
 

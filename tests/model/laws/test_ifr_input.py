@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.model.collision import collide
-from ifrdem.model.ifr import EnergyWarning, IFRLaw
+from ifrdem.model.laws.collision import collide
+from ifrdem.model.laws.ifr import EnergyWarning, IFRLaw
 
 COIN = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from ..errors import NameMissing, nearest
+from ...errors import NameMissing, nearest
 from .ifr import IFRLaw
 
 

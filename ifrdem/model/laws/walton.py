@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import ClassVar
 
-from ..tools.checked import Number
-from .custom_code import FromKernels
+from ...tools.checked import Number
+from ..custom_code import FromKernels
 from .law import CollisionLaw
 
 

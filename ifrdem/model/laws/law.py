@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, ClassVar
 
-from ..errors import nearest
-from ..tools.checked import Array, Number
-from ..tools.read_only import ReadOnlyAttributes
-from .custom_code import FromKernels, check_constants, check_signature, declared_names, named_numbers
+from ...errors import nearest
+from ...tools.checked import Array, Number
+from ...tools.read_only import ReadOnlyAttributes
+from ..custom_code import FromKernels, check_constants, check_signature, declared_names, named_numbers
 
 OF_PAIR = (
     "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
@@ -87,7 +87,7 @@ class CollisionLaw(ReadOnlyAttributes):
         """Of a law from a file, which other processes cannot import by a name: its source and its attributes."""
         if (source := vars(type(self)).get("_source")) is None:
             return super().__reduce_ex__(protocol)
-        from .law_files import restored
+        from .files import restored
 
         return restored, (source,), dict(vars(self))
 
@@ -189,8 +189,8 @@ def check_law_constants(kind: type[CollisionLaw]) -> None:
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
     """Compiled form of a class of laws, a `kernels.layout.CompiledLaw`; one object for each class."""
-    from ..kernels.language import declared
-    from ..kernels.layout import CompiledLaw
+    from ...kernels.language import declared
+    from ...kernels.layout import CompiledLaw
 
     if not isinstance(inspect.getattr_static(kind, "collide"), FromKernels):
         check_signature(f"law {kind.__name__}", kind.collide, ("pair", "law"))

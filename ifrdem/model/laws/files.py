@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError, nearest, there_are
-from ..tools import checked, text_file
+from ...errors import InputError, nearest, there_are
+from ...tools import checked, text_file
 from .law import CollisionLaw
 
 FORM = "FILE.py:CLASS"

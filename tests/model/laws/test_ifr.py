@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ifrdem.model.collision import Collision, collide
-from ifrdem.model.ifr import IFRLaw, Regime
+from ifrdem.model.laws.collision import Collision, collide
+from ifrdem.model.laws.ifr import IFRLaw, Regime
 
 LAWS = {
     "1 pta": IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21),

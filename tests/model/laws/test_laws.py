@@ -255,7 +255,7 @@ def test_impossible_laws_are_refused_by_key_and_value(make: Any, message: str) -
 
 
 def test_law_whose_collide_replaces_another_does_not_inherit_its_ledger() -> None:
-    from ifrdem.model.law import compiled
+    from ifrdem.model.laws.law import compiled
 
     class Elastic(laws.Walton):
         @staticmethod

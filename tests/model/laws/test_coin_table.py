@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.model.coin_table import coins
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.coin_table import coins
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.validation.paper.equations import TABLE_II
 
 # Sec. III of the paper: mass [g], diameter [mm], alloy

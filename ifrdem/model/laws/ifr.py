@@ -16,11 +16,11 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
-from ..tools import checked
-from ..tools.callers import outside_level
-from ..tools.checked import Array, Number, validated
-from .custom_code import FromKernels
+from ...errors import InputError
+from ...tools import checked
+from ...tools.callers import outside_level
+from ...tools.checked import Array, Number, validated
+from ..custom_code import FromKernels
 from .law import CollisionLaw, EnergyWarning
 
 STICKING = ("percussion_center", "contact_point")

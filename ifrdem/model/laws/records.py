@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from ..errors import InputError
-from ..tools import checked
-from . import law_files
+from ...errors import InputError
+from ...tools import checked
+from . import files as law_files
+from .files import LawSource
 from .ifr import EnergyWarning, IFRLaw, rough_disks, smooth_disks
 from .law import CollisionLaw
-from .law_files import LawSource
 from .viscoelastic import Viscoelastic
 from .walton import Walton
 
