@@ -19,7 +19,6 @@ from .model.box import Box as Box
 from .model.collapse import ContactTime as ContactTime
 from .model.collapse import Rest as Rest
 from .model.collapse import VelocityCutoff as VelocityCutoff
-from .model.crush import WallWarning as WallWarning
 from .model.gravity import RotatingGravity as RotatingGravity
 from .model.laws.coin_table import coins as coins
 from .model.laws.collision import collide as collide
@@ -29,11 +28,12 @@ from .model.laws.ifr import Regime as Regime
 from .model.laws.law import CollisionLaw as CollisionLaw
 from .model.state import Disks as Disks
 from .model.state import State as State
-from .model.wall_motion import Motion as Motion
-from .model.wall_motion import Piston as Piston
-from .model.wall_motion import Turn as Turn
-from .model.walls import Wall as Wall
-from .model.walls import WallSums as WallSums
+from .model.walls.crush import WallWarning as WallWarning
+from .model.walls.motion import Motion as Motion
+from .model.walls.motion import Piston as Piston
+from .model.walls.motion import Turn as Turn
+from .model.walls.wall import Wall as Wall
+from .model.walls.wall import WallSums as WallSums
 from .mpi.communicator import slice_of as slice_of
 from .runs.case import Case as Case
 from .runs.case import run as run

@@ -18,7 +18,7 @@ from ..model.density import packing_fraction
 from ..model.laws.law import EnergyWarning
 from ..model.laws.viscoelastic import Viscoelastic
 from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, STRESS_SERIES
-from ..model.walls import PISTONS, SUMS
+from ..model.walls.wall import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Driving
 from ..tools.checked import Array

@@ -17,7 +17,7 @@ from ..model.laws.law import CollisionLaw
 from ..model.laws.records import to_record
 from ..model.laws.sampling import PAIRS
 from ..model.laws.viscoelastic import Viscoelastic
-from ..model.walls import Wall
+from ..model.walls.wall import Wall
 from ..mpi.distribution import GATHERED
 from ..simulation import backend
 from ..tools.progress import size_of_time

@@ -3,4 +3,3 @@ from . import forces as forces
 from . import laws as laws
 from . import observables as observables
 from . import state as state
-from . import walls as walls

@@ -26,7 +26,7 @@ from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted,
 from ..model.laws.records import to_record
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import FrameRows, State
-from ..model.walls import wall_names
+from ..model.walls.wall import wall_names
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import RunPlan, RunPoint, end_at

@@ -16,8 +16,8 @@ from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.gravity import RotatingGravity
 from ..model.overlaps import TOLERANCE
 from ..model.state import Disks, State
-from ..model.wall_checks import check as check_walls
-from ..model.walls import Wall, wall_names
+from ..model.walls.checks import check as check_walls
+from ..model.walls.wall import Wall, wall_names
 from ..mpi import current
 
 if TYPE_CHECKING:

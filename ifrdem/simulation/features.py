@@ -14,7 +14,7 @@ from ..kernels.layout import Uses
 from ..kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
 from ..model.box import Box
 from ..model.laws.law import CollisionLaw, compiled
-from ..model.walls import Wall
+from ..model.walls.wall import Wall
 
 if TYPE_CHECKING:
     from .engine import EngineOptions

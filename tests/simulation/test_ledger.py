@@ -16,8 +16,8 @@ from ifrdem.model.laws.collision import collide
 from ifrdem.model.laws.ifr import IFRLaw, Regime
 from ifrdem.model.observables import MECHANISMS, REGIMES, Measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import Trigger
 from ifrdem.simulation.simulation import Simulation

@@ -18,7 +18,7 @@ from ifrdem.model.forces import TableFriction
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.wall import Wall
 from ifrdem.runs.info import describe
 from ifrdem.simulation.engine import Engine, no_pair_approaches
 from ifrdem.simulation.simulation import Simulation

@@ -20,8 +20,8 @@ from ...model.laws.coin_table import coins
 from ...model.laws.ifr import IFRLaw
 from ...model.overlaps import close_pairs
 from ...model.state import Disks, State
-from ...model.wall_motion import Motion
-from ...model.walls import Wall
+from ...model.walls.motion import Motion
+from ...model.walls.wall import Wall
 from ...simulation import backend
 from ...simulation.device import Device
 from ...simulation.engine import Engine

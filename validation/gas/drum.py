@@ -32,7 +32,7 @@ from ...model.collapse import Rest
 from ...model.gravity import RotatingGravity
 from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
-from ...model.walls import Wall
+from ...model.walls.wall import Wall
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style

@@ -27,8 +27,8 @@ from ...model.collapse import VelocityCutoff
 from ...model.laws.coin_table import coins
 from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
-from ...model.wall_motion import Motion, Turn
-from ...model.walls import Wall
+from ...model.walls.motion import Motion, Turn
+from ...model.walls.wall import Wall
 from ...simulation.engine import ORDERS, Engine
 from ...tools.arguments import script, whole
 from ...tools.checked import choice

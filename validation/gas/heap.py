@@ -17,7 +17,7 @@ import numpy as np
 from ...model.box import Box
 from ...model.collapse import Rest
 from ...model.state import Disks, State
-from ...model.walls import Wall, sides
+from ...model.walls.wall import Wall, sides
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from . import rigid_grains, soft_grains

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
-from ...model.walls import Wall
+from ...model.walls.wall import Wall
 from ...tools.checked import Array
 from ..engines.bullet_world import Surface
 from ..engines.pymunk_world import PymunkWorld

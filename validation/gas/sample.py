@@ -16,7 +16,7 @@ from ...model.laws.ifr import IFRLaw
 from ...model.laws.law import CollisionLaw
 from ...model.observables import Measure
 from ...model.state import Disks, State
-from ...model.walls import Wall
+from ...model.walls.wall import Wall
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report.registry import Result, Row, Sampling

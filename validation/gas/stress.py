@@ -41,7 +41,7 @@ from ...model.laws.collision import collide
 from ...model.laws.ifr import IFRLaw
 from ...model.observables import Measure, Stress, stress
 from ...model.state import Disks, State
-from ...model.walls import Wall
+from ...model.walls.wall import Wall
 from ...simulation.schedule import Trigger
 from ...simulation.simulation import Simulation
 from ...theory.sheared_gas import steady_state

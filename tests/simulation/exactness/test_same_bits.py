@@ -19,8 +19,8 @@ from ifrdem.kernels.columns import TABLES, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Langevin, RandomKicks, Rescale
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.runner import TileRunner

@@ -18,8 +18,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation

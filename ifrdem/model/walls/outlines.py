@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..kernels.columns import MOST_WALLS
-from ..tools import checked
-from ..tools.checked import Array
+from ...errors import InputError
+from ...kernels.columns import MOST_WALLS
+from ...tools import checked
+from ...tools.checked import Array
 
 TOLERANCE = 1e-4
 """Of curves, as a part of the larger side of the rectangle around the points of a path, where none is given."""

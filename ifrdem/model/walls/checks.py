@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import InputError
-from ..kernels.columns import MOST_WALLS
-from ..mpi import current
-from ..tools.checked import Array
-from .box import Box
-from .walls import Wall, pieces
+from ...errors import InputError
+from ...kernels.columns import MOST_WALLS
+from ...mpi import current
+from ...tools.checked import Array
+from ..box import Box
+from .wall import Wall, pieces
 
 
 def check_types(walls: Sequence[Wall]) -> None:

@@ -12,9 +12,9 @@ import pytest
 import ifrdem
 from ifrdem.cli.main import main
 from ifrdem.model.box import Box
-from ifrdem.model.crush import crushes
-from ifrdem.model.wall_motion import Motion, Turn
-from ifrdem.model.walls import Wall, sides
+from ifrdem.model.walls.crush import crushes
+from ifrdem.model.walls.motion import Motion, Turn
+from ifrdem.model.walls.wall import Wall, sides
 
 PISTON = """
 run = { name = "piston", t_end = 0.8, units = "reduced" }

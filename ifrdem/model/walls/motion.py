@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from ..errors import InputError
-from ..tools.checked import Number, validated
+from ...errors import InputError
+from ...tools.checked import Number, validated
 from .outlines import MOST
 from .shapes import FULL_TURN
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..tools.checked import Array
+from ...tools.checked import Array
 
 _QUARTER = 0.5 * math.pi
 

@@ -11,10 +11,10 @@ from ifrdem.errors import InputError
 from ifrdem.initial import packing, placement
 from ifrdem.initial import placement as lattice
 from ifrdem.model.box import Box
-from ifrdem.model.free_area import FreeArea
-from ifrdem.model.wall_checks import check
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.checks import check
+from ifrdem.model.walls.free_area import FreeArea
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 
 WALLED, MIXED = (False, False), (True, False)
 

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..tools.checked import Array
+from ...tools.checked import Array
+from ..box import Box
+from ..density import disk_area, packing_fraction
 from .boundaries import Boundary, CircleBoundary, LineBoundary, meetings
-from .box import Box
-from .density import disk_area, packing_fraction
-from .walls import Wall, sides
+from .wall import Wall, sides
 
 ROUNDING = 1e-9
 """Distance of two boundaries, as a part of the box, at which they are one and the same."""

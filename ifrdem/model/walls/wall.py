@@ -16,15 +16,15 @@ from typing import Annotated, Literal, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, nearest
-from ..kernels.columns import WALL, Named, named
-from ..kernels.layout import FAR
-from ..kernels.walls.kinds import FREE, MOTIONS, PIECES, TURNS
-from ..tools.checked import Array, Integer, Numbers, validated
+from ...errors import InputError, nearest
+from ...kernels.columns import WALL, Named, named
+from ...kernels.layout import FAR
+from ...kernels.walls.kinds import FREE, MOTIONS, PIECES, TURNS
+from ...tools.checked import Array, Integer, Numbers, validated
+from ..box import Box
 from . import outlines
-from .box import Box
+from .motion import Length, Motion, Piston, Point, Positive, Size, Turn
 from .shapes import FULL_TURN, SHAPES, Pieces, Shape
-from .wall_motion import Length, Motion, Piston, Point, Positive, Size, Turn
 
 SUMS = ("momentum_x", "momentum_y", "torque", "work", "heat", "hits")
 """Columns of `Simulation.wall_sums`."""

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.model import outlines
 from ifrdem.model.box import Box
-from ifrdem.model.free_area import FreeArea
-from ifrdem.model.wall_motion import Turn
-from ifrdem.model.walls import Wall, from_json, to_json
+from ifrdem.model.walls import outlines
+from ifrdem.model.walls.free_area import FreeArea
+from ifrdem.model.walls.motion import Turn
+from ifrdem.model.walls.wall import Wall, from_json, to_json
 
 
 def distance_to(points: list[tuple[float, float]], curve: np.ndarray) -> float:

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
-from ..tools.checked import Array
-from .box import Box
-from .walls import FULL_TURN, Wall, wall_names
+from ...errors import InputError
+from ...tools.checked import Array
+from ..box import Box
+from .wall import FULL_TURN, Wall, wall_names
 
 FACING = 0.5
 """Largest cosine between a wall and a gap across it."""

@@ -1,6 +1,6 @@
 """Shapes of walls: all geometry that depends on the shape, of a wall as it is given, before it moves.
 
-`SHAPES` has a class for each. To add one, write a class, give it a constructor in `walls.Wall`, keys in
+`SHAPES` has a class for each. To add one, write a class, give it a constructor in `wall.Wall`, keys in
 `case/walls_section.py`, and its pieces a shape in `kernels/walls/shapes.py`.
 """
 
@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from ..tools.checked import Array
+from ...errors import InputError
+from ...tools.checked import Array
 from . import outlines
 from .boundaries import Boundary, CircleBoundary, LineBoundary
 
 if TYPE_CHECKING:
-    from .walls import Wall
+    from .wall import Wall
 
 FULL_TURN = 2.0 * math.pi
 AT_ONCE = 2_000_000
