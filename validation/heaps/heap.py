@@ -20,9 +20,9 @@ from ...model.state import Disks, State
 from ...model.walls.wall import Wall, sides
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
+from ..gas.sample import scattered
 from . import rigid_grains, soft_grains
 from .drum import LAW, highest
-from .sample import scattered
 
 NUMBER, BOX = 650, Box((44.0, 50.0), (False, False))
 LEFT, RIGHT, PLATE, RIM, THICK = 7.0, 37.0, 16.0, 17.0, 0.2

@@ -13,7 +13,7 @@ They scatter, because a slope can stand at any angle between that at which an av
 one begins, and forces in the bulk are not unique.
 
 LAMMPS (`soft_grains`) moves soft disks of the same coefficients, from starts of the same kind, in the same turning
-gravity. `drum.csv` has the angles of both, written by `python -m ifrdem.validation.gas.heaps_measured`. This is a
+gravity. `drum.csv` has the angles of both, written by `python -m ifrdem.validation.heaps.measured`. This is a
 measurement of what the model of resting contact does, not a case of `ifrdem validate`: its bias is of the size of the
 scatter, and nothing known beforehand says how large it may be.
 """
@@ -35,9 +35,9 @@ from ...model.state import Disks, State
 from ...model.walls.wall import Wall
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
+from ..gas.sample import Mean, sampled_run, scattered
 from ..report import style
 from . import soft_grains
-from .sample import Mean, sampled_run, scattered
 
 LAW = IFRLaw(e_n=0.5, e_t=-1.0, mu=0.5)
 NUMBER, RADIUS, CENTRE = 200, 11.5, 12.0

