@@ -390,7 +390,7 @@ TRIAL_TABLES: dict[str, Columns] = {
 
 # ---------------------------------------------------------------------- steps of forces
 
-# Time and length of the step; 1 for x and y where the whole gas can drift (`model.walls.free_directions`), else 0.
+# Time and length of the step; 1 for x and y where the whole gas can drift (`model.walls.wall.free_directions`), else 0.
 WHEN = Columns(**columns("time", "dt", "free_x", "free_y"))
 # Number of the step (low, high word), index of the force, seed (low, high word).
 COUNTER_WORDS = Columns(**columns("step_low", "step_high", "index", "seed_low", "seed_high"))

@@ -15,10 +15,10 @@ from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
 from ..model.density import packing_fraction
-from ..model.law import EnergyWarning
+from ..model.laws.law import EnergyWarning
+from ..model.laws.viscoelastic import Viscoelastic
 from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, SPECIES_SERIES, STRESS_SERIES
-from ..model.viscoelastic import Viscoelastic
-from ..model.walls import PISTONS, SUMS
+from ..model.walls.wall import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Driving
 from ..tools.checked import Array

@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from ..errors import InputError, listed, refuse
 from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import StartData
-from ..model import crush
 from ..model.box import Box
-from ..model.free_area import FreeArea
-from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw
+from ..model.laws.ifr import EnergyWarning
+from ..model.laws.law import CollisionLaw
+from ..model.laws.pairs import MEAN_APPROACH, PairLaws
 from ..model.observables import drift_text
-from ..model.pair_laws import MEAN_APPROACH, PairLaws
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
-from ..model.walls import Wall, free_directions, smooth_materials, wall_names
+from ..model.walls import crush
+from ..model.walls.free_area import FreeArea
+from ..model.walls.wall import Wall, free_directions, smooth_materials, wall_names
 from ..mpi import SERIAL, Communicator, current, distribution
 from ..simulation import backend, checks
 from ..simulation.simulation import Simulation
@@ -426,7 +426,7 @@ class CaseGas:
 
     @functools.cached_property
     def free(self) -> tuple[bool, bool]:
-        """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
+        """True along x and y where the whole gas can drift (`model.walls.wall.free_directions`)."""
         of_disks = {self.materials.index(each.material) for each in self.species}
         e_t, mu = self._coefficient("e_t"), self._coefficient("mu")
         return free_directions(self.free_area.all_walls, smooth=smooth_materials(e_t, mu, of_disks))

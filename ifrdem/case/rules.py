@@ -18,15 +18,15 @@ from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import StartData
 from ..kernels.columns import MOST_IDS, MOST_WALLS
-from ..model import law_files
 from ..model.box import Box
-from ..model.free_area import FreeArea
-from ..model.law import CollisionLaw
+from ..model.laws import files as law_files
+from ..model.laws.law import CollisionLaw
 from ..model.overlaps import check_no_overlap, relax
 from ..model.state import DiskKinds
-from ..model.wall_checks import check as check_free_of_walls
-from ..model.wall_checks import check_place
-from ..model.walls import Wall, pieces
+from ..model.walls.checks import check as check_free_of_walls
+from ..model.walls.checks import check_place
+from ..model.walls.free_area import FreeArea
+from ..model.walls.wall import Wall, pieces
 from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.checks import check_pistons

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..initial import radii
-from ..model.coin_table import coins
+from ..model.laws.coin_table import coins
 from ..model.state import Kinds, extremes, kinds_among, merge_kinds
 from ..mpi import distribution
 from ..tools import seeds

@@ -23,10 +23,10 @@ from ..case.file import CaseFile
 from ..case.gas import REPORTED_DRIFT, CaseGas
 from ..case.objects import choose_runtime
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
-from ..model.law_records import to_record
+from ..model.laws.records import to_record
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import FrameRows, State
-from ..model.walls import wall_names
+from ..model.walls.wall import wall_names
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import RunPlan, RunPoint, end_at

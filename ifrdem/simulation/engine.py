@@ -41,11 +41,11 @@ from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff, advice
 from ..model.collapse import validate as validate_collapse
 from ..model.gravity import Gravity, RotatingGravity
 from ..model.gravity import validate as validate_gravity
-from ..model.ifr import IFRLaw
-from ..model.law import CollisionLaw, compiled
+from ..model.laws.ifr import IFRLaw
+from ..model.laws.law import CollisionLaw, compiled
 from ..model.observables import from_totals
 from ..model.state import Disks, FrameRows, State
-from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
+from ..model.walls.wall import Wall, free_directions, rows_of, sides, smooth_materials
 from ..mpi import Communicator
 from ..tools import checked, seeds
 from . import backend, checks
@@ -346,12 +346,12 @@ class Engine:
 
     @property
     def wall_sums(self) -> NDArray[np.float64]:
-        """Sums of what each wall gave so far, sides of the box last, shape (walls, 6); columns `model.walls.SUMS`."""
+        """Sums of what each wall gave so far, shape (walls, 6): `model.walls.wall.SUMS`; sides of the box last."""
         return self.arrays.extra_tally.sums(self.windows.sums)
 
     @property
     def pistons(self) -> NDArray[np.float64]:
-        """Displacement, velocity, energy and force of each piston, shape (pistons, 4): `model.walls.PISTONS`."""
+        """Displacement, velocity, energy and force of each piston, shape (pistons, 4): `model.walls.wall.PISTONS`."""
         states = self.arrays.extra_tally.piston_states(self.windows.sums).array
         pistons = [(wall.piston, wall.normal_of_piston) for wall in self.walls if wall.piston is not None]
         found = np.empty((len(pistons), 4))
@@ -394,7 +394,7 @@ class Engine:
 
     @property
     def free(self) -> tuple[bool, bool]:
-        """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
+        """True along x and y where the whole gas can drift (`model.walls.wall.free_directions`)."""
         smooth: Collection[int] = ()
         if self.walls and self._law.is_proved and {"e_t", "mu"} <= {*self._law.coefficients}:
             e_t, mu = (self._law.column(self._law_table, name) for name in ("e_t", "mu"))

@@ -13,8 +13,8 @@ from ..kernels.columns import named
 from ..kernels.layout import Uses
 from ..kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
 from ..model.box import Box
-from ..model.law import CollisionLaw, compiled
-from ..model.walls import Wall
+from ..model.laws.law import CollisionLaw, compiled
+from ..model.walls.wall import Wall
 from ..tools.checked import integer
 
 if TYPE_CHECKING:

@@ -16,19 +16,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, SlowRunWarning
 from ..kernels.columns import READOUT, Named
-from ..model import crush
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
 from ..model.custom_code import check_constants
 from ..model.gravity import RotatingGravity
-from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw, check_law_constants
+from ..model.laws.ifr import EnergyWarning
+from ..model.laws.law import CollisionLaw, check_law_constants
+from ..model.laws.pairs import PairLaws
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
-from ..model.pair_laws import PairLaws
 from ..model.state import COLUMNS, DiskKinds, Disks, State, gather_disks, gather_state, scatter_state
-from ..model.wall_checks import check_types
-from ..model.walls import Wall, WallSums, sides
+from ..model.walls import crush
+from ..model.walls.checks import check_types
+from ..model.walls.wall import Wall, WallSums, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked

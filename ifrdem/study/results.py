@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, there_are
-from ..model.ifr import EnergyWarning
+from ..model.laws.ifr import EnergyWarning
 from ..model.observables import COMPONENTS, MECHANISMS, REGIMES
 from ..plots.temperatures import MOST_KINDS
 from ..theory.choose import prediction

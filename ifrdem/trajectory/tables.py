@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.observables import MECHANISMS, SPECIES_SERIES, STRESS_SERIES
-from ..model.walls import OF_PISTONS
+from ..model.walls.wall import OF_PISTONS
 from ..tools import checked
 from .layout import STATIC, version_of
 

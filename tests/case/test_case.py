@@ -27,7 +27,7 @@ from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.initial import from_csv
 from ifrdem.initial.placement import check_no_overlap
-from ifrdem.model.coin_table import coins
+from ifrdem.model.laws.coin_table import coins
 
 SHIPPED = Path(__file__).parents[2] / "cases" / "cooling.toml"
 
