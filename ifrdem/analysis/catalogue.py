@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.ifr import IFRLaw
+from ..model.laws.ifr import IFRLaw
+from ..model.laws.walton import Walton
 from ..model.observables import STRESS_SERIES
-from ..model.walton import Walton
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory

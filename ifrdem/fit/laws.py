@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest, refuse
-from ..model import law_files
-from ..model.collision import impulses
-from ..model.ifr import REQUIRED_COEFFICIENTS, STICKING, EnergyWarning, IFRLaw
-from ..model.law import CollisionLaw
-from ..model.law_files import is_law
-from ..model.walton import Walton
+from ..model.laws import files as law_files
+from ..model.laws.collision import impulses
+from ..model.laws.files import is_law
+from ..model.laws.ifr import REQUIRED_COEFFICIENTS, STICKING, EnergyWarning, IFRLaw
+from ..model.laws.law import CollisionLaw
+from ..model.laws.walton import Walton
 from ..tools.checked import validated
 
 Array = NDArray[np.float64]

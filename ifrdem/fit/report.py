@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..model.law_files import source_of
-from ..model.walton import Walton
+from ..model.laws.files import source_of
+from ..model.laws.walton import Walton
 from ..tools.checked import Count, Seed, validated
 from .data import Data
 from .model import MEASURED

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.ifr import Admissibility, IFRLaw, Regime
+from ..model.laws.ifr import Admissibility, IFRLaw, Regime
 from ..tools.checked import Count, Positive, Seed, choice, validated
 from .data import Collisions, Data
 from .laws import Law, ifr_law

@@ -16,7 +16,7 @@ from ..errors import InputError, listed, nearest
 from ..fit import tabular
 from ..fit.tabular import TableFormat
 from ..model.box import Box
-from ..model.walls import Wall, at_displacements
+from ..model.walls.wall import Wall, at_displacements
 from ..mpi import current
 from ..tools.checked import Array
 from ..trajectory.export import CSV_KEYS, csv_names

@@ -21,7 +21,7 @@ from ..case.gas import CaseGas
 from ..case.objects import choose_runtime, device_of
 from ..errors import InputError
 from ..kernels import runtime as of_kernels
-from ..model.law_records import is_custom, of_table, source_of_record
+from ..model.laws.records import is_custom, of_table, source_of_record
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import RunPlan

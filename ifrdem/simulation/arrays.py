@@ -43,7 +43,7 @@ from ..kernels.shear import displacement
 from ..kernels.walls.kinds import GONE
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
-from ..model.walls import Wall
+from ..model.walls.wall import Wall
 from . import backend
 from .checks import MANTISSA, position_spacing
 from .domain import Domain

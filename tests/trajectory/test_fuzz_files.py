@@ -22,7 +22,7 @@ from support.layout_files import BOX, add_histories, add_series, some_disks, som
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.laws import IFRLaw
-from ifrdem.model.law_records import to_record
+from ifrdem.model.laws.records import to_record
 from ifrdem.runs import status
 from ifrdem.simulation import checkpoint
 from ifrdem.trajectory.reader import Trajectory
