@@ -346,10 +346,11 @@ def list_images(me, way, region: ti.template(), block: ti.template()):
             if image < images:
                 near = may_touch(image, x, y, extent + way, region, block)
             votes = ti.cast(ti.simt.warp.ballot(near), ti.u32)
-            at = many + ti.math.popcnt(votes & ((ti.u32(1) << ti.cast(me, ti.u32)) - ti.u32(1)))
+            earlier = votes & ((ti.u32(1) << ti.cast(me, ti.u32)) - ti.u32(1))
+            at = many + ti.cast(ti.math.popcnt(earlier), ti.i32)
             if near == 1 and at < block.slots:
                 block.image_list[at] = image
-            many += ti.math.popcnt(votes)
+            many += ti.cast(ti.math.popcnt(votes), ti.i32)
             image += 32
         if me == 0:
             block.note[IMAGES] = ti.min(many, block.slots)
