@@ -57,7 +57,8 @@ from .tiles import (
     gather_tile,
     load,
     position_in_tile,
-    reserve,
+    reserve_ghosts,
+    reserve_list,
     sides_of,
     slot_of,
     write,
@@ -265,13 +266,18 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
             k = block.head[first_cell - 1]
         while k < end:
             rx, ry = block.motion[k].x - x, block.motion[k].y - y
+            faster = 0.0 * x
+            if ti.static(block.uses.sheared):
+                rows = block.event_info[k].shear_row - block.event_info[i].shear_row
+                rx += rows * block.scale.aside
+                faster = rows * block.scale.drift
             sigma = block.scale.widest
             if ti.static(block.uses.mixed):
                 sigma = radius_of(i, block) + radius_of(k, block)
             reach = sigma + margin
             if k != i and rx * rx + ry * ry < reach * reach:
                 if k < i:
-                    ux, uy = block.motion[k].vx - vx, block.motion[k].vy - vy
+                    ux, uy = block.motion[k].vx - vx + faster, block.motion[k].vy - vy
                     if contact_signs(rx, ry, ux, uy, sigma, block.scale.window) < 0:
                         meet = (meet << ti.u64(16)) | ti.cast(k, ti.u64)
                         n_meet += 1
@@ -408,7 +414,13 @@ def look_around(i, first, t, best, partner, region: ti.template(), block: ti.tem
         if ahead > 0.0:
             dx = block.motion[j].x - (x + vx * (t - tau))
             dy = block.motion[j].y - (y + vy * (t - tau))
-            fastest = ti.max(vx * vx + vy * vy, ti.cast(largest_square(j, block), float))
+            square = ti.cast(largest_square(j, block), float)
+            if ti.static(block.uses.sheared):  # in the frame of the disk that looks
+                rows = block.event_info[j].shear_row - info.shear_row
+                dx += rows * (block.scale.aside + block.scale.drift * block.motion[j].tau)
+                top = ti.sqrt(square) + ti.abs(rows * block.scale.drift)
+                square = top * top
+            fastest = ti.max(vx * vx + vy * vy, square)
             margin = ti.static(1.00001 if is_single_precision() else 1.000001)
             way = sigma + margin * ti.sqrt(fastest) * ahead
             if dx * dx + dy * dy < way * way:
@@ -465,6 +477,11 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     bound = block.clock.fastest * ti.max(faster / FASTER * FASTEST_OF_ALL, FASTEST_OF_ALL)
     square = ti.min(square, bound * bound)
     way = 2.0 * ti.cast(ti.sqrt(square), float) * block.scale.window
+    if ti.static(block.uses.sheared):  # rows of tiles move against each other
+        drift = ti.abs(ti.cast(block.scale.drift, ti.f64))
+        speed = ti.sqrt(square) + drift
+        square = speed * speed
+        way = 2.0 * ti.cast(speed + drift, float) * block.scale.window
     if ti.static(block.uses.walled):  # which make disks faster; gravity does in the lab
         push = block.clock.wall_speed + pull_of(block) * ti.cast(block.scale.window, ti.f64)
         speed = ti.sqrt(square) + 2.0 * push * (faster / FASTER)
@@ -787,12 +804,14 @@ def run_tile_by_block(tile, me, block: ti.template()):
     while attempt < ATTEMPTS:
         n, fastest = prepare_block(tile, me, wider, ti.cast(faster, ti.f64), region, block)
         if attempt == 0 and me == 0:
+            block.tile[tile].gathered = n
+            block.tile[tile].count.other[block.grid.part] = block.note[OWN]
+            block.tile[tile].n_ghosts = block.note[COPIES]
+            if ti.static(block.slots == BLOCK_SLOTS):  # whichever block runs it
+                reserve_list(tile, block)
             block.note[ROOM] = 1
-            if block.note[MARK] != TOO_MANY or block.slots > BLOCK_SLOTS:
-                block.tile[tile].gathered = n
-                block.tile[tile].count.other[block.grid.part] = block.note[OWN]
-                block.tile[tile].n_ghosts = block.note[COPIES]
-                reserve(tile, block)
+            if (block.note[MARK] & TOO_MANY) == 0:
+                reserve_ghosts(tile, block)
                 block.note[ROOM] = ti.cast((block.counter.full & FULL_GHOSTS) == 0, ti.i32)
         ti.simt.block.sync()
         if block.note[MARK] == 0 and block.note[ROOM] == 1:
@@ -886,7 +905,8 @@ def run_windows_by_blocks(n_listed: ti.i32, ends: ti.i32, gas: BLOCKS):
         if ti.static(gas.uses.walled):
             wall_phases(gas)
         gas.counter.next_tile = 0
-        gas.counter.n_dense = 0
+        if gas.counter.halted == 0:
+            gas.counter.n_dense = 0
     ti.loop_config(block_dim=THREADS)
     for item in range(MOST_BLOCKS * THREADS):
         round_products(gas)

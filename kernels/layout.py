@@ -120,7 +120,7 @@ class Uses:
     @property
     def blockwise(self) -> bool:
         """True if blocks of threads of a GPU run the tiles of a gas with these features (`blocks.py`)."""
-        return not (self.pistons or self.rests or self.sheared or self.layered)
+        return not (self.pistons or self.rests or self.layered)
 
     def replace(self, **given: Any) -> "Uses":
         """A copy with other values of the given features."""

@@ -341,6 +341,13 @@ def order(tile, thread, region: ti.template(), gas: ti.template()):
 @ti.func
 def reserve(tile, gas: ti.template()):
     """Choose where the tile's list and its ghost records begin: their lengths are known."""
+    reserve_list(tile, gas)
+    reserve_ghosts(tile, gas)
+
+
+@ti.func
+def reserve_list(tile, gas: ti.template()):
+    """Choose where the tile's list begins, unless that was done before, when the window was run first."""
     part = 1 - gas.grid.part
     if gas.counter.again == 0:
         if gas.grid.single_tile == 1:
@@ -349,6 +356,11 @@ def reserve(tile, gas: ti.template()):
                 gas.tile[other].count[part] = gas.tile[other].count.other[part]
         else:
             gas.tile[tile].start[part] = ti.atomic_add(gas.counter.n_slots, gas.tile[tile].count[part])
+
+
+@ti.func
+def reserve_ghosts(tile, gas: ti.template()):
+    """Choose where the ghost records of a tile begin."""
     ghosts = gas.tile[tile].n_ghosts
     if ghosts > 0:
         g = ti.atomic_add(gas.counter.n_ghosts, ghosts)

@@ -394,8 +394,8 @@ class DeviceArrays:
     def _plan_launches(self) -> None:
         """Set how many lanes, tiles and windows one launch has."""
         lanes = 1 if self.single_tile else min(backend.lanes(), self.tiles)
-        self.blockwise: bool = self.on_gpu and not self.single_tile and self.uses.blockwise
-        self.blockwise = self.blockwise and self.grid.walls <= k.MOST_BLOCK_WALLS
+        fits = self.uses.blockwise and int(self.grid.walls) <= k.MOST_BLOCK_WALLS
+        self.blockwise: bool = self.on_gpu and not self.single_tile and fits
         if self.blockwise:
             lanes = min(BLOCK_LANES, self.tiles)  # of the few tiles that no block can run
             self._make_blocks(min(backend.gpu_blocks(), self.tiles))
