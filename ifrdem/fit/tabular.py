@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, counted, nearest, printable, refuse
+from ..errors import InputError, counted, nearest, option_name, printable, refuse
 from ..mpi import current
 from ..tools import csv as csv_rows
 from ..tools.checked import validated
@@ -190,7 +190,7 @@ def _add(
                 problems.append(f"{name} = {text or 'nothing'}: must be a finite number")
         elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
             commas = form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
-            hint = "; --decimal , reads a comma" if commas else ""
+            hint = f"; {option_name('--decimal', 'decimal =')} , reads a comma" if commas else ""
             problems.append(f"{name} = {printable(text)}: must be a number{hint}")
         elif not math.isfinite(float(number)) and not name.startswith("mass_"):
             problems.append(f"{name} = {text}: must be a finite number")
@@ -251,7 +251,7 @@ def _header(
             key = "tab" if sign == "\t" else sign
             raise InputError(
                 f"line {line}: columns must be separated by '{form.delimiter}', and here are {kind}; "
-                f"--delimiter {key!r} reads them"
+                f"{option_name('--delimiter', 'delimiter =')} {key!r} reads them"
             )
     assigned = {text.strip(): name for name, text in form.columns.items()}
     present = [text.strip() for text in header]
@@ -273,7 +273,8 @@ def _header(
             close = difflib.get_close_matches(text, known, 1, _NEARLY_ALIKE)
             if close and text not in assigned and not _standard(text, spellings)[0]:
                 shown = printable(text)
-                hint = f"(did you mean '{close[0]}'?); --column {close[0]}='{shown}' says that it is"
+                how = option_name(f"--column {close[0]}='{shown}'", f"columns = {{'{close[0]}': '{shown}'}}")
+                hint = f"(did you mean '{close[0]}'?); {how} says that it is"
                 problems.append(f"line {line}: unknown column '{shown}' {hint}")
             unused.append(text)
             unit = None
