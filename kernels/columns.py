@@ -313,6 +313,10 @@ READOUT = Columns(**columns(
     "translational", "rotational", "momentum_x", "momentum_y", "momentum_flux_xy", "fall", "all_events", "excess",
     "mass", "momentum_flux_xx",
 ))  # fmt: skip
+# Sums over the disks of a species; those of infinite mass only in its collisions.
+SPECIES = Columns(
+    **columns("translational", "rotational", "momentum_x", "momentum_y", "mass", "movable", "collisions")
+)
 
 
 class FrameField(NamedTuple):
@@ -434,7 +438,8 @@ TYPES: dict[str, str] = {
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""
 AXES = {
-    "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2, "todo": 2, "pairs": 2,
+    "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2,
+    "species_totals": 2, "todo": 2, "pairs": 2,
 }  # fmt: skip
 """Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
 SINGLE = (

@@ -407,7 +407,10 @@ class CaseGas:
         for i, own in enumerate(self._of_species(current().slice_of(self.n))):
             each, seed = (self.drawn or self.species)[i], seeds.of_species(self.case.run.seed, i)
             mass = each.columns(own)[0]
-            velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, seed=seed))
+            speed = each.speed_rms if each.temperature is None else None
+            velocity.append(
+                placement.maxwellian(mass, speed_rms=speed, temperature=each.temperature, seed=seed)
+            )
             spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, seed=seed))
             if lone:
                 masses.append(mass if each.speed_rms > 0.0 else np.zeros_like(mass))
@@ -619,6 +622,7 @@ class CaseGas:
             "walls": self._walls_at_start,
             "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
             "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
+            "species": {each.name: each.number for each in self.species} if len(self.species) > 1 else None,
             "tracked": tracked, "comm": comm,
         }  # fmt: skip
         if not self.law().is_proved:  # the simulation checks it

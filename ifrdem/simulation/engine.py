@@ -50,7 +50,7 @@ from ..mpi import Communicator
 from ..tools import checked, seeds
 from . import backend, checks
 from .device import Device
-from .features import features_of, validate_record
+from .features import features_of, validate_record, validate_species
 from .schedule import RunPoint
 from .start import StartCounts, StartSlice
 from .tracking import Statistics
@@ -92,6 +92,7 @@ class EngineOptions:
     collapse: Collapse | None = None
     seed: int = 0
     record: frozenset[str] = frozenset()
+    species: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
         checked_values = {
@@ -100,6 +101,7 @@ class EngineOptions:
             "collapse": validate_collapse(self.collapse),
             "seed": seeds.of_device(self.seed),
             "record": validate_record(self.record),
+            "species": validate_species(self.species),
         }
         for name, value in checked_values.items():
             object.__setattr__(self, name, value)
@@ -238,6 +240,8 @@ class Engine:
             lambda: checks.check(disks, box, state, counts, materials, self.walls, forces, given, comm.size)
         )
         self.n: int = counts.n
+        if given.species and sum(number for _, number in given.species) != self.n:
+            raise InputError(f"species = {dict(given.species)}: must be of {self.n} disks together")
         self._before, self._asleep_before = [counts.collisions, counts.wall_collisions], counts.asleep
         start = StartSlice.of(comm, disks, state)
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
@@ -915,6 +919,15 @@ class Engine:
         """Sums over all disks (`kernels/readout.py`). Less costly than a copy of the state."""
         with self.exclusive_update():
             return self._totals()
+
+    def species_totals(self) -> NDArray[np.float64] | None:
+        """Sums over each species (`kernels/readout.py`); None without species."""
+        from .readout import species_totals
+
+        if not self.options.species:
+            return None
+        with self.exclusive_update():
+            return species_totals(self)
 
     def _totals(self) -> NDArray[np.float64]:
         from .readout import totals

@@ -148,6 +148,7 @@ def collect(
             variables[name] = Variable((axis.names[0],), _coordinate(values))
     variables[SEED] = Variable((SEED,), np.array(plan.seeds))
     names = {"mechanism": MECHANISMS, "regime": REGIMES, "component": COMPONENTS, "axis": ("x", "y")}
+    names |= {"species": tuple(each.name for each in case.species)} if len(case.species) > 1 else {}
     for name, parts in names.items():
         variables[name] = Variable((name,), np.array(parts))
     if plan.output.analyses_at:

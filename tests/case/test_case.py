@@ -115,6 +115,22 @@ def test_shipped_case_is_the_main_job() -> None:
     assert (case.run.name, case.run.units, case.run.device) == ("cooling", "SI", "cpu")
 
 
+def test_temperature_instead_of_speed() -> None:
+    """T = <m v^2> / 2 exactly, of equal disks and of drawn radii, whose energies are equal on average."""
+    gas = CaseGas.from_case(case_of(SMALL, "species[0].speed_rms=", "species[0].temperature=0.002"))
+    assert gas.species[0].speed_rms == pytest.approx((2.0 * 0.002 / 1.19e-3) ** 0.5, rel=1e-14)
+    spread = (
+        "species[0].speed_rms=", "species[0].temperature=0.002", "species[0].mass=", "species[0].radius=",
+        "species[0].areal_density=3.4", 'species[0].radii={distribution="uniform", low=5e-3, high=20e-3}',
+    )  # fmt: skip
+    gas = CaseGas.from_case(case_of(SMALL, *spread))
+    state, mass = gas.start(), gas.disks.mass
+    assert 0.5 * np.mean(mass * np.sum(state.velocity**2, axis=1)) == pytest.approx(0.002, rel=1e-12)
+    assert gas.species[0].speed_rms == pytest.approx((2.0 * 0.002 * np.mean(1.0 / mass)) ** 0.5, rel=1e-12)
+    with pytest.raises(ValidationError, match="speed_rms cannot be combined with temperature"):
+        case_of(SMALL, "species[0].temperature=0.002")
+
+
 @pytest.mark.parametrize("kind", template.TEMPLATES)
 def test_template_passes_every_check(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
