@@ -610,7 +610,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         comm, n = self.comm, self.disks.n
         comm.run_on_root(lambda: checkpoint.check_extra(path, extra, arrays))
         found = snapshot.take(self._engine)
-        state = self._engine.state_here()  # settles
+        state = self._engine.state_here()  # ends the window
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
         found["state_pistons"] = self.pistons
         found |= {f"disks_{name}": getattr(self.disks_here, name) for name in COLUMNS}
@@ -1092,7 +1092,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def measure(self) -> Measure:
         """Totals and averages of the present state: `observables.measure`, without copying it from the device."""
-        totals = self._engine.totals()  # settles
+        totals = self._engine.totals()  # ends the window
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
