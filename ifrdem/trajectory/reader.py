@@ -286,7 +286,9 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
         """Names of quantities that follow from what the file holds."""
         known = self._columns
         return tuple(
-            name for name, needed in DERIVED.items() if name not in known and all(one in known for one in needed)
+            name
+            for name, needed in DERIVED.items()
+            if name not in known and all(one in known for one in needed)
         )
 
     def _derive(self, name: str) -> NDArray[np.float64]:
