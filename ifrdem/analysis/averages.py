@@ -237,7 +237,7 @@ def profiles(
     >>> import ifrdem
     >>> from ifrdem import analysis
     >>> with ifrdem.Trajectory("cooling.h5") as run:  # of `ifrdem run cooling`
-    ...     found = analysis.profiles(run, "y", 10, frames=range(20, 40))
+    ...     found = analysis.profiles(run, "y", 10)
     ...
     >>> found.mean.temperature.shape, found.to_xarray()["stress"].dims
     ((10,), ('y', 'component', 'normal'))
@@ -275,7 +275,7 @@ def mean_fields(
     >>> import ifrdem
     >>> from ifrdem import analysis
     >>> with ifrdem.Trajectory("cooling.h5") as run:  # of `ifrdem run cooling`
-    ...     found = analysis.mean_fields(run, (6, 4), frames=range(20, 40))
+    ...     found = analysis.mean_fields(run, (6, 4))
     ...
     >>> found.mean.velocity.shape
     (6, 4, 2)
