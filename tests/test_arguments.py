@@ -167,10 +167,10 @@ STRESSED = dataclasses.replace(MEASURE, virial=np.eye(2))
 OBSERVABLES: dict[str, dict[str, Any]] = {
     "drift_text": {"velocity": [1.0, 0.0]},
     "from_totals": {"disks": DISKS, "totals": np.ones(10), "time": 1.0, "wall_collisions": 0,
-                    "about_mean": (True, True)},
+                    "about_mean": (True, True), "species": np.ones((2, 7))},
     "measure": {"disks": DISKS, "state": STATE, "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0,
                 "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int),
-                "about_mean": (True, True)},
+                "about_mean": (True, True), "species": {"a": 1, "b": 3}},
     "stress": {"before": STRESSED, "after": dataclasses.replace(STRESSED, time=1.0), "area": 10.0},
     "sums": {"disks": DISKS, "state": STATE, "gravity": (0.0, 0.0)},
 }  # fmt: skip
@@ -623,8 +623,8 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "walls": (), "gravity": (0.0, 0.0),
-        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "tracked": (), "seed": 0,
-        "comm": None,
+        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "species": None, "tracked": (),
+        "seed": 0, "comm": None,
     }  # fmt: skip
     return {
         "DSMC": (dsmc, {"disks": DISKS, "law": law, "packing_fraction": 0.1, "velocity": np.ones((4, 2)),

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.ifr import IFRLaw
+from ..model.laws.ifr import IFRLaw
+from ..model.laws.walton import Walton
 from ..model.observables import STRESS_SERIES
-from ..model.walton import Walton
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
@@ -436,7 +436,7 @@ def unwrapped(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
 
 def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "position")
-    words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
+    words = ", and D with it, as sqrt(T): no single D. Choose frames over which T changes by "
     used, origins, notes, warnings = _motion(trajectory, frames, words)
     box, when = trajectory.box, trajectory.times[used]
     if "image" not in trajectory.fields and any(box.periodic):
@@ -492,7 +492,7 @@ def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
         text = "velocities in the lab of a sheared gas say little"
         raise InputError(f"{text}: the displacement across the flow is `msd`")
     words = (
-        ": velocities shrink or grow with sqrt(T), so their decay is not only loss of correlation. Choose --frames "
+        ": velocities shrink or grow with sqrt(T), so their decay is not only loss of correlation. Choose frames "
         "over which T changes by "
     )
     used, origins, notes, warnings = _motion(trajectory, frames, words)
@@ -536,7 +536,7 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         warnings.append(
             f"{_stationarity_warning(trajectory, T)}, and the pressure with it: pressures are means over that time. "
             "Z is that mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. "
-            "For a pressure at one temperature choose --frames over which T changes by less than a tenth"
+            "For a pressure at one temperature choose frames over which T changes by less than a tenth"
         )
     try:
         found = stored.collisions(trajectory)
@@ -640,7 +640,7 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     inside = (series.time >= span[0]) & (series.time <= span[1])
     if "temperature" in series and not _is_stationary(T := series["temperature"][inside]):
         text = (
-            "and stresses are means over that time; choose --frames over which T changes by less than a tenth"
+            "and stresses are means over that time; choose frames over which T changes by less than a tenth"
         )
         warnings.append(f"{_stationarity_warning(trajectory, T)}, {text}")
     table: Columns = {"time": found.time}
@@ -705,7 +705,7 @@ def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> s
     return (
         f"{law} does not describe this run: {quantity} deviates systematically from the fit: rms {misfit:.2g}, "
         f"expected noise {scatter:.2g} for {n} disks. The parameters are of the best fit (poor), without errors; "
-        "choose a range where the law may hold with --frames"
+        "choose frames where the law may hold"
     )
 
 

@@ -15,10 +15,10 @@ from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
 from ..model.density import packing_fraction
-from ..model.law import EnergyWarning
-from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, STRESS_SERIES
-from ..model.viscoelastic import Viscoelastic
-from ..model.walls import PISTONS, SUMS
+from ..model.laws.law import EnergyWarning
+from ..model.laws.viscoelastic import Viscoelastic
+from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, SPECIES_SERIES, STRESS_SERIES
+from ..model.walls.wall import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Driving
 from ..tools.checked import Array
@@ -453,7 +453,7 @@ def _trajectory_bytes(
     frame = chunks * sum(on_pages(per_chunk * _field_bytes(output, name)) for name in output.fields)
     walls = len(case.wall) + 2 * sum(not each for each in case.box.periodic)
     row = totals + sum(LEDGER.values()) * output.ledger + walls * len(SUMS) * output.wall_sums
-    row += STRESSES * output.stress
+    row += STRESSES * output.stress + len(SPECIES_SERIES) * len(case.species) * (len(case.species) > 1)
     event = sum(
         column.components * np.dtype(column.dtype).itemsize for column in layout.EVENT_COLUMNS.values()
     )

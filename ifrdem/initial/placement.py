@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..model.density import disk_area, packing_fraction
-from ..model.free_area import FreeArea
 from ..model.overlaps import (
     TOLERANCE,
     check_no_overlap,
@@ -27,7 +26,8 @@ from ..model.overlaps import (
     size_classes,
 )
 from ..model.state import NumberOfDisks
-from ..model.walls import Wall
+from ..model.walls.free_area import FreeArea
+from ..model.walls.wall import Wall
 from ..mpi import collective, current, distribution
 from ..tools import seeds
 from ..tools.checked import Array, Number, PositiveColumn, Seed, validated

@@ -13,7 +13,7 @@ from ..mpi import current
 from ..tools import checked
 from ..tools.checked import Array
 from .box import Box
-from .free_area import FreeArea
+from .walls.free_area import FreeArea
 
 TOLERANCE = 1e-9
 """Overlap, as a part of the contact distance, that counts as rounding.

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ..analysis import result
 from ..errors import InputError, TheoryWarning
-from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw
+from ..model.laws.ifr import EnergyWarning
+from ..model.laws.law import CollisionLaw
+from ..model.laws.viscoelastic import Viscoelastic
 from ..model.state import Disks
-from ..model.viscoelastic import Viscoelastic
 from ..theory import driven_gas, sheared_gas
 from ..theory.choose import prediction
 from ..theory.driven_gas import Driving

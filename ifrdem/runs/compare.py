@@ -23,7 +23,7 @@ from ..fit.figure import save
 from ..fit.tabular import TableFormat
 from ..initial import from_trajectory
 from ..model.box import Box
-from ..model.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning, IFRLaw
+from ..model.laws.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning, IFRLaw
 from ..model.overlaps import relax
 from ..model.state import State
 from ..simulation.simulation import Simulation

@@ -23,10 +23,10 @@ from ..case.file import CaseFile
 from ..case.gas import REPORTED_DRIFT, CaseGas
 from ..case.objects import choose_runtime
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
-from ..model.law_records import to_record
+from ..model.laws.records import to_record
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import FrameRows, State
-from ..model.walls import wall_names
+from ..model.walls.wall import wall_names
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import RunPlan, RunPoint, end_at
@@ -228,7 +228,10 @@ def run_root(
     named = wall_names(gas.free_area.all_walls, gas.box)
     walls = zip(named, gas.free_area.all_walls, strict=True)
     pistons = [name for name, wall in walls if wall.piston is not None]
-    recorder = Recorder(running.writer, running.ledger, take, running.pending, walls=named, pistons=pistons)
+    recorder = Recorder(
+        running.writer, running.ledger, take, running.pending, walls=named, pistons=pistons,
+        species=[each.name for each in gas.species],
+    )  # fmt: skip
     status = Status(
         running.outputs.trajectory, name=run.name, t_end=run.t_end,
         collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),

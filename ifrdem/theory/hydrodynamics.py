@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
-from ..model.ifr import IFRLaw
+from ..model.laws.ifr import IFRLaw
 from ..tools.checked import Array, Fraction, NonNegative, Packed, Positive, validated
 from .collisions import ClosedLaw, KineticLaw, collision_rate, is_smooth
 from .contact import compressibility, contact_value

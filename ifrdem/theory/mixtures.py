@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..model.law import CollisionLaw
-from ..model.pair_laws import check_symmetric
+from ..model.laws.law import CollisionLaw
+from ..model.laws.pairs import check_symmetric
 from ..model.state import Disks
 from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, PositivePerDisk, must_be, validated
 from .collisions import Collider, KnownLaw, checked_law, energy_changes, mixture_collision_rates

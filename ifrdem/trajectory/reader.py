@@ -30,12 +30,12 @@ from ..errors import (
     there_are,
 )
 from ..model.box import Box
-from ..model.free_area import FreeArea
-from ..model.law import CollisionLaw
-from ..model.law_records import checked_record, from_record, is_custom, of_table
+from ..model.laws.law import CollisionLaw
+from ..model.laws.records import checked_record, from_record, is_custom, of_table
 from ..model.state import Disks
-from ..model.walls import OF_PISTONS, Wall, at_displacements
-from ..model.walls import from_json as walls_from_json
+from ..model.walls.free_area import FreeArea
+from ..model.walls.wall import OF_PISTONS, Wall, at_displacements
+from ..model.walls.wall import from_json as walls_from_json
 from ..mpi.distribution import GATHERED
 from ..tools import checked
 from ..tools.checked import Integer, validated

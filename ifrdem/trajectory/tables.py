@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.observables import MECHANISMS, STRESS_SERIES
-from ..model.walls import OF_PISTONS
+from ..model.observables import MECHANISMS, SPECIES_SERIES, STRESS_SERIES
+from ..model.walls.wall import OF_PISTONS
 from ..tools import checked
 from .layout import STATIC, version_of
 
@@ -220,7 +220,8 @@ QUANTITIES = {
     **dict.fromkeys(
         ("translational_energy", "rotational_energy", "energy", "temperature", "rotational_temperature",
          "potential_energy", "energy_input", "wall_work", "wall_heat", "dissipated_energy",
-         "dissipated_by_mechanism", "ledger_residual", "walls_work", "walls_heat", "walls_torque"),
+         "dissipated_by_mechanism", "ledger_residual", "species_temperature", "species_rotational_temperature",
+         "walls_work", "walls_heat", "walls_torque"),
         "energy",
     ),
 }  # fmt: skip
@@ -238,6 +239,7 @@ def _axes(
         dimension = name.removeprefix("dissipated_by_").removeprefix("collisions_by_")
         dimension = "wall" if name.startswith("walls_") else dimension
         dimension = "component" if name in STRESS_SERIES else dimension
+        dimension = "species" if name in SPECIES_SERIES else dimension
         coordinates[dimension] = list(names)
         return (dimension,)
     if value.shape[1:] == (2,):

@@ -25,10 +25,10 @@ from ifrdem.case.walls_section import Wall as AnyWall
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.model.collapse import ContactTime, Rest, VelocityCutoff
-from ifrdem.model.free_area import FreeArea
 from ifrdem.model.observables import measure
-from ifrdem.model.wall_motion import Motion, Piston, Turn
-from ifrdem.model.walls import Wall, from_json, to_json
+from ifrdem.model.walls.free_area import FreeArea
+from ifrdem.model.walls.motion import Motion, Piston, Turn
+from ifrdem.model.walls.wall import Wall, from_json, to_json
 from ifrdem.plots import profiles
 from ifrdem.plots.temperatures import theory
 from ifrdem.runs.info import describe

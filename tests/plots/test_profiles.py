@@ -16,8 +16,8 @@ from support.figures import texts
 
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 from ifrdem.plots import profiles, run
 from ifrdem.plots.temperatures import theory
 from ifrdem.trajectory.reader import Trajectory

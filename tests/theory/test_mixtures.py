@@ -13,9 +13,9 @@ from support.serial_reference import simulate
 from ifrdem.errors import InputError
 from ifrdem.initial.placement import hexagonal_positions, maxwellian
 from ifrdem.model.box import Box
-from ifrdem.model.collision import collide
-from ifrdem.model.ifr import EnergyWarning, IFRLaw
-from ifrdem.model.law import CollisionLaw
+from ifrdem.model.laws.collision import collide
+from ifrdem.model.laws.ifr import EnergyWarning, IFRLaw
+from ifrdem.model.laws.law import CollisionLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.theory import cooling, cooling_rates, prediction
 from ifrdem.theory.contact import compressibility, mixture_contact_values

@@ -20,7 +20,7 @@ from ifrdem.initial.placement import hexagonal_positions, maxwellian, random_pos
 from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.density import path_in_collisions
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.theory import (
