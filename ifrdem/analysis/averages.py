@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from ..errors import InputError
-from ..model.free_area import FreeArea
+from ..model.walls.free_area import FreeArea
 from ..tools.checked import Array, Integer, Integers, Real, choice, validated
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief

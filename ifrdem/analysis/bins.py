@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.box import Box
-from ..model.free_area import FreeArea
+from ..model.walls.free_area import FreeArea
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 

@@ -230,7 +230,7 @@ def _of_bins(trajectory: Trajectory, found: averages.BinAverages, rows: list[Rea
     inside = [i for i in range(len(trajectory)) if found.times[0] <= trajectory.times[i] <= found.times[1]]
     T = _temperatures(trajectory, inside) if "temperature" in trajectory.observables else None
     if T is not None and not _is_stationary(T):
-        text = "averages are means over that time; choose --frames over which T changes by less than a tenth"
+        text = "averages are means over that time; choose frames over which T changes by less than a tenth"
         warnings.append(f"{_stationarity_warning(trajectory, T)}, and {text}")
     return Evaluation(found, rows, {"": found.columns()}, notes, found.times, warnings, found.frames)
 

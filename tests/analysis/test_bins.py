@@ -9,7 +9,7 @@ import pytest
 
 from ifrdem import Box, Wall
 from ifrdem.analysis.bins import Bins, Grid, Overlaps, Rings, Strips, area_within
-from ifrdem.model.free_area import FreeArea
+from ifrdem.model.walls.free_area import FreeArea
 
 BOX = Box((10.0, 8.0))
 SHEARED = Box((10.0, 8.0), shear_rate=0.3)
