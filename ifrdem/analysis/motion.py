@@ -70,7 +70,7 @@ def _plan(trajectory: Trajectory, frames: Sequence[int] | None, consequence: str
     used = all_frames(trajectory, frames)
     if len(used) < 4:
         raise InputError(f"{trajectory.path}: {len(used)} frames are too few: must be at least 4")
-    T, middle = _temperatures(trajectory, used), len(used) // 2
+    T, middle = temperatures(trajectory, used), len(used) // 2
     notes, warnings = [], []
     if T is None:
         notes.append(
@@ -111,7 +111,7 @@ def _own_time(trajectory: Trajectory, used: Sequence[int]) -> Array | None:
     return tau if np.all(np.diff(tau) > 0.0) else None
 
 
-def _temperatures(trajectory: Trajectory, used: list[int]) -> Array | None:
+def temperatures(trajectory: Trajectory, used: list[int]) -> Array | None:
     """Temperatures of some frames [energy], stored or from velocities; None if the file holds neither."""
     if "temperature" in trajectory.observables:
         return np.asarray(trajectory.observables["temperature"][used])
@@ -198,7 +198,7 @@ def _marks(groups: Groups, name: str) -> tuple[str, str]:
 
 def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "position")
-    words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
+    words = ", and D with it, as sqrt(T): no single D. Choose frames over which T changes by "
     plan = _plan(trajectory, frames, words)
     used, notes, warnings = plan.used, [*plan.notes], [*plan.warnings]
     box, when, groups = trajectory.box, trajectory.times[used], kinds(trajectory)
@@ -291,7 +291,7 @@ def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
         text = "velocities in the lab of a sheared gas say little"
         raise InputError(f"{text}: the displacement across the flow is `msd`")
     words = (
-        ": velocities shrink or grow with sqrt(T), so their decay is not only loss of correlation. Choose --frames "
+        ": velocities shrink or grow with sqrt(T), so their decay is not only loss of correlation. Choose frames "
         "over which T changes by "
     )
     plan = _plan(trajectory, frames, words)

@@ -1,11 +1,10 @@
-"""Patches of Taichi 1.7.4 that shorten each start of a process by half a second. They change no kernel.
+"""Patches of the runtimes that shorten each start of a process by half a second or more. They change no kernel.
 
-For other versions and runtimes none is applied: `apply` and `short_import` then do nothing.
+For versions that they were not tried with none is applied: `apply` and `short_import` then do nothing.
 """
 
 import ast
 import functools
-import importlib.metadata
 import inspect
 import linecache
 import sys
@@ -15,23 +14,15 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-VERSION = "1.7.4"
-
-
-def fit(runtime: str) -> bool:
-    """True if the runtime is the version of Taichi that the patches are for."""
-    return runtime == "taichi" and importlib.metadata.version("taichi") == VERSION
-
 
 @contextmanager
-def short_import(runtime: str) -> Iterator[None]:
-    """Import Taichi without its search for the module of each frame that declares a function.
+def short_import() -> Iterator[None]:
+    """Import the runtime without its search for the module of each frame that declares a function.
 
-    Taichi wants the line of source there; `inspect` goes through all of `sys.modules` for that, again and again.
+    It wants the line of source there; `inspect` goes through all of `sys.modules` for that, again and again.
     """
     whole = inspect.getframeinfo
-    if fit(runtime):
-        inspect.getframeinfo = _frame_info  # type: ignore[assignment]
+    inspect.getframeinfo = _frame_info  # type: ignore[assignment]
     try:
         yield
     finally:
@@ -46,20 +37,24 @@ def _frame_info(frame: FrameType, context: int = 1) -> inspect.Traceback:
     )
 
 
-def apply(runtime: str) -> None:
-    """Patch the runtime, which has been imported, if it is the Taichi that the patches are for."""
-    if not fit(runtime):
-        return
-    from taichi.lang import _ndarray, kernel_impl, matrix
+def apply(runtime: Any) -> None:
+    """Patch a runtime, the module, of a version that the patches are for."""
+    # For each declared function a runtime looks through the calling frames, with `inspect`, for a class around it.
+    # The line of source of that frame, which it wants, is in `linecache`.
+    kernel_impl = runtime.lang.kernel_impl
+    patterns = kernel_impl._KERNEL_CLASS_STACKFRAME_STMT_RES
+    kernel_impl._inside_class = functools.partial(_inside_class, patterns)
+    if runtime.__name__ == "taichi":
+        _patch_taichi(kernel_impl)
+
+
+def _patch_taichi(kernel_impl: Any) -> None:
+    from taichi.lang import _ndarray, matrix
     from taichi.lang.ast import ast_transformer_utils
 
     # With each array Taichi notes all calls that led to where it was made, half a millisecond each.
     # Only its own report of leaks reads them.
     _ndarray.get_traceback = matrix.get_traceback = lambda *_: ""
-    # For each declared function Taichi looks through the calling frames, with `inspect`, for a class around it.
-    # The line of source of that frame, which it wants, is in `linecache`.
-    patterns = kernel_impl._KERNEL_CLASS_STACKFRAME_STMT_RES
-    kernel_impl._inside_class = functools.partial(_inside_class, patterns)
     # The source of a function is read and parsed once instead of at each call of it.
     # Taichi goes through one tree several times anyway, in static loops, and no function calls itself.
     kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)
