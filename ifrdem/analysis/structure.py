@@ -177,7 +177,8 @@ def _count_pairs(
         ideal += np.count_nonzero(inside) * partners / box.area * rings
         frames += 1
     if frames == 0:
-        raise InputError("position has no frames: must have one or more")
+        names = "position" if others is None else "position or others"
+        raise InputError(f"{names} has no frames: must have one or more")
     if not np.any(ideal):
         raise InputError(f"no centre is farther than r_max = {r_max:g} from the walls: choose a shorter one")
     count = by_cell.sum(axis=0)
