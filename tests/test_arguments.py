@@ -309,9 +309,9 @@ MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
 
 OTHERS: dict[ModuleType, set[str]] = {
     theory: {"CoolingRatio", "MixtureTemperatures", "Prediction", "ShearModes"},
-    analysis: {"Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
-               "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
-               "VelocityDistribution"},
+    analysis: {"BinAverages", "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
+               "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients",
+               "StructureFactor", "VelocityDistribution", "mean_fields", "profiles"},
     ifrdem.forces: {"normals", "uniforms"},
     ifrdem.observables: {"Measure", "Stress"},
     # Functions of fits, files and gases are below.
@@ -523,6 +523,10 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
     )
     return {
         **{f"plots.{name}": call for name, call in pictures.items()},
+        "analysis.profiles": (analysis.profiles, {"trajectory": run, "axis": "y", "bins": 40, "frames": [0, 1],
+                                                  "span": (0.0, 4.0), "collisions": True}),
+        "analysis.mean_fields": (analysis.mean_fields, {"trajectory": run, "cells": (2, 2), "frames": [0, 1],
+                                                        "collisions": True}),
         "fit.read": (ifrdem.fit.read, {"path": data, "errors": {"angles": 0.7}, "disk_1": COIN, "disk_2": None,
                                        "form": ifrdem.fit.TableFormat()}),
         **{f"History.{name}": (getattr(history, name), {"t": [0.5, 1.0]})
@@ -542,7 +546,7 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
         "Trajectory.plot": (run.plot, {"what": "temperatures", "ax": None, "frames": [0, 1], "over": "t",
                                        "color": None}),
         "Trajectory.read": (run.read, {"name": "position", "selection": 1}),
-        "Trajectory.read_events": (paths.read_events, {"name": "time", "rows": 0}),
+        "Trajectory.read_events": (paths.read_events, {"name": "time", "rows": 0, "start": 0}),
         "Trajectory.record": (lambda name, use: run.record(name, use, "[]"), {"name": "gravity", "use": list}),
         "Trajectory.require": (run.require, {"name": "position"}),
         "Trajectory.shape": (run.shape, {"name": "position"}),
@@ -562,7 +566,7 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
 
 PICTURES = ("cooling", "driven", "impact_scan", "sheared", "table", "walled")
 FILES = [
-    *(f"plots.{name}" for name in (*PICTURES, "figure")), "fit.read",
+    *(f"plots.{name}" for name in (*PICTURES, "figure")), "analysis.mean_fields", "analysis.profiles", "fit.read",
     *(f"History.{name}" for name in ("__getitem__", "angle", "position", "spin", "unwrapped", "velocity")),
     "Frame.__getitem__", "Frame.field", "Frame.plot", "DiskPath.__getitem__", "Series.__getitem__", "Series.columns",
     "PartsWriter.create", "Trajectory", "TrajectoryWriter", "TrajectoryWriter.write", "concat", "view",

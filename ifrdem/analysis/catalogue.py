@@ -17,7 +17,18 @@ from ..model.observables import STRESS_SERIES
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
-from . import common, cooling, displacement, fields, impact, pressure, steadiness, structure, velocities
+from . import (
+    averages,
+    common,
+    cooling,
+    displacement,
+    fields,
+    impact,
+    pressure,
+    steadiness,
+    structure,
+    velocities,
+)
 from . import result as stored
 from . import stress as stresses
 from .result import NOT_STATIONARY, Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
@@ -164,8 +175,75 @@ def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
     return steadiness.warnings([steadiness.between_modes(what, [S.ravel()[longest] for _, S in modes])])
 
 
-def of_fields(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
+def of_profiles(
+    trajectory: Trajectory, frames: Sequence[int] | None, *, axis: str | None = None, bins: int | None = None
+) -> Evaluation:  # fmt: skip
+    found = averages.profiles(trajectory, axis, bins, frames=frames)
+    (edges,) = found.edges
+    width = float(edges[1] - edges[0])
+    rows = [
+        Reading(f"bins along {found.axes[0]}", len(edges) - 1),
+        Reading("width of a bin", width, unit=unit(trajectory, "length")),
+        *_extremes(trajectory, found),
+    ]
+    return _of_bins(trajectory, found, rows)
+
+
+def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[Reading]:
+    """Lowest and highest value over the bins of some quantities."""
+    last = found.directions[1] if found.axes[-1] == "y" else found.directions[0]
+    normal = 1 if found.axes[-1] == "y" else 0
+    chosen: dict[str, tuple[str, tuple[int, ...]]] = {
+        "packing fraction": ("packing_fraction", ()), "temperature": ("temperature", ()), "theta": ("theta", ()),
+        f"u_{found.directions[1 - normal]}": ("velocity", (1 - normal,)),
+        f"P_{last}{last}{'' if found.has_collisions else ', kinetic part'}": ("stress", (normal, normal)),
+    }  # fmt: skip
+    for text, (name, at) in chosen.items():
+        key = "stress_kinetic" if name == "stress" and not found.has_collisions else name
+        value, error = (getattr(one, key)[(..., *at)].ravel() for one in (found.mean, found.error))
+        if not np.isfinite(value).any():
+            continue
+        for which, place in (("lowest", np.nanargmin(value)), ("highest", np.nanargmax(value))):
+            of_unit = unit(trajectory, averages.UNITS.get(key, ""))
+            yield Reading(f"{which} {text}", float(value[place]), float(error[place]), of_unit)
+
+
+def _of_bins(trajectory: Trajectory, found: averages.BinAverages, rows: list[Reading]) -> Evaluation:
+    """Evaluation of averages in bins: notes on their errors and on the collisional part."""
+    notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
+    if found.frames > 1:
+        notes.append(f"errors from {min(averages.BLOCKS, found.frames)} blocks of frames")
+    tracked, movable = len(trajectory.tracked), trajectory.disks.n_movable
+    if found.has_collisions:
+        scaled = f", scaled to all {movable}: right if they are a random sample" if tracked < movable else ""
+        notes.append(f"collisional parts of P and q from histories of {tracked} disks{scaled}")
+    elif trajectory.box.shear_rate:
+        text = "a sheared box has no histories; `analyse stress` gives both parts for the whole gas"
+        notes.append(f"P and q: kinetic part only: {text}")
+    elif tracked:
+        notes.append("P and q: kinetic part only: these frames are not two or more within the histories")
+    else:
+        text = "for the collisional part set output.histories_all = true and run the case again"
+        notes.append(f"P and q: kinetic part only: {text}")
+    notes += stored.drift(trajectory, all_frames(trajectory, None)).notes(trajectory, "the flow contains it")
+    warnings = stored.part_warnings(trajectory)
+    inside = [i for i in range(len(trajectory)) if found.times[0] <= trajectory.times[i] <= found.times[1]]
+    T = _temperatures(trajectory, inside) if "temperature" in trajectory.observables else None
+    if T is not None and not _is_stationary(T):
+        text = "averages are means over that time; choose frames over which T changes by less than a tenth"
+        warnings.append(f"{_stationarity_warning(trajectory, T)}, and {text}")
+    return Evaluation(found, rows, {"": found.columns()}, notes, found.times, warnings, found.frames)
+
+
+def of_fields(
+    trajectory: Trajectory, frames: Sequence[int] | None, *, cells: tuple[int, int] | None = None, average: bool = False
+) -> Evaluation:  # fmt: skip
     stored.require_fields(trajectory, "position", "velocity")
+    if average:
+        means = averages.mean_fields(trajectory, cells, frames=frames)
+        a, b = means.mean.number_density.shape
+        rows = [Reading("cells along x", a), Reading("cells along y", b), *_extremes(trajectory, means)]
+        return _of_bins(trajectory, means, rows)
     used = second_half(trajectory, frames)[-1]
     disks, frame, box = trajectory.disks, trajectory[used], trajectory.box
     movable = np.isfinite(disks.mass)
@@ -173,9 +251,7 @@ def of_fields(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     if not len(position):
         raise InputError("mass: must be finite for one disk or more: fields are those of disks that can move")
     lengths = np.ptp(position, axis=0) if box.is_open else np.array(box.lengths)
-    # Some 20 disks a cell, and 200 cells along a side at most.
-    side = np.sqrt(float(np.prod(lengths)) * 20.0 / len(position))
-    a, b = (int(number) for number in np.clip(np.rint(lengths / side), 1, 200))
+    a, b = cells or averages.default_cells(lengths, len(position))
     spin = frame.spin[movable] if "angular_velocity" in trajectory.fields else None
     found = fields.coarse_grain(
         position, frame.peculiar_velocity[movable], spin, box=box, cells=(a, b), mass=disks.mass[movable],
@@ -360,7 +436,7 @@ def unwrapped(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
 
 def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "position")
-    words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
+    words = ", and D with it, as sqrt(T): no single D. Choose frames over which T changes by "
     used, origins, notes, warnings = _motion(trajectory, frames, words)
     box, when = trajectory.box, trajectory.times[used]
     if "image" not in trajectory.fields and any(box.periodic):
@@ -416,7 +492,7 @@ def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
         text = "velocities in the lab of a sheared gas say little"
         raise InputError(f"{text}: the displacement across the flow is `msd`")
     words = (
-        ": velocities shrink or grow with sqrt(T), so their decay is not only loss of correlation. Choose --frames "
+        ": velocities shrink or grow with sqrt(T), so their decay is not only loss of correlation. Choose frames "
         "over which T changes by "
     )
     used, origins, notes, warnings = _motion(trajectory, frames, words)
@@ -460,7 +536,7 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         warnings.append(
             f"{_stationarity_warning(trajectory, T)}, and the pressure with it: pressures are means over that time. "
             "Z is that mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. "
-            "For a pressure at one temperature choose --frames over which T changes by less than a tenth"
+            "For a pressure at one temperature choose frames over which T changes by less than a tenth"
         )
     try:
         found = stored.collisions(trajectory)
@@ -564,7 +640,7 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     inside = (series.time >= span[0]) & (series.time <= span[1])
     if "temperature" in series and not _is_stationary(T := series["temperature"][inside]):
         text = (
-            "and stresses are means over that time; choose --frames over which T changes by less than a tenth"
+            "and stresses are means over that time; choose frames over which T changes by less than a tenth"
         )
         warnings.append(f"{_stationarity_warning(trajectory, T)}, {text}")
     table: Columns = {"time": found.time}
@@ -629,7 +705,7 @@ def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> s
     return (
         f"{law} does not describe this run: {quantity} deviates systematically from the fit: rms {misfit:.2g}, "
         f"expected noise {scatter:.2g} for {n} disks. The parameters are of the best fit (poor), without errors; "
-        "choose a range where the law may hold with --frames"
+        "choose frames where the law may hold"
     )
 
 
@@ -675,10 +751,10 @@ def _regime_counts(trajectory: Trajectory, span: tuple[float, float]) -> dict[st
 
 @dataclass(frozen=True)
 class Analysis:
-    """An analysis: its title and its function of a file and frames (None: suitable ones)."""
+    """An analysis: its title and its function of a file, frames (None: suitable ones) and options."""
 
     title: str
-    of: Callable[[Trajectory, Sequence[int] | None], Evaluation]
+    of: Callable[..., Evaluation]
 
 
 ANALYSES = {
@@ -687,6 +763,7 @@ ANALYSES = {
     "structure-factor": Analysis("structure factor S(k)", of_structure),
     "msd": Analysis("mean-square displacement", of_msd),
     "vacf": Analysis("velocity autocorrelation", of_vacf),
+    "profiles": Analysis("averages in bins along an axis", of_profiles),
     "fields": Analysis("coarse-grained fields", of_fields),
     "clusters": Analysis("clusters", of_clusters),
     "psi6": Analysis("hexatic order psi_6", of_psi6),

@@ -65,7 +65,7 @@ def warnings(changes: Sequence[Change]) -> list[str]:
         return []
     return [
         f"{NOT_STATIONARY}: {', '.join(changed)} from the first half of these frames to the second; the means "
-        "average over that change, and their errors do not include it. Choose other frames with --frames"
+        "average over that change, and their errors do not include it. Choose other frames"
     ]
 
 

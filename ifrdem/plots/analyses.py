@@ -181,29 +181,120 @@ def vacf(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> N
     grid(axes)
 
 
+def profiles(*axes_and_rest: Any) -> None:
+    """Packing fraction, flow, temperatures; stress, heat flux, and theta or the temperatures of species."""
+    *axes, trajectory, evaluation = axes_and_rest
+    found = evaluation.result
+    density, flow, temperatures, stress, heat, last = axes
+    _density(density, found)
+    _components(flow, trajectory, found, "velocity", "u", "mean velocity", "length/time")
+    _temperatures(temperatures, trajectory, found)
+    part = "" if found.has_collisions else "_kinetic"
+    words = "" if found.has_collisions else ", kinetic part"
+    for (i, j), color, marker in zip(INDICES, COLORS, "os^x", strict=True):
+        text = f"$P_{{{found.directions[i]}{found.directions[j]}}}$"
+        _curve(stress, found, f"stress{part}", (i, j), text, color, marker)
+    stress.set_ylabel(label(trajectory, f"pressure tensor{words}", "energy/length^2"))
+    _components(heat, trajectory, found, f"heat_flux{part}", "q", f"heat flux{words}", "energy/(length time)")
+    if found.species:
+        for i, (name, one) in enumerate(found.species.items()):
+            _curve(last, one, "temperature", (), name, KINDS[i % 8], MARKERS[i % 8])
+        last.set_ylabel(label(trajectory, "temperature $T$ of species", "energy"))
+    else:
+        _curve(last, found, "theta", (), "", ROTATION, "o")
+        last.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
+    last.set_ylim(bottom=0.0)
+    for one in axes:
+        legend_above(one, 4)
+    for one in axes[3:]:
+        one.set_xlabel(label(trajectory, f"${found.axes[0]}$", "length"))
+    grid(*axes)
+
+
+TENSOR = ("xx", "yy", "xy", "yx")
+INDICES = ((0, 0), (1, 1), (0, 1), (1, 0))
+COLORS = (TRANSLATION, ROTATION, RATIO, KINDS[2])
+
+
+def _curve(
+    axes: Axes,
+    found: analysis.BinAverages,
+    name: str,
+    at: tuple[int, ...],
+    text: str,
+    color: str,
+    marker: str,
+) -> None:
+    """A component of a quantity along the bins, with its errors."""
+    value, error = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error))
+    style = OPEN | {"color": color, "marker": marker, "ms": 3.5, "lw": 0.9, "ls": "-"}
+    axes.errorbar(found.middles[0], value, np.nan_to_num(error), label=text or None, **style)
+
+
+def _density(axes: Axes, found: analysis.BinAverages) -> None:
+    _curve(axes, found, "packing_fraction", (), "all" if found.species else "", TRANSLATION, "o")
+    for i, (name, one) in enumerate(found.species.items()):
+        _curve(axes, one, "packing_fraction", (), name, KINDS[(i + 1) % 8], MARKERS[(i + 1) % 8])
+    axes.set_ylabel(r"packing fraction $\phi$")
+    axes.set_ylim(bottom=0.0)
+
+
+def _temperatures(axes: Axes, trajectory: Trajectory | None, found: analysis.BinAverages) -> None:
+    for i, color in enumerate((TRANSLATION, RATIO)):
+        _curve(axes, found, "temperatures", (i,), f"$T_{found.directions[i]}$", color, "os"[i])
+    if np.isfinite(found.mean.rotational_temperature).any():
+        _curve(axes, found, "rotational_temperature", (), r"$T_\mathrm{rot}$", ROTATION, "^")
+    axes.set_ylabel(label(trajectory, "temperature", "energy"))
+    axes.set_ylim(bottom=0.0)
+
+
+def _components(
+    axes: Axes, trajectory: Trajectory | None, found: analysis.BinAverages, name: str, symbol: str, text: str,
+    quantity: str,
+) -> None:  # fmt: skip
+    for i, direction in enumerate(found.directions):
+        _curve(axes, found, name, (i,), f"${symbol}_{direction}$", (TRANSLATION, ROTATION)[i], "os"[i])
+    axes.set_ylabel(label(trajectory, text, quantity))
+
+
 def fields(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """Maps of the packing fraction with the flow, and of the thermal temperature."""
     found = evaluation.result
-    half = [0.5 * (one[1] - one[0]) if len(one) > 1 else one[0] for one in (found.x, found.y)]
-    region = (found.x[0] - half[0], found.x[-1] + half[0], found.y[0] - half[1], found.y[-1] + half[1])
+    averaged = isinstance(found, analysis.BinAverages)
+    (x, y), values = (found.middles, found.mean) if averaged else ((found.x, found.y), found)
+    half = [0.5 * (one[1] - one[0]) if len(one) > 1 else one[0] for one in (x, y)]
+    region = (x[0] - half[0], x[-1] + half[0], y[0] - half[1], y[-1] + half[1])
     style: dict[str, Any] = {"origin": "lower", "extent": region, "interpolation": "nearest"}
-    drawn = left.imshow(found.packing_fraction.T, cmap="cividis", vmin=0.0, **style)
+    drawn = left.imshow(values.packing_fraction.T, cmap="cividis", vmin=0.0, **style)
     place_axes(left, trajectory)
     color_bar(left, drawn, "packing fraction")
-    every = max(1, -(-max(len(found.x), len(found.y)) // 24))
+    every = max(1, -(-max(len(x), len(y)) // 24))
     where = (slice(every // 2, None, every),) * 2
-    u = np.nan_to_num(found.velocity)
+    u = np.nan_to_num(values.velocity)
     speed = float(np.sqrt(np.mean(np.sum(u**2, axis=-1))))
     if speed > 0.0:
-        arrows = (*np.meshgrid(found.x, found.y, indexing="ij"), u[..., 0], u[..., 1])
+        arrows = (*np.meshgrid(x, y, indexing="ij"), u[..., 0], u[..., 1])
         left.quiver(*(each[where] for each in arrows), color="white", pivot="mid", width=0.003)
         text = f"{speed:.2g} {unit_of(trajectory, 'length/time') or ''}".strip()
         left.set_title(f"arrows: mean velocity of cells, rms {text}", fontsize="medium")
-    T = found.temperature
+    T = values.temperature
     high = float(np.nanquantile(T, 0.995)) if np.any(np.isfinite(T)) else 1.0
     drawn = right.imshow(T.T, cmap="inferno", vmin=0.0, vmax=high if high > 0.0 else 1.0, **style)
     place_axes(right, trajectory)
     color_bar(right, drawn, label(trajectory, "thermal temperature $T$", "energy"), "max")
+
+
+def bin_averages(left: Axes, right: Axes, found: analysis.BinAverages) -> None:
+    """Density and temperature: maps of cells, curves along strips and rings."""
+    if len(found.axes) == 2:
+        fields(left, right, None, _alone(found))
+        return
+    _density(left, found)
+    _temperatures(right, None, found)
+    for axes in (left, right):
+        axes.set_xlabel(f"${found.axes[0]}$")
+        legend_above(axes, 4)
+    grid(left, right)
 
 
 def clusters(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
@@ -324,9 +415,8 @@ def _pressure(axes: Axes, found: analysis.Pressure) -> None:
 def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """The pressure tensor in blocks of time, and the kinetic and collisional part of its mean."""
     found = evaluation.result
-    names, at = ("xx", "yy", "xy", "yx"), ((0, 0), (1, 1), (0, 1), (1, 0))
-    colors, markers = (TRANSLATION, ROTATION, RATIO, KINDS[2]), "os^x"
-    for name, (a, b), color, marker in zip(names, at, colors, markers, strict=True):
+    names, at = TENSOR, INDICES
+    for name, (a, b), color, marker in zip(names, at, COLORS, "os^x", strict=True):
         style: dict[str, Any] = {"ms": 4.5, "mfc": "none", "lw": 1.0, "color": color}
         line = "" if name == "yx" else "-"  # almost the same as xy
         left.plot(found.time, found.blocks[:, a, b], f"{marker}{line}", label=f"$P_{{{name}}}$", **style)
@@ -381,7 +471,8 @@ class Panels(NamedTuple):
 TWO: dict[str, Any] = {"ncols": 2}
 PANELS = {
     "velocity": Panels(velocity, TWO), "rdf": Panels(pairs), "structure-factor": Panels(structure), "msd": Panels(msd),
-    "vacf": Panels(vacf), "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
+    "vacf": Panels(vacf), "profiles": Panels(profiles, {"nrows": 2, "ncols": 3, "sharex": True}),
+    "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
     "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "stress": Panels(stress, TWO),
     "cooling": Panels(cooling, TWO),
     "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}),
@@ -409,6 +500,7 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.PairCorrelation: Panels(lambda axes, found: pairs(axes, None, _alone(found))),
     analysis.StructureFactor: Panels(lambda axes, found: structure(axes, None, _alone(found))),
     analysis.Correlation: Panels(_correlation),
+    analysis.BinAverages: Panels(bin_averages, TWO),
     analysis.Fields: Panels(lambda left, right, found: fields(left, right, None, _alone(found)), TWO),
     analysis.Clusters: Panels(lambda axes, found: _sizes(axes, None, found)),
     analysis.Hexatic: Panels(lambda axes, found: _order(axes, np.abs(found.psi6), found.whole)),

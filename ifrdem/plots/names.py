@@ -14,6 +14,7 @@ PICTURES = {
     "structure-factor": "structure factor S(k)",
     "msd": "mean-square displacement and the diffusion coefficient",
     "vacf": "velocity autocorrelation",
+    "profiles": "density, flow, temperatures, stress and heat flux along an axis, with errors",
     "fields": "maps of density, flow and thermal temperature",
     "clusters": "the largest cluster in time, and cluster sizes",
     "psi6": "hexatic order of the disks",
@@ -22,3 +23,5 @@ PICTURES = {
     "impact": "impact angles compared with molecular chaos, and regimes",
 }
 """Name -> what is drawn."""
+OPTIONS = {"axis": "profiles", "bins": "profiles", "cells": "fields", "average": "fields"}
+"""Option -> the analysis that takes it."""

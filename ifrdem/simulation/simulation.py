@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, SlowRunWarning
+from ..errors import InputError, SlowRunWarning, outside_level
 from ..kernels.columns import READOUT, Named
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
@@ -32,7 +32,6 @@ from ..model.walls.wall import Wall, WallSums, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked
-from ..tools.callers import outside_level
 from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar

@@ -245,8 +245,8 @@ def cooling_until(
         if abs(y[0]) > _MOST:
             return collisions, math.inf
         now, near = slope(y), 1e-6 * (1.0 + y[1])
-        beside = slope(np.array([y[0], y[1] + near, y[2]]))
-        relaxation = abs(float(beside[1] - now[1])) / near + abs(float(now[0]))
+        shifted = slope(np.array([y[0], y[1] + near, y[2]]))
+        relaxation = abs(float(shifted[1] - now[1])) / near + abs(float(now[0]))
         if abs(now[1]) <= _SETTLED * relaxation * (1.0 + y[1]):
             break
         step = min(_STEP / (relaxation + abs(float(now[1])) / (1.0 + y[1])), collisions - done)

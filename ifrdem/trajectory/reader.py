@@ -766,10 +766,12 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         return self._reopening(lambda: history.committed(self._opened(), str(self.path)))
 
     @validated
-    def read_events(self, name: str, rows: Annotated[int, Integer(0, 2**62)]) -> NDArray[Any]:
-        """A column of the first events of all tracked disks."""
+    def read_events(
+        self, name: str, rows: Annotated[int, Integer(0, 2**62)], start: Annotated[int, Integer(0, 2**62)] = 0
+    ) -> NDArray[Any]:
+        """A column of the first events of all tracked disks, from the event `start` on."""
         return self._reopening(
-            lambda: damage.read(self._opened()[f"{history.GROUP}/events/{name}"], slice(0, rows))
+            lambda: damage.read(self._opened()[f"{history.GROUP}/events/{name}"], slice(start, rows))
         )
 
     def history(self, disk: int) -> History:
@@ -813,7 +815,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     @validated
     def plot(
         self, what: str = "temperatures", ax: Any = None, *, frames: Sequence[int] | None = None, over: str = "t",
-        color: str | None = None, **unknown: Any,
+        color: str | None = None, axis: str | None = None, bins: int | None = None,
+        cells: tuple[int, int] | None = None, average: bool = False, **unknown: Any,
     ) -> Any:  # fmt: skip
         """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, rdf, ...
 
@@ -830,6 +833,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
             Time, or collisions per disk: of temperatures, energy, ledger, mechanisms, walls and piston.
         color : str, optional
             Of "disks", as `Frame.plot` has it.
+        axis, bins, cells, average
+            Of "profiles" and "fields", as `ifrdem analyse` has them.
 
         Returns
         -------
@@ -840,8 +845,10 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         InputError
             If there is no such picture or argument, the file does not hold what it takes, or axes are missing.
         """
-        refuse_unknown(unknown, ("what", "ax", "frames", "over", "color"))
-        return plots().trajectory(self, what, ax, frames=frames, over=over, color=color)
+        of_analysis = {"axis": axis, "bins": bins, "cells": cells, "average": average or None}
+        refuse_unknown(unknown, ("what", "ax", "frames", "over", "color", *of_analysis))
+        options = {name: value for name, value in of_analysis.items() if value is not None}
+        return plots().trajectory(self, what, ax, frames=frames, over=over, color=color, **options)
 
     def universe(self) -> MDAnalysis.Universe:
         """A universe of MDAnalysis over this file, in the units of the file (nothing is converted).

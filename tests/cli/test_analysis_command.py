@@ -568,6 +568,17 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         (("analyse", "run.h5", "--frames", "20:"), "none of the 12 frames"),
         (("analyse", "run.h5", "-o", "no/where"), "output folder no/where: no does not exist"),
         (("analyse", "run.h5", "msd", "--frames", "3"), "1 frames are too few"),
+        (("analyse", "run.h5", "profiles", "--axis", "z"), "--axis z: must be x, y or r"),
+        (("analyse", "run.h5", "profiles", "--axis", "r"), "axis = r: must have circular walls"),
+        (("analyse", "run.h5", "profiles", "--bins", "0"), "--bins 0: must be an integer from 1 to 10000"),
+        (("analyse", "run.h5", "fields", "--cells", "20"), "--cells 20: must be two integers from 1 to 300"),
+        (
+            ("analyse", "run.h5", "fields", "--cells", "20,x"),
+            "--cells 20,x: must be two integers from 1 to 300",
+        ),
+        (("analyse", "run.h5", "msd", "--bins", "3"), "--bins requires profiles"),
+        (("plot", "run.h5", "profiles", "--average"), "--average requires fields"),
+        (("plot", "run.h5", "other.h5", "T", "--axis", "y"), "--axis requires profiles"),
     ],
 )
 def test_bad_input_ends_with_one_message(
@@ -582,6 +593,31 @@ def test_bad_input_ends_with_one_message(
     assert run(*words) == 2
     assert message in capsys.readouterr().err
     assert not Path("run-analysis").exists()
+
+
+def test_profiles_and_fields_take_bins_from_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    words = ("--axis", "x", "--bins", "5", "--cells", "2,3", "--average", "--frames", "4:", "--json")
+    assert run("analyse", "run.h5", "profiles", "fields", *words) == 0
+    record = json.loads(capsys.readouterr().out)["analyses"]
+    profile, grid = (table(Path("run-analysis") / f"run-{name}.csv") for name in ("profiles", "fields"))
+    with Trajectory("run.h5") as trajectory:
+        found = analysis.profiles(trajectory, "x", 5, frames=range(4, FRAMES))
+        with pytest.raises(InputError, match=r"bins = 3: only of profiles, not of msd"):
+            trajectory.plot("msd", bins=3)
+    np.testing.assert_allclose(profile["x"].astype(float), [4.0, 12.0, 20.0, 28.0, 36.0])
+    np.testing.assert_allclose(
+        profile["temperature_y"].astype(float), found.mean.temperatures[:, 1], rtol=1e-9
+    )
+    assert len(grid["u_x"]) == 6
+    assert profile["disks"].astype(float).sum() == grid["disks"].astype(float).sum() == N * (FRAMES - 4)
+    for name in ("profiles", "fields"):
+        assert record[name]["frames"] == FRAMES - 4
+        assert any("set output.histories_all = true" in note for note in record[name]["notes"])
+    assert record["profiles"]["values"]["width of a bin"]["value"] == 8.0
 
 
 def test_missing_fields_are_named_with_the_key_that_stores_them(tmp_path: Path) -> None:

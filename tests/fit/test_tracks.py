@@ -52,7 +52,7 @@ def test_places_without_scatter_need_their_error(tmp_path: Path) -> None:
     rows = [f"{s},{i},{(2 * i - 1) * (COIN.radius + abs(0.15 - s))},0\n" for s in t for i in (0, 1)]
     (tmp_path / "exact.csv").write_text("t,id,x,y\n" + "".join(rows), encoding="utf-8")
     observed = tracks.read(tmp_path / "exact.csv")
-    with pytest.raises(InputError, match="do not scatter about the flights: --noise"):
+    with pytest.raises(InputError, match="do not scatter about the flights: noise"):
         tracks.find(observed, DISK)
     assert len(tracks.find(observed, DISK, noise=1e-5)) == 1
 

@@ -260,6 +260,8 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
                 area=100.0, disks=10, tracked=10, temperature=1.0,
             ),
             analysis.mean_stress(steps, np.ones((49, 4)), np.ones((49, 4))),
+            analysis.profiles(run),
+            analysis.mean_fields(run),
         ]  # fmt: skip
     assert {type(one) for one in found} == set(analyses.RESULTS)
     for one in found:
