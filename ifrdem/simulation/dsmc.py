@@ -504,7 +504,7 @@ class DSMC(ReadOnlyAttributes):
     def _check_alive(self) -> None:
         backend.check_process()
         if self._disk is None:
-            raise EngineError("this gas is invalid: Taichi was restarted with other settings")
+            raise EngineError("this gas is invalid: the runtime was restarted with other settings")
 
     def _check_valid(self) -> None:
         self._check_alive()

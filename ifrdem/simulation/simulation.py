@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, SlowRunWarning
+from ..errors import InputError, SlowRunWarning, outside_level
 from ..kernels.columns import READOUT, Named
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
@@ -32,7 +32,6 @@ from ..model.walls.wall import Wall, WallSums, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked
-from ..tools.callers import outside_level
 from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
@@ -611,7 +610,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         comm, n = self.comm, self.disks.n
         comm.run_on_root(lambda: checkpoint.check_extra(path, extra, arrays))
         found = snapshot.take(self._engine)
-        state = self._engine.state_here()  # settles
+        state = self._engine.state_here()  # ends the window
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
         found["state_pistons"] = self.pistons
         found |= {f"disks_{name}": getattr(self.disks_here, name) for name in COLUMNS}
@@ -1093,7 +1092,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def measure(self) -> Measure:
         """Totals and averages of the present state: `observables.measure`, without copying it from the device."""
-        totals = self._engine.totals()  # settles
+        totals = self._engine.totals()  # ends the window
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()

@@ -90,7 +90,7 @@ class Task:
         level = LOG.level
         LOG.setLevel(logging.WARNING)  # no lines of progress
         try:
-            # The study has given these warnings once.
+            # Warnings of the case, such as of energy that collisions may add: the study has given them once.
             with warnings.catch_warnings(action="ignore"):
                 if not self.done:
                     started, long = time.perf_counter(), self.analyses or self.trajectory

@@ -303,7 +303,7 @@ HARMLESS = {
     "an empty parameter": linked("parameters/empty", lambda _: h5py.Empty("f8")),
     "laws that are none": linked("parameters/laws", lambda _: "[[]]"),
     "gravity in words": linked("parameters/gravity", lambda _: '["down"]'),
-    "species of nobody": linked("parameters/species", lambda _: '[{"name": "\\ud800", "number": 1e999}]'),
+    "species without disks": linked("parameters/species", lambda _: '[{"name": "\\ud800", "number": 1e999}]'),
     "other regimes": replaced("histories/events/regime", np.full(20, 77, dtype="i1")),
 }
 

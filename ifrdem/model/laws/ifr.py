@@ -16,9 +16,8 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import InputError
+from ...errors import InputError, outside_level
 from ...tools import checked
-from ...tools.callers import outside_level
 from ...tools.checked import Array, Number, validated
 from ..custom_code import FromKernels
 from .law import CollisionLaw, EnergyWarning

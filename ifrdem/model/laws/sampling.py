@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
-from ...tools.callers import outside_level
+from ...errors import InputError, outside_level
 from ...tools.checked import Array
 from ..custom_code import why_not_compiled
 from ..state import Disks

@@ -76,12 +76,31 @@ class FreeArea:
 
         With an `inset` [length], of what is so far from every wall; as in `area`.
         """
-        across = np.eye(2)[axis]
-        found = []
-        for low, high in itertools.pairwise(edges):
-            cut = [_line(low * across, across), _line(high * across, -across)]
-            found.append(self._area([*self._boundaries(inset), *cut]))
-        return np.array(found)
+        boundaries = self._boundaries(inset)
+        return np.array(
+            [self._area([*boundaries, *_between(axis, *each)]) for each in itertools.pairwise(edges)]
+        )
+
+    def cells(self, x: Array, y: Array) -> Array:
+        """Free areas [length^2] of the cells between lines at x and at y [length], shape (x - 1, y - 1)."""
+        found = np.outer(np.diff(x), np.diff(y))
+        middle = np.stack(np.meshgrid(0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1]), indexing="ij"), axis=-1)
+        half = 0.5 * math.hypot(np.diff(x).max(), np.diff(y).max())
+        points = middle.reshape(-1, 2)
+        # Only cells that a wall may cross, or that are beyond one; sides of the box are no such walls.
+        gaps = [wall.gap(points, np.full(len(points), half), self.time) for wall in self.walls]
+        near = np.min(gaps, axis=0) < 0.0 if gaps else np.zeros(len(points), dtype=bool)
+        boundaries = self._boundaries(0.0)
+        for i, j in np.argwhere(near.reshape(found.shape)):
+            cut = (*_between(0, x[i], x[i + 1]), *_between(1, y[j], y[j + 1]))
+            found[i, j] = self._area([*boundaries, *cut])
+        return found
+
+    def rings(self, center: tuple[float, float], edges: Array) -> Array:
+        """Free areas [length^2] between circles of the radii `edges` [length] around a point, shape (edges - 1,)."""
+        boundaries = self._boundaries(0.0)
+        within = [self._area([*boundaries, CircleBoundary(center, float(r), inside=True)]) for r in edges]
+        return np.diff(within)
 
     def packing_fraction(self, radius: Array) -> float:
         """Fraction of the free area that disks of these radii [length], shape (n,), cover."""
@@ -204,6 +223,12 @@ class FreeArea:
                 inside = all(np.all(d > -same) for _, d in inward)
                 if inside and not any(j < i and np.all(np.abs(d) <= same) for j, d in inward):
                     yield one, s, s_1
+
+
+def _between(axis: int, low: float, high: float) -> tuple[LineBoundary, LineBoundary]:
+    """Lines across an axis that have the area between them on their inner sides."""
+    across = np.eye(2)[axis]
+    return _line(low * across, across), _line(high * across, -across)
 
 
 def _line(point: Array, normal: Array) -> LineBoundary:
