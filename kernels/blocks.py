@@ -844,14 +844,14 @@ def run_tile_by_block(tile, me, block: ti.template()):
             block.tile[tile].n_ghosts = 0
         if (mark & TOO_MANY) > 0:
             if ti.static(block.slots == BLOCK_SLOTS):
-                put_off(tile, block)
+                postpone(tile, block)
             else:
                 block.tile[tile].mark = NO_BLOCK
     ti.simt.block.sync()
 
 
 @ti.func
-def put_off(tile, block: ti.template()):
+def postpone(tile, block: ti.template()):
     """Leave a tile to `run_dense_tiles`."""
     block.tile[tile].mark = TOO_MANY
     block.dense[ti.atomic_add(block.counter.n_dense, 1)] = tile
@@ -866,7 +866,7 @@ def start_tile(tile, me, block: ti.template()):
     if block.counter.again == 0:
         run_tile_by_block(tile, me, block)
     elif me == 0:
-        put_off(tile, block)
+        postpone(tile, block)
 
 
 @ti.func
