@@ -140,10 +140,10 @@ print(runtime.chosen(), gas.collisions, hash)
 
 @both
 def test_a_checkpoint_resumes_bitwise_on_the_other_runtime(tmp_path: Path) -> None:
-    said = ""
+    logged = ""
 
     def done(name: str, *arguments: str) -> list[str]:
-        nonlocal said
+        nonlocal logged
         run = subprocess.run(
             [sys.executable, "-c", STATE, *arguments],
             cwd=tmp_path,
@@ -152,16 +152,16 @@ def test_a_checkpoint_resumes_bitwise_on_the_other_runtime(tmp_path: Path) -> No
             text=True,
             check=True,
         )
-        found, said = run.stdout.split(), run.stderr
+        found, logged = run.stdout.split(), run.stderr
         assert found[0] == name
         return found[1:]
 
     whole = done("taichi", "whole", "2.0")
     done("quadrants", "begin", "1.0")
     assert done("taichi", "go on", "2.0") == whole
-    assert re.search(r"gas\.h5 was written by quadrants \S+; taichi \S+ gives the same bits", said)
+    assert re.search(r"gas\.h5 was written by quadrants \S+; taichi \S+ gives the same bits", logged)
     assert whole == done("quadrants", "whole", "2.0")
-    assert "was written by" not in said
+    assert "was written by" not in logged
     assert int(whole[0]) > 100
 
 
