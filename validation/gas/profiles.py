@@ -180,9 +180,9 @@ def _heat(result: Result, quick: bool, seed: int, axes: Any) -> None:
     flux, heat = np.swapaxes([conducted(one, 50.0 if quick else 150.0) for one in seeds], 0, 1)
     for strip in (1, 4):
         compare(
-            result, f"heat flux in strip {strip} of 6 over that from thermal walls", ratio(flux[:, strip], heat[:, strip]),
-            1.0, disks=150, seeds=seeds, systematic=0.0, why="none", widest=0.5 if quick else 0.3,
-            source="balance of energy",
+            result, f"heat flux in strip {strip} of 6 over that of thermal walls",
+            ratio(flux[:, strip], heat[:, strip]), 1.0, disks=150, seeds=seeds, systematic=0.0, why="none",
+            widest=0.5 if quick else 0.3, source="balance of energy",
         )  # fmt: skip
     x = (np.arange(6) + 0.5) * 20.0 / 6.0
     style.points(axes, x, flux.mean(axis=0), style.VERMILION, "heat flux", "s")
