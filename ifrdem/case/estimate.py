@@ -20,6 +20,7 @@ from ..model.laws.viscoelastic import Viscoelastic
 from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, SPECIES_SERIES, STRESS_SERIES
 from ..model.walls.wall import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
+from ..theory.cooling_gas import cooling_until
 from ..theory.driven_gas import Driving
 from ..tools.checked import Array
 from ..trajectory import layout
@@ -411,6 +412,14 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
         rate = max(rate, theory.collision_rate(phi, steady[0], mass, radius))
     if rate == 0.0 or (T == 0.0 and (driving is None or driving.power == 0.0)):
         return steady, end, per_disk
+
+    if driving is None and not isinstance(law, Viscoelastic):
+        rate = theory.collision_rate(phi, T, mass, radius)
+        if math.isnan(per_disk):
+            done, _ = cooling_until(law, each.k, T_rot / T, time=(end - begin) * rate)
+            return steady, end, done
+        _, passed = cooling_until(law, each.k, T_rot / T, collisions=per_disk)
+        return steady, begin + passed / rate if passed < 1e12 * per_disk else end, per_disk
 
     def collisions(times: Array) -> Array:
         if driving is None:

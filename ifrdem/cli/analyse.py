@@ -48,6 +48,7 @@ NAMES = (
     "pressure",
     "stress",
     "cooling",
+    "species",
     "impact",
 )
 """As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
@@ -98,6 +99,7 @@ def analyse(
       pressure          from impulses and from the rate of collisions
       stress            pressure tensor, its parts, friction and N_1 (output.stress)
       cooling           fits of Haff's law and of T_rot / T
+      species           temperatures of each species, their ratios, kinetic theory
       impact            angles of impact and regimes
 
     Without names, all that the file allows; the exit status is 1 if damage of it keeps one from being done. Analyses of

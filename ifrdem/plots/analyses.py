@@ -9,10 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from .. import analysis
-from ..analysis.result import Evaluation
+from ..analysis.motion import Displacement
+from ..analysis.result import NOT_STATIONARY, Evaluation
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
+from . import species
 from .style import (
     ACROSS,
     KINDS,
@@ -101,13 +103,32 @@ def merged(found: analysis.PairCorrelation) -> tuple[Array, Array, Array]:
 
 
 def pairs(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
-    """g(r) with its errors, and its value at contact."""
-    found = evaluation.result
+    """g(r) with its errors, and its value at contact; of several species those of each pair of them."""
     unit = 1.0 if trajectory is None else 2.0 * float(trajectory.disks.radius.mean())
+    whole, *of_pairs = evaluation.result.items()
+    for i, (name, found) in enumerate(of_pairs):
+        r, g, error = merged(found)
+        style = {"color": KINDS[i % len(KINDS)]}
+        axes.fill_between(r / unit, g - error, g + error, lw=0.0, alpha=0.3, **style)
+        axes.plot(r / unit, g, "-", lw=1.2, label=f"{name}, band: standard error" if not i else name, **style)
+    found = whole[1]
+    if not of_pairs:
+        _all_pairs(axes, trajectory, evaluation, found, unit)
+    axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label="ideal gas")
+    text = "$r$" if trajectory is None else "$r$ (mean diameters)"
+    axes.set(xlim=(0.0, float(found.r[-1]) / unit), xlabel=text, ylabel="$g(r)$")
+    axes.set_ylim(bottom=0.0)
+    axes.legend(loc="best", frameon=False)
+    grid(axes)
+
+
+def _all_pairs(
+    axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation, found: analysis.PairCorrelation, unit: float
+) -> None:  # fmt: skip
+    """g(r) of all disks, its value at contact, and its plateau if that is above 1."""
     r, g, error = merged(found)
     axes.fill_between(r / unit, g - error, g + error, color=ACROSS, lw=0.0, alpha=0.6)
     axes.plot(r / unit, g, "-", color=TRANSLATION, lw=1.2, label="disks, band: standard error")
-    axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label="ideal gas")
     far = r > 0.7 * r[-1]
     plateau = float(g[far].mean())
     of_plateau = float(np.sqrt(np.sum(error[far] ** 2)) / np.count_nonzero(far))
@@ -118,13 +139,9 @@ def pairs(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> 
     for row in evaluation.rows:
         if row.name == "g at contact":
             text = f"at contact: {row.value:.3f} $\\pm$ {row.error:.3f}"
+            text = text if np.isfinite(row.error) else f"at contact: {row.value:.3g} (best fit, poor)"
             style = OPEN | {"color": ROTATION, "marker": "D", "ms": 6}
             axes.errorbar([1.0], [row.value], [row.error], label=text, **style)
-    text = "$r$" if trajectory is None else "$r$ (mean diameters)"
-    axes.set(xlim=(0.0, float(found.r[-1]) / unit), xlabel=text, ylabel="$g(r)$")
-    axes.set_ylim(bottom=0.0)
-    axes.legend(loc="best", frameon=False)
-    grid(axes)
 
 
 def structure(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
@@ -141,43 +158,76 @@ def structure(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation)
 
 
 def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
-    """The mean-square displacement, double logarithmic, with ballistic flight and the fitted diffusion."""
-    found, fit = evaluation.result
-    later = found.lag > 0.0
-    t, value = found.lag[later], found.value[later]
-    axes.errorbar(t, value, found.error[later], ms=3.5, label="disks", **POINTS)
-    axes.plot(t, value[0] * (t / t[0]) ** 2, ":", color=RATIO, lw=1.2, label="free flight, $t^2$")
-    if fit is not None:
+    """Mean-square displacements, double logarithmic, with ballistic flight and the fitted diffusion.
+
+    Of a cooling gas against collisions per disk, over the squared free path where that is known.
+    """
+    own_time = "tau" in evaluation.tables.get("", {})
+    lowest, highest = np.inf, 0.0
+    for i, (name, one) in enumerate(evaluation.result.items()):
+        found, fit, alone = one.msd, one.fit, len(evaluation.result) == 1
+        unit = one.free_path**2 if np.isfinite(one.free_path) else 1.0
+        later = found.lag > 0.0
+        t, value = found.lag[later], found.value[later] / unit
+        lowest, highest = min(lowest, value.min()), max(highest, value.max())
+        style = POINTS if alone else POINTS | {"color": KINDS[i % len(KINDS)]}
+        axes.errorbar(t, value, found.error[later] / unit, ms=3.5, label="disks" if alone else name, **style)
+        if alone:
+            axes.plot(t, value[0] * (t / t[0]) ** 2, ":", color=RATIO, lw=1.2, label="free flight, $t^2$")
+        if fit is None:
+            continue
         used = (t >= fit.lags[0]) & (t <= fit.lags[1])
-        line = value[used].mean() + 2.0 * found.components * fit.D * (t - t[used].mean())
-        text = f"line, $D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g} {unit_of(trajectory, 'length^2/time') or ''}".rstrip()
-        if evaluation.warnings:  # no single D
+        line = value[used].mean() + 2.0 * found.components * fit.D / unit * (t - t[used].mean())
+        text = (
+            f"$D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g} {unit_of(trajectory, 'length^2/time') or ''}".rstrip()
+        )
+        if own_time:
+            text = rf"$D / \nu$ = {fit.D:.3g} $\pm$ {fit.error:.1g} {unit_of(trajectory, 'length^2') or ''}".rstrip()
+            if unit != 1.0:
+                text = rf"$D m \nu / T$ = {0.5 * np.pi * fit.D / unit:.3g} $\pm$ {0.5 * np.pi * fit.error / unit:.1g}"
+        elif any(NOT_STATIONARY in warning for warning in evaluation.warnings):
             text = "straight line (the gas is not stationary: no $D$)"
-        elif abs(fit.exponent - 1.0) > 0.2:
+        if abs(fit.exponent - 1.0) > 0.2:
             text += f"\n(no diffusion: exponent {fit.exponent:.2f})"
-        axes.plot(t[used], line[used], "-", color=ROTATION, lw=2.0, zorder=5, label=text)
-    axes.set(xscale="log", yscale="log", ylim=(0.5 * value.min(), 3.0 * value.max()))
+        line_color = ROTATION if alone else KINDS[i % len(KINDS)]
+        axes.plot(t[used], line[used], "-", color=line_color, lw=2.0, zorder=5, label=text)
+    axes.set(xscale="log", yscale="log", ylim=(0.5 * lowest, 3.0 * highest))
     few_labels(axes)
-    axes.set_xlabel(label(trajectory, "lag $t$", "time"))
-    axes.set_ylabel(label(trajectory, r"$\langle |\Delta r|^2 \rangle$", "length^2"))
+    axes.set_xlabel(OWN_LAG if own_time else label(trajectory, "lag $t$", "time"))
+    scaled = own_time and np.isfinite(next(iter(evaluation.result.values())).free_path)
+    text = r"$\langle |\Delta r|^2 \rangle"
+    axes.set_ylabel(rf"{text} \,/\, \lambda^2$" if scaled else label(trajectory, f"{text}$", "length^2"))
     axes.legend(loc="lower right", frameon=False)
     grid(axes)
 
 
+OWN_LAG = r"lag $\tau$ (collisions per disk)"
+
+
 def vacf(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
-    """The velocity autocorrelation over its value at 0; over a logarithmic time, without lag 0, if frames are so."""
-    found = evaluation.result
-    step = np.diff(found.lag)
-    # Evenly spaced frames have steps of one length, those due at collisions of a gas that cools longer and longer ones.
-    logarithmic = len(step) > 2 and step.max() > 10.0 * step.min()
-    t, value, error = (each[int(logarithmic) :] for each in (found.lag, found.value, found.error))
-    axes.errorbar(t, value / found.value[0], error / found.value[0], ms=3.5, **POINTS | {"fmt": "o-"})
+    """Velocity autocorrelations over their values at 0; over a logarithmic time, without lag 0, if frames are so."""
+    own_time = "tau" in evaluation.tables.get("", {})
+    for i, (name, found) in enumerate(evaluation.result.items()):
+        step = np.diff(found.lag)
+        # Evenly spaced frames have steps of one length, those due at collisions of a cooling gas longer ones.
+        logarithmic = len(step) > 2 and step.max() > 10.0 * step.min()
+        t, value, error = (each[int(logarithmic) :] for each in (found.lag, found.value, found.error))
+        style = (
+            POINTS | {"fmt": "o-"} | ({} if len(evaluation.result) == 1 else {"color": KINDS[i % len(KINDS)]})
+        )
+        axes.errorbar(t, value / found.value[0], error / found.value[0], ms=3.5, label=name, **style)
+        if logarithmic:
+            axes.set_xscale("log")
+            few_labels(axes)
     axes.axhline(0.0, color=RATIO, ls=":", lw=1.2)
-    if logarithmic:
-        axes.set_xscale("log")
-        few_labels(axes)
-    axes.set_xlabel(label(trajectory, "lag $t$", "time"))
-    axes.set_ylabel(r"$\langle v(0) \cdot v(t) \rangle \,/\, \langle v^2 \rangle$")
+    for row in evaluation.rows:
+        if row.name == "decay by kinetic theory, collisions per disk":
+            axes.plot(t, np.exp(-t / row.value), "--", color=ROTATION, lw=1.2, label="kinetic theory")
+    if len(axes.lines) > 2 or len(evaluation.result) > 1:
+        axes.legend(loc="best", frameon=False)
+    axes.set_xlabel(OWN_LAG if own_time else label(trajectory, "lag $t$", "time"))
+    text = r"\langle c(0) \cdot c(\tau) \rangle" if own_time else r"\langle v(0) \cdot v(t) \rangle"
+    axes.set_ylabel(rf"${text} \,/\, \langle {'c' if own_time else 'v'}^2 \rangle$")
     grid(axes)
 
 
@@ -469,12 +519,13 @@ class Panels(NamedTuple):
 
 
 TWO: dict[str, Any] = {"ncols": 2}
+STACKED: dict[str, Any] = {"nrows": 2, "sharex": True}
 PANELS = {
     "velocity": Panels(velocity, TWO), "rdf": Panels(pairs), "structure-factor": Panels(structure), "msd": Panels(msd),
     "vacf": Panels(vacf), "profiles": Panels(profiles, {"nrows": 2, "ncols": 3, "sharex": True}),
     "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
     "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "stress": Panels(stress, TWO),
-    "cooling": Panels(cooling, TWO),
+    "cooling": Panels(cooling, TWO), "species": Panels(species.temperatures, STACKED),
     "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}),
 }  # fmt: skip
 """Name of the analysis -> its picture."""
@@ -488,16 +539,16 @@ def _alone(found: Any) -> Evaluation:
 def _correlation(axes: Axes, found: analysis.Correlation) -> None:
     """A mean-square displacement, which begins at 0, or an autocorrelation."""
     if found.value[0] == 0.0:
-        msd(axes, None, _alone((found, None)))
+        msd(axes, None, _alone({"all disks": Displacement(found, None)}))
     else:
-        vacf(axes, None, _alone(found))
+        vacf(axes, None, _alone({"all disks": found}))
 
 
 RESULTS: dict[type[Any], Panels] = {
     analysis.VelocityDistribution: Panels(
         lambda left, right, found: velocity(left, right, None, _alone({"all": found})), TWO
     ),
-    analysis.PairCorrelation: Panels(lambda axes, found: pairs(axes, None, _alone(found))),
+    analysis.PairCorrelation: Panels(lambda axes, found: pairs(axes, None, _alone({"all": found}))),
     analysis.StructureFactor: Panels(lambda axes, found: structure(axes, None, _alone(found))),
     analysis.Correlation: Panels(_correlation),
     analysis.BinAverages: Panels(bin_averages, TWO),

@@ -19,6 +19,7 @@ PICTURES = {
     "clusters": "the largest cluster in time, and cluster sizes",
     "psi6": "hexatic order of the disks",
     "stress": "pressure tensor against time, and its kinetic and collisional part (output.stress)",
+    "species": "temperatures of each species, their ratios and theta, with kinetic theory",
     "cooling": "Haff's law, and the approach of T_rot / T to its end",
     "impact": "impact angles compared with molecular chaos, and regimes",
 }

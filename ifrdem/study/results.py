@@ -16,12 +16,12 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from ..analysis.gas_theory import MOST_KINDS
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, there_are
 from ..model.laws.ifr import EnergyWarning
 from ..model.observables import COMPONENTS, MECHANISMS, REGIMES
-from ..plots.temperatures import MOST_KINDS
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..tools import files

@@ -142,6 +142,26 @@ def thermal_conductivity(packing_fraction: Packed, T: Positive, mass: Positive, 
 
 
 @validated
+def self_diffusion(e_n: Fraction) -> float:
+    """D m nu / T of smooth equal disks: D is the coefficient of self-diffusion, nu the collision rate of a disk.
+
+    4 / (1 + e_n)^2, in the first Sonine approximation, whether the gas is dense or dilute (by Enskog's theory) and
+    while it cools. With Maxwellian velocities, the mean velocity u of tagged disks changes at
+    -(1 + e_n) / 2 n sigma g times the integral of n <g_n^2> over normals n, to first order in u
+    -(1 + e_n) n sigma g sqrt(pi T / m) u = -(1 + e_n) / 2 nu u. In units of sqrt(T), which falls at the rate
+    nu (1 - e_n^2) / 4, that is nu (1 + e_n)^2 / 4, by which the velocity autocorrelation decays. J. J. Brey et al.,
+    Phys. Fluids 12, 876 (2000), doi:10.1063/1.870342, have the same for spheres.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> theory.self_diffusion(1.0)
+    1.0
+    """
+    return 4.0 / (1.0 + e_n) ** 2
+
+
+@validated
 def shear_length(
     law: KineticLaw,
     radius: Positive,
