@@ -66,6 +66,9 @@ class Force(ReadOnlyAttributes):
         Names of the numbers that `act` and `measure` get.
     totals : int
         How many sums over all disks `act` needs; `measure` gives each disk's share of them.
+    totals_ahead : bool
+        True if `measure` reads only mass, radius, k, inertia and `step.random`, so that totals do not depend on the
+        motion. On a CPU a force that has this, or no totals, acts within windows, which is much faster.
     keeps_rest : bool
         True if a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
         goes to its end without further steps.
@@ -103,6 +106,7 @@ class Force(ReadOnlyAttributes):
 
     parameters: ClassVar[tuple[str, ...]] = ()
     totals: ClassVar[int] = 0
+    totals_ahead: ClassVar[bool] = False
     keeps_rest: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -199,6 +203,7 @@ class RandomKicks(Force):
 
     parameters = ("power", "diffusion")
     totals = 4
+    totals_ahead = True
     keeps_momentum = True
 
     @validated

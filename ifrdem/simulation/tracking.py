@@ -21,7 +21,7 @@ from ..model.law import CollisionLaw, parts_of
 from ..model.state import Disks
 from ..model.walls import Wall
 
-KICK = -1
+KICK = k.KICKED
 """In place of a partner: a force changed the disk's velocity or spin."""
 ELASTIC = 9
 """In place of a `law.Regime`: a custom law or a thermal wall; elastic by a remedy for collapse."""
@@ -177,8 +177,9 @@ class Tracking:
         )
         real, whole = real[order].astype(np.float64), whole[order]
         event, info = named(real, "event"), named(whole, "event_int")
+        kicked = info.partner == KICK
         normal = event.normal.copy()
-        normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]  # single precision rounds it
+        normal /= np.where(kicked, 1.0, np.hypot(normal[:, 0], normal[:, 1]))[:, None]  # single precision rounds it
         position, image = event.position.copy(), info.image.copy()
         for axis, length in enumerate(box.lengths):
             if box.periodic[axis]:
@@ -220,6 +221,8 @@ class Tracking:
         regime[info.regime == k.BY_HEAT] = UNKNOWN
         impulse = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
         psi = np.arctan2(np.abs(across), np.maximum(along, 0.0))
+        for column in (impulse, psi, regime, found.partner_velocity_before, found.partner_velocity_after):
+            column[kicked] = 0
         self._found.append(replace(found, impulse=impulse, psi=psi, regime=regime))
 
     def kick(
