@@ -137,7 +137,9 @@ def act_on(i, row, t, tile, gains: ti.template(), gas: ti.template()):
                 ti.cast((kick.number + 0.5) * kick.dt, float), ti.cast(kick.dt, float), free, random,
                 [kick.totals[j] for j in range(force.n_totals)],
             ))[0]  # fmt: skip
-            given = ti.static((NamedNumbers(gas.force_values, force.names, FORCE_VALUES.width + force.first),))[0]
+            given = ti.static(
+                (NamedNumbers(gas.force_values, force.names, FORCE_VALUES.width + force.first),)
+            )[0]
             new_vx, new_vy, new_spin = force.act(body, step, given)
             motion.vx = ti.cast(new_vx, float) + flow - fall_x
             motion.vy, motion.spin = ti.cast(new_vy, float) - fall_y, ti.cast(new_spin, float)

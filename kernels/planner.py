@@ -103,7 +103,9 @@ def plan(gas: ti.template()):
         wall_speed += fastest_piston(gas)
     length = window_length(mean_square, fastest2, gas.clock.path, gas.clock.tile_side, pull, wall_speed)
     length = ti.min(length, gas.clock.longest)
-    if ti.static(gas.uses.forced):  # which may make disks faster: a window lasts not much longer than the last one
+    if ti.static(
+        gas.uses.forced
+    ):  # which may make disks faster: a window lasts not much longer than the last one
         length = ti.min(length, 2.0 * gas.clock.recent + gas.clock.shortest_step)
     gas.clock.square_unit = square_unit(ti.max(fastest2, least_square(pull, length, wall_speed)))
     if ti.static(gas.uses.sheared):  # rows of tiles move against each other

@@ -56,7 +56,9 @@ def acts_within(force: Force, arrays: DeviceArrays) -> bool:
     In a sheared box positions depend on the tile, to rounding, which a custom force may see.
     """
     ours = type(force).__module__ == Force.__module__
-    return not arrays.on_gpu and (not force.totals or force.totals_ahead) and (ours or not arrays.uses.sheared)
+    return (
+        not arrays.on_gpu and (not force.totals or force.totals_ahead) and (ours or not arrays.uses.sheared)
+    )
 
 
 class ForceSteps:
@@ -279,13 +281,15 @@ class ForceSteps:
             )  # fmt: skip
             return found.reshape(self.arrays.tiles, -1)
 
-        rows = self._rounded_sums(index, launch, lambda largest: largest.reshape(steps, -1)[:, :n].max(axis=0))
+        rows = self._rounded_sums(
+            index, launch, lambda largest: largest.reshape(steps, -1)[:, :n].max(axis=0)
+        )
         parts = rows.reshape(steps, 1 + LEVELS, n)[:, 1:]
         sums = np.array([[math.fsum(parts[m, :, j]) for j in range(n)] for m in range(steps)])
         if not np.isfinite(sums).all():
             raise EngineError(
-                f"forces[{index}] = {kind.__name__}: measure must read mass, radius, k, inertia and random only, and give "
-                "finite numbers, as totals_ahead = True"
+                f"forces[{index}] = {kind.__name__}: measure must read mass, radius, k, inertia and random only, and "
+                "give finite numbers, as totals_ahead = True"
             )
         return sums
 
@@ -358,7 +362,10 @@ class ForceSteps:
     def snapshot(self) -> dict[str, NDArray[Any]]:
         """State of the forces at the beginning of the present window."""
         clock = self.arrays.clock
-        found = {"next_steps": np.array(self.next_steps_of_window, dtype=np.int64), "energy_inputs": self._given.copy()}
+        found = {
+            "next_steps": np.array(self.next_steps_of_window, dtype=np.int64),
+            "energy_inputs": self._given.copy(),
+        }
         if self._within:
             found["forces_in_window"] = np.array([self._until, clock.recent])
         return found

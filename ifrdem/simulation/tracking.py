@@ -179,7 +179,9 @@ class Tracking:
         event, info = named(real, "event"), named(whole, "event_int")
         kicked = info.partner == KICK
         normal = event.normal.copy()
-        normal /= np.where(kicked, 1.0, np.hypot(normal[:, 0], normal[:, 1]))[:, None]  # single precision rounds it
+        normal /= np.where(kicked, 1.0, np.hypot(normal[:, 0], normal[:, 1]))[
+            :, None
+        ]  # single precision rounds it
         position, image = event.position.copy(), info.image.copy()
         for axis, length in enumerate(box.lengths):
             if box.periodic[axis]:
