@@ -444,7 +444,8 @@ TYPES: dict[str, str] = {
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""
 AXES = {
-    "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2, "todo": 2, "pairs": 2, "kicks": 2,
+    "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2, "todo": 2, "pairs": 2,
+    "kicks": 2,
 }  # fmt: skip
 """Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
 SINGLE = (

@@ -123,6 +123,22 @@ def leaving(i, region: ti.template(), gas: ti.template()):
 
 
 @ti.func
+def stays(i, horizon, region: ti.template(), gas: ti.template()):
+    """True if the disk in slot i does not leave its cell until a `horizon`; without the divisions of `leaving`."""
+    motion, info = gas.motion[i], gas.event_info[i]
+    _nx, _ny, factor = scale_of(layer_of(i, gas), region, gas)
+    dt = horizon - motion.tau
+    x, y = motion.x + motion.vx * dt - region.x, motion.y + motion.vy * dt - region.y
+    if ti.static(gas.uses.sheared):
+        x += info.shear_row * (gas.scale.aside + gas.scale.drift * horizon)
+    cx, cy = (
+        x - (info.cell >> 16) * (factor * region.side_x),
+        y - (info.cell & 0xFFFF) * (factor * region.side_y),
+    )
+    return (cx > 0.0) & (cx < factor * region.side_x) & (cy > 0.0) & (cy < factor * region.side_y)
+
+
+@ti.func
 def leave(i, side, region: ti.template(), gas: ti.template()):
     """Move the disk in slot i into the next cell over a side; round the box where that is periodic."""
     info, motion, image = gas.event_info[i], gas.motion[i], gas.image_info[i]
@@ -658,7 +674,12 @@ def predict(
         info.partner_number = gas.event_info[partner].number
     motion.t_hit = best
     info.partner = partner
-    leaves, side = leaving(i, region, gas)
+    leaves, side = FAR + 0.0 * horizon, 0
+    if ti.static(gas.uses.forced):
+        if not stays(i, horizon, region, gas):
+            leaves, side = leaving(i, region, gas)
+    else:
+        leaves, side = leaving(i, region, gas)
     if ti.static(gas.uses.rests):
         if sleeps(i, gas):
             leaves = FAR

@@ -313,15 +313,17 @@ class Langevin(Force):
 
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
-        left, spin_left = ti.exp(-p.rate * step.dt), ti.exp(-p.spin_rate * step.dt)
-        spread = ti.sqrt(p.temperature / disk.mass * (1.0 - left * left))
-        spin_spread = ti.sqrt(p.spin_temperature / disk.inertia * (1.0 - spin_left * spin_left))
-        kick, spin_kick = normals(step.random, 0), normals(step.random, 1)
-        return (
-            left * disk.vx + spread * kick[0],
-            left * disk.vy + spread * kick[1],
-            spin_left * disk.spin + spin_spread * spin_kick[0],
-        )
+        vx, vy, spin = disk.vx, disk.vy, disk.spin
+        if p.rate > 0.0:
+            left = ti.exp(-p.rate * step.dt)
+            spread = ti.sqrt(p.temperature / disk.mass * (1.0 - left * left))
+            kick = normals(step.random, 0)
+            vx, vy = left * vx + spread * kick[0], left * vy + spread * kick[1]
+        if p.spin_rate > 0.0:
+            left = ti.exp(-p.spin_rate * step.dt)
+            spread = ti.sqrt(p.spin_temperature / disk.inertia * (1.0 - left * left))
+            spin = left * spin + spread * normals(step.random, 1)[0]
+        return vx, vy, spin
 
 
 class Drag(Force):
@@ -373,7 +375,10 @@ class Drag(Force):
             tau = (1.0 - left) / p.rate
         speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
         factor = left / (1.0 + p.quadratic * speed * tau)
-        return factor * disk.vx, factor * disk.vy, disk.spin * ti.exp(-p.spin_rate * step.dt)
+        spin = disk.spin
+        if p.spin_rate > 0.0:
+            spin *= ti.exp(-p.spin_rate * step.dt)
+        return factor * disk.vx, factor * disk.vy, spin
 
 
 class TableFriction(Force):

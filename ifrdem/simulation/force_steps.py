@@ -37,7 +37,7 @@ from .schedule import first_after, reached, time_of
 if TYPE_CHECKING:
     from .windows import Windows
 
-AHEAD = 64
+AHEAD = 256
 """Steps of the shortest length that are planned together: windows end after so many."""
 HEADROOM = 24
 """Binary digits by which energies that forces give may exceed those at the window's beginning, with exact sums."""

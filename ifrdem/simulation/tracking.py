@@ -88,7 +88,7 @@ class Events:
         """The arrays by name."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
-    def where(self, chosen: NDArray[np.bool_]) -> Events:
+    def where(self, chosen: NDArray[Any]) -> Events:
         """Events of the selected rows."""
         return Events(*(column[chosen] for column in self.columns().values()))
 
@@ -218,12 +218,13 @@ class Tracking:
             _impulse(found, disks, pair),
         )
         along, across = _dot(relative, normal), _cross(normal, relative)
-        regime = self._regime(found, disks, pair)
+        regime, hits = np.zeros(len(found), dtype=np.int8), np.flatnonzero(~kicked)
+        regime[hits] = self._regime(found.where(hits), disks, (pair[0][hits], pair[1][hits]))
         regime[info.regime == k.BY_REMEDY] = ELASTIC
         regime[info.regime == k.BY_HEAT] = UNKNOWN
         impulse = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
         psi = np.arctan2(np.abs(across), np.maximum(along, 0.0))
-        for column in (impulse, psi, regime, found.partner_velocity_before, found.partner_velocity_after):
+        for column in (impulse, psi, found.partner_velocity_before, found.partner_velocity_after):
             column[kicked] = 0
         self._found.append(replace(found, impulse=impulse, psi=psi, regime=regime))
 
