@@ -49,8 +49,7 @@ import importlib as _importlib
 import os as _os
 import tempfile as _tempfile
 
-import lazy_loader as _lazy_loader
-
+from .tools import lazy as _lazy
 from .tools import renderer as _renderer
 
 # The runtime, imported later by any module, prints a banner by default, and in a notebook a line for each kernel.
@@ -65,4 +64,4 @@ if "HOME" not in _os.environ:  # as batch systems and containers may leave it: T
 _renderer.set_renderer(lambda: _importlib.import_module("ifrdem.plots.objects"))
 
 # There is no __all__: with it, `help(ifrdem)` would print every class in full, 2,500 lines.
-__getattr__, __dir__, _ = _lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, _ = _lazy.attach(__name__, __file__)

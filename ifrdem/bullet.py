@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InelasticCollapse, InputError
-from .model.collision import collide
-from .model.ifr import IFRLaw
+from .model.laws.collision import collide
+from .model.laws.ifr import IFRLaw
 from .tools.checked import Array, Integer, NonNegative, Numbers, Positive, Real, validated
 
 LAST_PYTHON = (3, 11)  # PyBullet publishes wheels for Python 3.9 to 3.11

@@ -1,9 +1,10 @@
-"""Errors that users see, and the spelling help inside them."""
+"""Errors and warnings that users see, the spelling help inside them, and where warnings point."""
 
 from __future__ import annotations
 
 import contextlib
 import difflib
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 
 
@@ -146,3 +147,11 @@ def listed(lines: Sequence[str], most: int = 20, count: int | None = None) -> st
     """
     more = (len(lines) if count is None else count) - most
     return "\n".join((*lines[:most], *([f"and {more} more mistakes like these"] if more > 0 else [])))
+
+
+def outside_level() -> int:
+    """The `stacklevel` of `warnings.warn` for the line outside of this package that led to the present call."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] == "ifrdem":
+        level, frame = level + 1, frame.f_back
+    return level

@@ -1,11 +1,11 @@
 """Collision laws: independent friction-restitution, its measured coins, other laws of the field, custom laws."""
 
-from .model.coin_table import Coin, coins
-from .model.collision import Collision, collide
-from .model.ifr import Admissibility, EnergyWarning, IFRLaw, Regime, rough_disks, smooth_disks
-from .model.law import CollisionLaw
-from .model.viscoelastic import Viscoelastic
-from .model.walton import Walton
+from .model.laws.coin_table import Coin, coins
+from .model.laws.collision import Collision, collide
+from .model.laws.ifr import Admissibility, EnergyWarning, IFRLaw, Regime, rough_disks, smooth_disks
+from .model.laws.law import CollisionLaw
+from .model.laws.viscoelastic import Viscoelastic
+from .model.laws.walton import Walton
 
 __all__ = [
     "Admissibility", "Coin", "Collision", "CollisionLaw", "EnergyWarning", "IFRLaw", "Regime", "Viscoelastic", "Walton",

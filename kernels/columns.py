@@ -318,6 +318,10 @@ READOUT = Columns(**columns(
     "translational", "rotational", "momentum_x", "momentum_y", "momentum_flux_xy", "fall", "all_events", "excess",
     "mass", "momentum_flux_xx",
 ))  # fmt: skip
+# Sums over the disks of a species; those of infinite mass only in its collisions.
+SPECIES = Columns(
+    **columns("translational", "rotational", "momentum_x", "momentum_y", "mass", "movable", "collisions")
+)
 
 
 class FrameField(NamedTuple):
@@ -391,7 +395,7 @@ TRIAL_TABLES: dict[str, Columns] = {
 
 # ---------------------------------------------------------------------- steps of forces
 
-# Time and length of the step; 1 for x and y where the whole gas can drift (`model.walls.free_directions`), else 0.
+# Time and length of the step; 1 for x and y where the whole gas can drift (`model.walls.wall.free_directions`), else 0.
 WHEN = Columns(**columns("time", "dt", "free_x", "free_y"))
 # A step of a force within a window: when it acts; number of the force among those that act so, and among all; number
 # and length of the step; totals, at least one.
@@ -444,8 +448,8 @@ TYPES: dict[str, str] = {
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""
 AXES = {
-    "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2, "todo": 2, "pairs": 2,
-    "kicks": 2,
+    "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2,
+    "species_totals": 2, "todo": 2, "pairs": 2, "kicks": 2,
 }  # fmt: skip
 """Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
 SINGLE = (

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from . import runtime, taichi_patches
+from . import runtime
 
 ti = runtime.load()
-taichi_patches.apply(runtime.chosen())
 
 from .compiler_fixes import round_products_by  # noqa: E402  (imports `ti` from here)
 

@@ -16,7 +16,7 @@ from .language import on_gpu, program, ti, view
 from .layout import Uses
 from .signature import parameters_of
 
-_IS_KNOWN = (runtime.chosen(), runtime.version(runtime.chosen())) in runtime.SAME_BITS
+_IS_KNOWN = runtime.is_known()
 _INTEGERS = ti.types.primitive_types.integer_type_ids
 _IS_TAICHI = runtime.chosen() == "taichi"
 
@@ -85,6 +85,8 @@ class Launcher:
         """Have the runtime check the arguments and launch the kernel; list them for the next launch."""
         self._launch, self._launch_with, held = None, None, iter(self._held)
         arrays = [given[name] if name in self._given else next(held) for name in self._names[len(numbers) :]]
+        # Python's: quadrants warns of numbers of NumPy, and checks launches with them again and again.
+        numbers = tuple(each.item() if isinstance(each, np.generic) else each for each in numbers)
         ti.lang.impl.current_cfg().opt_level = int(not any(map(_is_long, self._held)))
         self._kernel(*numbers, *arrays)
         if _IS_KNOWN and not on_gpu():

@@ -3,7 +3,7 @@
 Also copies of small arrays, and of rows of others, between host and GPU.
 """
 
-from .columns import FRAME, MECHANISM, READOUT, SMALL, first_word
+from .columns import FRAME, MECHANISM, READOUT, SMALL, SPECIES, first_word
 from .language import Rows, Table, has_numbers, spread_of_loops, ti, width
 from .layout import ASLEEP, ASLEEP_UNVERIFIED, SNAPSHOT
 from .particle import listed_kind, round_products
@@ -156,6 +156,55 @@ def read_out(
                         store_number(i, "wall_collisions", 0, gas.hits[s].wall_collisions, gas)
             for c in ti.static(range(READOUT.width)):
                 gas.totals[k][c] = total[c]
+
+
+@kernel
+def read_species(
+    part: ti.i32,
+    gas: Arrays(
+        "uses grid scale clock disk meta hits kind kinds tile edge_y first_of_species species_totals"
+    ),
+):
+    """Add up the motion and the collisions with disks of each species, tile by tile.
+
+    Ids of species s begin at `first_of_species[s]`; `species_totals` (tiles, species times columns of SPECIES) are 0.
+    """
+    spread = ti.static(spread_of_loops())
+    for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
+        round_products(gas)
+        if item % spread == 0:
+            k = item // spread
+            lists = part
+            if part >= SNAPSHOT:
+                lists = 1 - gas.grid.part
+            first = part * gas.grid.room + gas.tile[k].start[lists]
+            last = first + gas.tile[k].count[lists]
+            if ti.static(gas.uses.shared):
+                if gas.tile[k].owned == 0:
+                    last = first
+            for s in range(first, last):
+                listed_disk, kind_row, id_of_disk = gas.disk[s], listed_kind(s, gas), gas.meta[s].id
+                mass = ti.cast(gas.kinds[kind_row].mass, ti.f64)
+                vx, vy = ti.cast(listed_disk.vx, ti.f64), ti.cast(listed_disk.vy, ti.f64)
+                if ti.static(gas.uses.sheared):
+                    vx -= flow_at(listed_disk.y, gas)
+                spin = ti.cast(listed_disk.spin, ti.f64)
+                at = -SPECIES.width
+                for j in range(gas.first_of_species.shape[0]):
+                    if id_of_disk >= gas.first_of_species[j]:
+                        at += SPECIES.width
+                events = gas.meta[s].events
+                if ti.static(gas.uses.walled):
+                    events -= gas.hits[s].wall_collisions
+                inertia = ti.cast(gas.kinds[kind_row].inertia, ti.f64)
+                gas.species_totals[k, at + SPECIES.translational] += 0.5 * mass * (vx * vx + vy * vy)
+                gas.species_totals[k, at + SPECIES.rotational] += 0.5 * inertia * spin * spin
+                gas.species_totals[k, at + SPECIES.momentum_x] += mass * vx
+                gas.species_totals[k, at + SPECIES.momentum_y] += mass * vy
+                gas.species_totals[k, at + SPECIES.mass] += mass
+                gas.species_totals[k, at + SPECIES.collisions] += events
+                if mass > 0.0:
+                    gas.species_totals[k, at + SPECIES.movable] += 1.0
 
 
 @kernel

@@ -5,6 +5,7 @@ A process has one runtime. It is chosen before the kernels are imported: by `cho
 is installed. This module imports neither.
 """
 
+import contextlib
 import functools
 import importlib
 import importlib.metadata
@@ -13,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..errors import EngineError, InputError, nearest
-from . import taichi_patches
+from . import start_patches
 
 NAMES = ("taichi", "quadrants")
 VARIABLE = "IFRDEM_RUNTIME"
@@ -115,12 +116,17 @@ def have_same_bits(one: tuple[str, str], other: tuple[str, str], device: str) ->
     return one == other or (device == "cpu" and one in SAME_BITS and other in SAME_BITS)
 
 
+def is_known() -> bool:
+    """True if the chosen runtime is of a version that this program was tried with."""
+    return (chosen(), version(chosen())) in SAME_BITS
+
+
 def load() -> Any:
     """Import the chosen runtime, which stays that of the process."""
     global _loaded
     name = chosen()
     try:
-        with taichi_patches.short_import(name):
+        with start_patches.short_import() if is_known() else contextlib.nullcontext():
             module = importlib.import_module(name)
     except ImportError as error:
         why = f"{name} cannot be loaded ({error})"
@@ -129,5 +135,7 @@ def load() -> Any:
         elif version(name) is None:
             why += f": `pip install {name}`, or {_others(name)}"
         raise EngineError(why) from error
+    if is_known():
+        start_patches.apply(module)
     _loaded = name
     return module

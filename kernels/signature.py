@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from .columns import AXES, TABLES, Columns
+from .frontends import look_up
 from .language import Cube, Rows, Table, ti
 from .records import gas_of
 
@@ -89,4 +90,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     declared.__annotations__ = parameters
     for name in ("__doc__", "__module__", "__qualname__"):
         setattr(declared, name, getattr(function, name))
-    return ti.kernel(declared)
+    found = ti.kernel(declared)
+    if not free:
+        look_up(found)
+    return found

@@ -81,11 +81,13 @@ THEORY: dict[str, dict[str, Any]] = {
     "mixture_contact_values": {"packing_fraction": 0.2, "radius": [0.5, 1.0], "fraction": [1.0, 2.0],
                                "contact": "virial"},
     "mixture_cooling": {"mixture": MIXTURE, **TWO},
+    "mixture_cooling_ratios": {"mixture": MIXTURE, "theta0": 1.0},
     "mixture_cooling_rates": {"mixture": MIXTURE, "T": [1.0, 2.0], "T_rot": [0.5, 0.5]},
     "mixture_driven": {"mixture": MIXTURE, "driving": [Driving(power=0.1), Driving(power=0.2)], **TWO},
     "prediction": {"disks": DISKS, "law": SMOOTH, "packing_fraction": 0.2, "T0": 1.0, "T_rot0": 0.5,
                    "times": [0.0, 1.0], "forces": (), "shear_rate": 0.0},
     "rough_rates": {"theta": 0.5, "e_n": 0.9, "beta": 0.5, "k": 2.0},
+    "self_diffusion": {"e_n": 0.9},
     "shear_length": {**MODES, "theta": 0.5},
     "shear_mode_energy": {"collisions_per_disk": 2.0, **MODES, "box": (50.0, 50.0), "theta0": 0.5},
     "shear_mode_time": {"law": SMOOTH, "mass": 1.0, "radius": 0.5, "packing_fraction": 0.2,
@@ -103,7 +105,8 @@ ANALYSIS: dict[str, dict[str, Any]] = {
     "compressibility": {"packing_fraction": 0.2, "contact": 1.2, "e_n": 0.9},
     "contact_from_rate": {"rate": 1.0, "packing_fraction": 0.2, "temperature": 1.0, "mass": 1.0,
                           "radius": 0.5},
-    "contact_value": {"position": POINTS, "box": SIDES, "radius": 0.5, "time": 0.0},
+    "contact_value": {"position": POINTS, "box": SIDES, "radius": 0.5, "time": 0.0,
+                      "others": POINTS, "radius_of_others": 0.5},
     "correlation_time": {"series": TIMES},
     "diffusion_coefficient": {"msd": MSD, "first": 0.5, "last": 3.0},
     "gaussian": {"c": 1.0},
@@ -116,7 +119,7 @@ ANALYSIS: dict[str, dict[str, Any]] = {
                     "span": (0.5, 3.5)},
     "mean_with_error": {"series": TIMES},
     "pair_correlation": {"position": POINTS, "box": SIDES, "r_max": 3.0, "bins": 10, "r_min": 0.0,
-                         "time": 0.0},
+                         "time": 0.0, "others": POINTS},
     "pressure_from_impulses": {**COLLISIONS, "span": (0.0, 10.0), "area": 100.0, "disks": 10, "tracked": 10,
                                "temperature": 1.0},
     "ratio_fit": {"x": TIMES, "theta": 0.6 - 0.5 * np.exp(-TIMES) + 0.01 * RNG.normal(size=9), "first": 0.0,
@@ -167,10 +170,10 @@ STRESSED = dataclasses.replace(MEASURE, virial=np.eye(2))
 OBSERVABLES: dict[str, dict[str, Any]] = {
     "drift_text": {"velocity": [1.0, 0.0]},
     "from_totals": {"disks": DISKS, "totals": np.ones(10), "time": 1.0, "wall_collisions": 0,
-                    "about_mean": (True, True)},
+                    "about_mean": (True, True), "species": np.ones((2, 7))},
     "measure": {"disks": DISKS, "state": STATE, "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0,
                 "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int),
-                "about_mean": (True, True)},
+                "about_mean": (True, True), "species": {"a": 1, "b": 3}},
     "stress": {"before": STRESSED, "after": dataclasses.replace(STRESSED, time=1.0), "area": 10.0},
     "sums": {"disks": DISKS, "state": STATE, "gravity": (0.0, 0.0)},
 }  # fmt: skip
@@ -309,9 +312,9 @@ MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
 
 OTHERS: dict[ModuleType, set[str]] = {
     theory: {"CoolingRatio", "MixtureTemperatures", "Prediction", "ShearModes"},
-    analysis: {"Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
-               "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
-               "VelocityDistribution"},
+    analysis: {"BinAverages", "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
+               "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients",
+               "StructureFactor", "VelocityDistribution", "mean_fields", "profiles"},
     ifrdem.forces: {"normals", "uniforms"},
     ifrdem.observables: {"Measure", "Stress"},
     # Functions of fits, files and gases are below.
@@ -523,6 +526,10 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
     )
     return {
         **{f"plots.{name}": call for name, call in pictures.items()},
+        "analysis.profiles": (analysis.profiles, {"trajectory": run, "axis": "y", "bins": 40, "frames": [0, 1],
+                                                  "span": (0.0, 4.0), "collisions": True}),
+        "analysis.mean_fields": (analysis.mean_fields, {"trajectory": run, "cells": (2, 2), "frames": [0, 1],
+                                                        "collisions": True}),
         "fit.read": (ifrdem.fit.read, {"path": data, "errors": {"angles": 0.7}, "disk_1": COIN, "disk_2": None,
                                        "form": ifrdem.fit.TableFormat()}),
         **{f"History.{name}": (getattr(history, name), {"t": [0.5, 1.0]})
@@ -542,7 +549,7 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
         "Trajectory.plot": (run.plot, {"what": "temperatures", "ax": None, "frames": [0, 1], "over": "t",
                                        "color": None}),
         "Trajectory.read": (run.read, {"name": "position", "selection": 1}),
-        "Trajectory.read_events": (paths.read_events, {"name": "time", "rows": 0}),
+        "Trajectory.read_events": (paths.read_events, {"name": "time", "rows": 0, "start": 0}),
         "Trajectory.record": (lambda name, use: run.record(name, use, "[]"), {"name": "gravity", "use": list}),
         "Trajectory.require": (run.require, {"name": "position"}),
         "Trajectory.shape": (run.shape, {"name": "position"}),
@@ -562,7 +569,7 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
 
 PICTURES = ("cooling", "driven", "impact_scan", "sheared", "table", "walled")
 FILES = [
-    *(f"plots.{name}" for name in (*PICTURES, "figure")), "fit.read",
+    *(f"plots.{name}" for name in (*PICTURES, "figure")), "analysis.mean_fields", "analysis.profiles", "fit.read",
     *(f"History.{name}" for name in ("__getitem__", "angle", "position", "spin", "unwrapped", "velocity")),
     "Frame.__getitem__", "Frame.field", "Frame.plot", "DiskPath.__getitem__", "Series.__getitem__", "Series.columns",
     "PartsWriter.create", "Trajectory", "TrajectoryWriter", "TrajectoryWriter.write", "concat", "view",
@@ -619,8 +626,8 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "walls": (), "gravity": (0.0, 0.0),
-        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "tracked": (), "seed": 0,
-        "comm": None,
+        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "species": None, "tracked": (),
+        "seed": 0, "comm": None,
     }  # fmt: skip
     return {
         "DSMC": (dsmc, {"disks": DISKS, "law": law, "packing_fraction": 0.1, "velocity": np.ones((4, 2)),

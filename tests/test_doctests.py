@@ -19,7 +19,7 @@ from ifrdem.initial import radii
 FACES: list[ModuleType] = [ifrdem, initial, radii, forces, observables, theory, analysis, fit, bullet, plots]
 
 MADE_BY_FUNCTIONS = {
-    "MeanStress", "Measure", "Stress",
+    "BinAverages", "Local", "MeanStress", "Measure", "Stress",
     "MixtureTemperatures", "Prediction", "ShearModes", "CoolingRatio", "Clusters", "ContactValue",
     "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts", "PairCorrelation", "Pressure", "RatioFit",
     "SonineCoefficients", "StructureFactor", "VelocityDistribution", "Data", "Design", "Estimate", "Fit", "Fitted",
@@ -78,7 +78,9 @@ def test_example_in_the_docstring_prints_the_stated_output(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     test = examples(public().get(name, ifrdem), name)
-    for file in re.findall(r'"(\w+\.h5)"', test.docstring or "") if ".plots." in name else ():
+    for file in (
+        re.findall(r'"(\w+\.h5)"', test.docstring or "") if re.search(r"\.plots\.|\.averages\.", name) else ()
+    ):
         write_gas(tmp_path / file)
     if '"data.csv"' in (test.docstring or ""):
         (tmp_path / "data.csv").write_text(fit.example())

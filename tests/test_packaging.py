@@ -184,6 +184,8 @@ def test_bullet_extra_asks_for_pybullet_only_where_it_has_wheels():
 # corrections and patches of Taichi need.
 IMPORTS_OF_KERNELS = {
     "taichi",
+    "quadrants",
+    "hashlib",
     "math",
     "numpy",
     "os",

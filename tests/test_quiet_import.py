@@ -32,6 +32,13 @@ def test_the_runtime_prints_neither_its_banner_nor_a_line_on_notebooks(use: str)
     assert (done.stdout, done.stderr) == ("", "")
 
 
+def test_a_misspelt_name_of_the_package_gets_the_nearest() -> None:
+    with pytest.raises(AttributeError, match=r"'ifrdem' has no attribute 'Trajectry' .*'Trajectory'"):
+        _ = ifrdem.Trajectry
+    with pytest.raises(AttributeError, match=r"'ifrdem.initial' has no attribute 'rados' .*'radii'"):
+        _ = ifrdem.initial.rados
+
+
 @pytest.mark.parametrize(
     "name",
     ["forces", "laws", "observables", "initial", "theory", "analysis", "plots", "fit", "bullet"],

@@ -28,8 +28,8 @@ from ifrdem.cases import gallery
 from ifrdem.cli import main as cli
 from ifrdem.cli import program
 from ifrdem.model.observables import measure
-from ifrdem.model.wall_motion import Motion, Piston
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion, Piston
+from ifrdem.model.walls.wall import Wall
 from ifrdem.plots import pictures
 from ifrdem.theory import sheared_gas
 

@@ -6,6 +6,7 @@ and psi_6 need the package freud, S(k) finufft: `pip install "ifrdem[analysis]"`
 
 from __future__ import annotations
 
+from .averages import BinAverages, Local, mean_fields, profiles
 from .common import correlation_time, mean_with_error
 from .cooling import HaffFit, RatioFit, haff_fit, ratio_fit
 from .displacement import (
@@ -41,10 +42,11 @@ from .velocities import (
 )
 
 __all__ = [
-    "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts", "MeanStress",
-    "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor", "VelocityDistribution",
-    "clusters", "coarse_grain", "compressibility", "contact_from_rate", "contact_value", "correlation_time",
-    "diffusion_coefficient", "gaussian", "haff_fit", "hexatic", "impacts", "mean_square_displacement", "mean_stress",
-    "mean_with_error", "pair_correlation", "pressure_from_impulses", "ratio_fit", "sonine_density", "structure_factor",
-    "unwrap", "velocity_autocorrelation", "velocity_distribution",
+    "BinAverages", "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
+    "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients",
+    "StructureFactor", "VelocityDistribution", "clusters", "coarse_grain", "compressibility", "contact_from_rate",
+    "contact_value", "correlation_time", "diffusion_coefficient", "gaussian", "haff_fit", "hexatic", "impacts",
+    "mean_fields", "mean_square_displacement", "mean_stress", "mean_with_error", "pair_correlation",
+    "pressure_from_impulses", "profiles", "ratio_fit", "sonine_density", "structure_factor", "unwrap",
+    "velocity_autocorrelation", "velocity_distribution",
 ]  # fmt: skip

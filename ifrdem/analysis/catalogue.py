@@ -6,21 +6,35 @@ import math
 import numbers
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.ifr import IFRLaw
+from ..model.laws.ifr import IFRLaw
+from ..model.laws.walton import Walton
 from ..model.observables import STRESS_SERIES
-from ..model.walton import Walton
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
-from . import common, cooling, displacement, fields, impact, pressure, steadiness, structure, velocities
+from . import (
+    averages,
+    common,
+    cooling,
+    fields,
+    impact,
+    motion,
+    pressure,
+    species,
+    steadiness,
+    structure,
+    velocities,
+)
 from . import result as stored
 from . import stress as stresses
-from .result import NOT_STATIONARY, Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
+from .result import Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
+from .steadiness import is_stationary, stationarity_warning
 
 GAP = 0.1
 """Of the mean diameter: the gap below which disks are of one cluster."""
@@ -28,6 +42,8 @@ NEAR = 1.25
 """Mean diameters below which others are near a disk: by their number g near contact is held for steady or not."""
 BINS = 81
 """Of distributions of velocities and spins."""
+MOST_SPECIES = 4
+"""Above which g(r) is not divided into those of pairs of species."""
 SONINE = ("a20", "a02", "a11")
 Indices = NDArray[np.intp]
 
@@ -90,25 +106,66 @@ def of_pairs(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation
     box, radius, when = trajectory.box, trajectory.disks.radius, trajectory.times[used]
     diameter = 2.0 * float(radius.mean())
     reach = min(6.0 * diameter, 0.45 * min(box.lengths))
-    found = structure.pair_correlation(_positions(trajectory, used), box, r_max=reach, bins=240, time=when)
+    walled = bool(trajectory.free_area.all_walls)
+    notes = ["walls: no contact value, and g is relative to the mean density of the whole box"] * walled
+    results: dict[str, structure.PairCorrelation] = {}
     rows: list[Reading] = []
-    try:
-        if trajectory.free_area.all_walls:
-            notes = ["walls: no contact value, and g is relative to the mean density of the whole box"]
-        else:
-            contact = structure.contact_value(_positions(trajectory, used), box, radius=radius, time=when)
-            rows.append(Reading("g at contact", contact.g, contact.error))
-            quality = f"chi^2 = {contact.chi_square:.1f} for {contact.degrees} degrees of freedom"
-            notes = [f"parabola fitted to ln g up to 1.25 diameters: {quality}"]
-    except InputError as error:
-        notes = [f"no contact value: {error}"]
-    highest = float(found.r[np.argmax(found.g)])
-    rows.append(Reading("r of the highest g", highest, unit=unit(trajectory, "length")))
-    table = {"r": found.r, "g": found.g, "error": found.g_error}
+    table: Columns = {}
+    poor: list[str] = []
+    groups = kinds(trajectory)
+    pairs: list[tuple[str, Indices | slice, Indices | slice | None]] = [("all disks", slice(None), None)]
+    if 1 < len(groups) <= MOST_SPECIES:
+        names = [*groups]
+        pairs += [
+            (f"{a}, {b}", groups[a], None if a == b else groups[b])
+            for i, a in enumerate(names)
+            for b in names[i:]
+        ]
+    for name, first, second in pairs:
+        of, mark = ("", "") if name == "all disks" else (f" of {name}", f" [{name}]")
+
+        def positions(ids: Indices | slice) -> Iterator[Array]:
+            return (position[ids] for position in _positions(trajectory, used))
+
+        def given(second: Indices | slice | None = second) -> dict[str, Any]:
+            return {} if second is None else {"others": positions(second)}
+
+        try:
+            found = structure.pair_correlation(
+                positions(first), box, r_max=reach, bins=240, time=when, **given()
+            )
+        except InputError as error:
+            if not of:
+                raise
+            notes.append(f"no g(r){of}: {error}")
+            continue
+        results[name] = found
+        if not walled:
+            sizes = {} if second is None else {"radius_of_others": radius[second]}
+            try:
+                contact = structure.contact_value(
+                    positions(first), box, radius=radius[first], time=when, **given(), **sizes
+                )
+            except InputError as error:
+                notes.append(f"no contact value{of}: {error}")
+            else:
+                quality = f"chi^2 = {contact.chi_square:.1f} for {contact.degrees} degrees of freedom"
+                notes.append(f"parabola fitted to ln g{of} up to 1.25 diameters: {quality}")
+                error = contact.error if contact.describes else math.nan
+                rows.append(Reading(f"g at contact{of}", contact.g, error))
+                poor += [f"g at contact{of}: {quality}"] * (not contact.describes)
+        highest = float(found.r[np.argmax(found.g)])
+        rows.append(Reading(f"r of the highest g{of}", highest, unit=unit(trajectory, "length")))
+        table |= {"r": found.r, f"g{mark}": found.g, f"error{mark}": found.g_error}
     warnings = stored.part_warnings(trajectory) + _neighbours_change(
         trajectory, used, min(NEAR * diameter, reach)
     )
-    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
+    if poor:
+        warnings.append(
+            f"{'; '.join(poor)}: a parabola does not describe ln g near contact. The value is that of the best fit "
+            "(poor), without an error; `pressure` gives another from the collision rate"
+        )
+    return Evaluation(results, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
 
 
 def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float) -> list[str]:
@@ -164,8 +221,75 @@ def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
     return steadiness.warnings([steadiness.between_modes(what, [S.ravel()[longest] for _, S in modes])])
 
 
-def of_fields(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
+def of_profiles(
+    trajectory: Trajectory, frames: Sequence[int] | None, *, axis: str | None = None, bins: int | None = None
+) -> Evaluation:  # fmt: skip
+    found = averages.profiles(trajectory, axis, bins, frames=frames)
+    (edges,) = found.edges
+    width = float(edges[1] - edges[0])
+    rows = [
+        Reading(f"bins along {found.axes[0]}", len(edges) - 1),
+        Reading("width of a bin", width, unit=unit(trajectory, "length")),
+        *_extremes(trajectory, found),
+    ]
+    return _of_bins(trajectory, found, rows)
+
+
+def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[Reading]:
+    """Lowest and highest value over the bins of some quantities."""
+    last = found.directions[1] if found.axes[-1] == "y" else found.directions[0]
+    normal = 1 if found.axes[-1] == "y" else 0
+    chosen: dict[str, tuple[str, tuple[int, ...]]] = {
+        "packing fraction": ("packing_fraction", ()), "temperature": ("temperature", ()), "theta": ("theta", ()),
+        f"u_{found.directions[1 - normal]}": ("velocity", (1 - normal,)),
+        f"P_{last}{last}{'' if found.has_collisions else ', kinetic part'}": ("stress", (normal, normal)),
+    }  # fmt: skip
+    for text, (name, at) in chosen.items():
+        key = "stress_kinetic" if name == "stress" and not found.has_collisions else name
+        value, error = (getattr(one, key)[(..., *at)].ravel() for one in (found.mean, found.error))
+        if not np.isfinite(value).any():
+            continue
+        for which, place in (("lowest", np.nanargmin(value)), ("highest", np.nanargmax(value))):
+            of_unit = unit(trajectory, averages.UNITS.get(key, ""))
+            yield Reading(f"{which} {text}", float(value[place]), float(error[place]), of_unit)
+
+
+def _of_bins(trajectory: Trajectory, found: averages.BinAverages, rows: list[Reading]) -> Evaluation:
+    """Evaluation of averages in bins: notes on their errors and on the collisional part."""
+    notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
+    if found.frames > 1:
+        notes.append(f"errors from {min(averages.BLOCKS, found.frames)} blocks of frames")
+    tracked, movable = len(trajectory.tracked), trajectory.disks.n_movable
+    if found.has_collisions:
+        scaled = f", scaled to all {movable}: right if they are a random sample" if tracked < movable else ""
+        notes.append(f"collisional parts of P and q from histories of {tracked} disks{scaled}")
+    elif trajectory.box.shear_rate:
+        text = "a sheared box has no histories; `analyse stress` gives both parts for the whole gas"
+        notes.append(f"P and q: kinetic part only: {text}")
+    elif tracked:
+        notes.append("P and q: kinetic part only: these frames are not two or more within the histories")
+    else:
+        text = "for the collisional part set output.histories_all = true and run the case again"
+        notes.append(f"P and q: kinetic part only: {text}")
+    notes += stored.drift(trajectory, all_frames(trajectory, None)).notes(trajectory, "the flow contains it")
+    warnings = stored.part_warnings(trajectory)
+    inside = [i for i in range(len(trajectory)) if found.times[0] <= trajectory.times[i] <= found.times[1]]
+    T = motion.temperatures(trajectory, inside) if "temperature" in trajectory.observables else None
+    if T is not None and not is_stationary(T):
+        text = "averages are means over that time; choose frames over which T changes by less than a tenth"
+        warnings.append(f"{stationarity_warning(trajectory, T)}, and {text}")
+    return Evaluation(found, rows, {"": found.columns()}, notes, found.times, warnings, found.frames)
+
+
+def of_fields(
+    trajectory: Trajectory, frames: Sequence[int] | None, *, cells: tuple[int, int] | None = None, average: bool = False
+) -> Evaluation:  # fmt: skip
     stored.require_fields(trajectory, "position", "velocity")
+    if average:
+        means = averages.mean_fields(trajectory, cells, frames=frames)
+        a, b = means.mean.number_density.shape
+        rows = [Reading("cells along x", a), Reading("cells along y", b), *_extremes(trajectory, means)]
+        return _of_bins(trajectory, means, rows)
     used = second_half(trajectory, frames)[-1]
     disks, frame, box = trajectory.disks, trajectory[used], trajectory.box
     movable = np.isfinite(disks.mass)
@@ -173,9 +297,7 @@ def of_fields(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     if not len(position):
         raise InputError("mass: must be finite for one disk or more: fields are those of disks that can move")
     lengths = np.ptp(position, axis=0) if box.is_open else np.array(box.lengths)
-    # Some 20 disks a cell, and 200 cells along a side at most.
-    side = np.sqrt(float(np.prod(lengths)) * 20.0 / len(position))
-    a, b = (int(number) for number in np.clip(np.rint(lengths / side), 1, 200))
+    a, b = cells or averages.default_cells(lengths, len(position))
     spin = frame.spin[movable] if "angular_velocity" in trajectory.fields else None
     found = fields.coarse_grain(
         position, frame.peculiar_velocity[movable], spin, box=box, cells=(a, b), mass=disks.mass[movable],
@@ -268,50 +390,6 @@ def of_psi6(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     return Evaluation(found[-1], rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
 
 
-def _motion(
-    trajectory: Trajectory, frames: Sequence[int] | None, consequence: str
-) -> tuple[list[int], str, list[str], list[str]]:
-    """Suitable frames and time origins, notes, and a warning with its `consequence` if the temperature changes.
-
-    A gas that cools or heats up has no mean over origins. All frames if the gas is steady, else their second half if it
-    is steady there, else all from the first one on.
-    """
-    used = all_frames(trajectory, frames)
-    if len(used) < 4:
-        raise InputError(f"{trajectory.path}: {len(used)} frames are too few: must be at least 4")
-    T, middle = _temperatures(trajectory, used), len(used) // 2
-    notes, warnings = [], []
-    if T is None:
-        notes.append(
-            "cannot check if the gas is stationary: the file holds neither temperatures nor velocities"
-        )
-    if T is not None and not _is_stationary(T):
-        warnings = [f"{_stationarity_warning(trajectory, T)}{consequence}less than a tenth, or drive the gas"]
-    step = np.diff(trajectory.times[used])
-    if np.ptp(step) > displacement.EVEN * np.mean(step):
-        notes.append("frames are not evenly spaced in time: from the first frame only")
-        return used, "first", notes, warnings
-    if not warnings:
-        return used, "all", [*notes, "mean over all origins of time"], []
-    if frames is None and len(used) - middle >= 8 and T is not None and _is_stationary(T[middle:]):
-        note = "mean over all origins of time in the second half, where the gas is stationary"
-        return used[middle:], "all", [note], []
-    return used, "first", ["the temperature changes: from the first frame only"], warnings
-
-
-def _temperatures(trajectory: Trajectory, used: list[int]) -> Array | None:
-    """Temperatures of some frames [energy], stored or from velocities; None if the file holds neither."""
-    if "temperature" in trajectory.observables:
-        return np.asarray(trajectory.observables["temperature"][used])
-    needed = {"velocity"} | ({"position"} if trajectory.box.shear_rate else set())
-    if not needed <= set(trajectory.fields):
-        return None
-    movable = trajectory.disks.movable
-    mass = np.where(movable, trajectory.disks.mass, 0.0)
-    speeds2 = (np.sum(trajectory[i].peculiar_velocity ** 2, axis=1) for i in used)
-    return np.array([0.5 * np.sum(mass * each) for each in speeds2]) / max(np.count_nonzero(movable), 1)
-
-
 def _drift_remarks(trajectory: Trajectory) -> tuple[list[str], list[str]]:
     """Notes and warnings on the temperature of a drifting gas: old files include the energy of the drift in it."""
     moving = stored.drift(trajectory, all_frames(trajectory, None))
@@ -321,117 +399,6 @@ def _drift_remarks(trajectory: Trajectory) -> tuple[list[str], list[str]]:
         if inside > 1e-6 * moving.energy:
             return [], moving.notes(trajectory, "the temperatures of this file include it")
     return moving.notes(trajectory, "temperatures are relative to its mean velocity"), []
-
-
-def _is_stationary(T: Array) -> bool:
-    """True if the mean temperatures of both halves differ by less than a tenth."""
-    if len(T) < 2:
-        return True
-    early, late = (float(np.mean(part)) for part in np.array_split(T, 2))
-    return abs(late - early) <= 0.1 * max(early, late)
-
-
-def _stationarity_warning(trajectory: Trajectory, T: Array) -> str:
-    first, last = (trajectory.with_unit(f"{one:.4g}", "energy") for one in (T[0], T[-1]))
-    return f"{NOT_STATIONARY}: T goes from {first} to {last} in that time"
-
-
-def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[Array]:
-    """Yield a field over all frames for some disks at a time: memory holds a few million numbers."""
-    size = max(1, 2_000_000 // len(used))
-    for first in range(0, trajectory.n, size):
-        disks = slice(first, min(first + size, trajectory.n))
-        found = [trajectory.read(name, (index, disks)) for index in used]
-        yield np.stack(found).astype(np.float64)
-
-
-def unwrapped(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
-    """Yield paths without jumps for some disks at a time [length], shape (frames, disks, 2).
-
-    InputError if the file does not determine how often disks went around the box (`displacement.unwrap`).
-    """
-    known = [name for name in ("image", "velocity") if name in trajectory.fields][:1]
-    for position, *of_disks in zip(
-        *(_parts(trajectory, used, name) for name in ("position", *known)), strict=True
-    ):
-        given = dict(zip(known, of_disks, strict=True))
-        yield displacement.unwrap(position, trajectory.box, times=trajectory.times[used], **given)
-
-
-def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
-    stored.require_fields(trajectory, "position")
-    words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
-    used, origins, notes, warnings = _motion(trajectory, frames, words)
-    box, when = trajectory.box, trajectory.times[used]
-    if "image" not in trajectory.fields and any(box.periodic):
-        notes.append(
-            'no "image" in the file: between frames disks are taken to move by the shortest way (minimum image)'
-        )
-    moving = stored.drift(trajectory, used)
-    notes += moving.notes(trajectory, "displacements are relative to its mean path")
-
-    def paths() -> Iterator[Array]:
-        for path in unwrapped(trajectory, used):
-            if moving:
-                path = path - (when - when[0])[:, None, None] * moving.velocity
-            yield path if axis is None else path[:, :, axis : axis + 1]
-
-    bounded, axis, steady = _confined_axes(trajectory), None, not warnings
-    if box.shear_rate:
-        axis = 1
-        notes.append("across the flow only")
-    elif bounded[0] != bounded[1]:
-        axis = bounded.index(False)
-        notes.append(f"along {'xy'[axis]} only: walls bound the other direction")
-    elif all(bounded):
-        warnings = [
-            *warnings,
-            "walls on all sides bound the displacement: D is at best that of short lags, before disks reach the walls",
-        ]
-    found = displacement.mean_square_displacement(when, paths(), origins=origins)  # type: ignore[arg-type]
-    fit = displacement.diffusion_coefficient(found)
-    D = (fit.D, fit.error) if steady else (math.nan, math.nan)
-    rows = [Reading("D", *D, unit(trajectory, "length^2/time")), Reading("exponent", fit.exponent)]
-    if steady:
-        notes.append(f"line fitted at lags from {fit.lags[0]:.4g} to {fit.lags[1]:.4g}")
-        if abs(fit.exponent - 1.0) > 0.2:
-            notes.append("the exponent is not 1: this D is no diffusion coefficient")
-    table = {"lag": found.lag, "msd": found.value, "error": found.error}
-    return Evaluation((found, fit), rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
-
-
-def _confined_axes(trajectory: Trajectory) -> list[bool]:
-    """For x and y, whether walls bound the diffusion along it."""
-    walls = trajectory.free_area.all_walls
-    if any(wall.shape == "container" for wall in walls):
-        return [True, True]
-    # In an open box a line bounds one side only; in others, periodic or not, it bounds both.
-    lines = [] if trajectory.box.is_open else [wall.towards for wall in walls if wall.shape == "line"]
-    return [any(towards[1 - axis] == 0.0 for towards in lines) for axis in (0, 1)]
-
-
-def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
-    stored.require_fields(trajectory, "velocity")
-    if trajectory.box.shear_rate:
-        text = "velocities in the lab of a sheared gas say little"
-        raise InputError(f"{text}: the displacement across the flow is `msd`")
-    words = (
-        ": velocities shrink or grow with sqrt(T), so their decay is not only loss of correlation. Choose --frames "
-        "over which T changes by "
-    )
-    used, origins, notes, warnings = _motion(trajectory, frames, words)
-    moving = stored.drift(trajectory, used)
-    notes += moving.notes(trajectory, "velocities are relative to its mean velocity")
-    parts = (part - moving.velocity if moving else part for part in _parts(trajectory, used, "velocity"))
-    found = displacement.velocity_autocorrelation(trajectory.times[used], parts, origins=origins)  # type: ignore[arg-type]
-    scale = found.value[0] if found.value[0] > 0.0 else np.nan
-    below = np.flatnonzero(found.value < scale / math.e)
-    square = unit(trajectory, "length^2/time^2")
-    rows = [Reading("<v^2>", float(found.value[0]), float(found.error[0]), square)]
-    if len(below):
-        rows.append(Reading("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time")))
-    table = {"lag": found.lag, "vacf": found.value, "error": found.error}
-    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
 
 
 def _span_mean(when: Array, values: Array, span: tuple[float, float]) -> float:
@@ -456,11 +423,11 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
     rows: list[Reading] = []
     notes, warnings = _drift_remarks(trajectory)
     result = None
-    if not _is_stationary(T):
+    if not is_stationary(T):
         warnings.append(
-            f"{_stationarity_warning(trajectory, T)}, and the pressure with it: pressures are means over that time. "
+            f"{stationarity_warning(trajectory, T)}, and the pressure with it: pressures are means over that time. "
             "Z is that mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. "
-            "For a pressure at one temperature choose --frames over which T changes by less than a tenth"
+            "For a pressure at one temperature choose frames over which T changes by less than a tenth"
         )
     try:
         found = stored.collisions(trajectory)
@@ -562,11 +529,11 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     notes.append(f"errors from {len(found.time)} blocks of time")
     warnings = []
     inside = (series.time >= span[0]) & (series.time <= span[1])
-    if "temperature" in series and not _is_stationary(T := series["temperature"][inside]):
+    if "temperature" in series and not is_stationary(T := series["temperature"][inside]):
         text = (
-            "and stresses are means over that time; choose --frames over which T changes by less than a tenth"
+            "and stresses are means over that time; choose frames over which T changes by less than a tenth"
         )
-        warnings.append(f"{_stationarity_warning(trajectory, T)}, {text}")
+        warnings.append(f"{stationarity_warning(trajectory, T)}, {text}")
     table: Columns = {"time": found.time}
     table |= {f"P_{name}(t)": found.blocks[:, at[0], at[1]] for name, at in pairs.items()}
     return Evaluation(found, rows, {"": table}, notes, span, warnings)
@@ -629,7 +596,7 @@ def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> s
     return (
         f"{law} does not describe this run: {quantity} deviates systematically from the fit: rms {misfit:.2g}, "
         f"expected noise {scatter:.2g} for {n} disks. The parameters are of the best fit (poor), without errors; "
-        "choose a range where the law may hold with --frames"
+        "choose frames where the law may hold"
     )
 
 
@@ -675,24 +642,26 @@ def _regime_counts(trajectory: Trajectory, span: tuple[float, float]) -> dict[st
 
 @dataclass(frozen=True)
 class Analysis:
-    """An analysis: its title and its function of a file and frames (None: suitable ones)."""
+    """An analysis: its title and its function of a file, frames (None: suitable ones) and options."""
 
     title: str
-    of: Callable[[Trajectory, Sequence[int] | None], Evaluation]
+    of: Callable[..., Evaluation]
 
 
 ANALYSES = {
     "velocity": Analysis("velocities and spins: Sonine coefficients", of_velocity),
     "rdf": Analysis("pair correlation g(r)", of_pairs),
     "structure-factor": Analysis("structure factor S(k)", of_structure),
-    "msd": Analysis("mean-square displacement", of_msd),
-    "vacf": Analysis("velocity autocorrelation", of_vacf),
+    "msd": Analysis("mean-square displacement", motion.of_msd),
+    "vacf": Analysis("velocity autocorrelation", motion.of_vacf),
+    "profiles": Analysis("averages in bins along an axis", of_profiles),
     "fields": Analysis("coarse-grained fields", of_fields),
     "clusters": Analysis("clusters", of_clusters),
     "psi6": Analysis("hexatic order psi_6", of_psi6),
     "pressure": Analysis("pressure", of_pressure),
     "stress": Analysis("pressure tensor", of_stress),
     "cooling": Analysis("Haff's law and the ratio of temperatures", of_cooling),
+    "species": Analysis("temperatures of species and their ratios", species.of_species),
     "impact": Analysis("angles of impact and regimes", of_impact),
 }
 """Name -> analysis."""

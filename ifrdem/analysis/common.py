@@ -178,18 +178,32 @@ def correlation_time(series: Series) -> float:
     >>> round(analysis.correlation_time(rng.normal(size=10_000)), 1)  # independent numbers
     0.5
     """
-    x = np.array(series, dtype=float)
-    x -= x.mean()
+    return float(_correlation_times(np.array(series, dtype=float)))
+
+
+def _correlation_times(x: Array) -> Array:
+    """`correlation_time` of series along the first axis, (n, ...)."""
+    x = x - x.mean(axis=0)
     n = len(x)
-    if n < 4 or not np.any(x):
-        return 0.5
-    padded = np.fft.rfft(x, 2 * n)
-    covariance = np.fft.irfft(np.abs(padded) ** 2)[:n]
-    tau = 0.5 + np.cumsum(covariance[1:] / covariance[0])
-    lags = np.arange(1, n)
+    some = np.any(x, axis=0)
+    if n < 4 or not np.any(some):
+        return np.full(x.shape[1:], 0.5)
+    padded = np.fft.rfft(x, 2 * n, axis=0)
+    covariance = np.fft.irfft(np.abs(padded) ** 2, axis=0)[:n]
+    tau = 0.5 + np.cumsum(covariance[1:] / np.where(some, covariance[0], 1.0), axis=0)
+    lags = np.arange(1, n).reshape(-1, *[1] * (x.ndim - 1))
     # The last lag always qualifies: over all lags the autocorrelation about the mean adds up to -1/2, and tau to 0.
-    stop = int(np.argmax(lags >= 5.0 * np.maximum(tau, 0.5)))
-    return max(0.5, float(tau[stop]))
+    stop = np.argmax(lags >= 5.0 * np.maximum(tau, 0.5), axis=0)
+    return np.maximum(0.5, np.take_along_axis(tau, stop[None], axis=0)[0])
+
+
+def standard_errors(series: Array) -> Array:
+    """Standard errors of the means of series along the first axis, (n, ...), by `correlation_time`; nan for one row."""
+    if len(series) < 2:
+        return np.full(series.shape[1:], np.nan)
+    return np.asarray(
+        np.std(series, axis=0, ddof=1) * np.sqrt(2.0 * _correlation_times(series) / len(series))
+    )
 
 
 @validated
@@ -206,6 +220,4 @@ def mean_with_error(series: Series) -> tuple[float, float]:
     (True, 0.01)
     """
     x = np.asarray(series, dtype=float)
-    if len(x) < 2:
-        return float(x.mean()), float("nan")
-    return float(x.mean()), float(np.std(x, ddof=1) * np.sqrt(2.0 * correlation_time(x) / len(x)))
+    return float(x.mean()), float(standard_errors(x))

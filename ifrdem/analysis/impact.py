@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..model.ifr import Regime
+from ..model.laws.ifr import Regime
 from ..tools.checked import Array, Integer, Numbers, validated
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief

@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..model.observables import Measure, drift_text
 from ..tools.checked import Array
 from ..tools.reprs import Brief
+from ..trajectory.export import species
 from ..trajectory.reader import Trajectory
 
 COLUMNS = ("time", "id", "partner", "normal", "impulse", "psi", "regime")
@@ -151,6 +152,8 @@ NOT_STATIONARY = "the gas is not stationary"
 """Beginning of a warning that is one because the gas changes."""
 
 Columns = dict[str, NDArray[Any]]
+Groups = dict[str, NDArray[np.intp]]
+"""Names of groups of disks, and the ids of each."""
 
 
 class Reading(NamedTuple):
@@ -227,10 +230,18 @@ def times(trajectory: Trajectory, used: Sequence[int]) -> tuple[float, float]:
     return float(trajectory.times[used[0]]), float(trajectory.times[used[-1]])
 
 
-def kinds(trajectory: Trajectory) -> dict[str, NDArray[np.intp]]:
-    """Movable disks grouped by radius, mass, k and material; by material only, if there are many kinds."""
+def kinds(trajectory: Trajectory) -> Groups:
+    """Movable disks by the names of their species; of a file without several, by radius, mass, k and material.
+
+    By material only, if there are many kinds.
+    """
     disks = trajectory.disks
     movable = np.flatnonzero(np.isfinite(disks.mass))
+    named = species(trajectory) or {}
+    if len(named) > 1:
+        of_disk = np.repeat(np.arange(len(named)), [*named.values()])[movable]
+        groups = {name: movable[of_disk == i] for i, name in enumerate(named)}
+        return {name: ids for name, ids in groups.items() if len(ids)}
     columns = np.stack((disks.material, disks.radius, disks.mass, disks.k), axis=1)[movable]
     found, which = np.unique(columns, axis=0, return_inverse=True)
     if len(found) == 1:

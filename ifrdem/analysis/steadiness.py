@@ -24,6 +24,7 @@ import numpy as np
 
 from ..model.box import Box
 from ..tools.checked import Array
+from ..trajectory.reader import Trajectory
 from .common import cells_of
 from .result import NOT_STATIONARY
 
@@ -34,6 +35,20 @@ is some 10 diameters at packing fraction 0.3, where pairs know of each other ove
 MODES = 32
 ROUNDING = 1e-6
 """Relative change that may be rounding: g(r) and psi_6 are found in single precision, S(k) to 1e-9 of its largest."""
+
+
+def is_stationary(T: Array) -> bool:
+    """True if the mean temperatures of both halves differ by less than a tenth."""
+    if len(T) < 2:
+        return True
+    early, late = (float(np.mean(part)) for part in np.array_split(T, 2))
+    return abs(late - early) <= 0.1 * max(early, late)
+
+
+def stationarity_warning(trajectory: Trajectory, T: Array) -> str:
+    """Warning that the temperature changes, from its first value to its last [energy]."""
+    first, last = (trajectory.with_unit(f"{one:.4g}", "energy") for one in (T[0], T[-1]))
+    return f"{NOT_STATIONARY}: T goes from {first} to {last} in that time"
 
 
 class Change(NamedTuple):
@@ -65,7 +80,7 @@ def warnings(changes: Sequence[Change]) -> list[str]:
         return []
     return [
         f"{NOT_STATIONARY}: {', '.join(changed)} from the first half of these frames to the second; the means "
-        "average over that change, and their errors do not include it. Choose other frames with --frames"
+        "average over that change, and their errors do not include it. Choose other frames"
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
@@ -25,6 +26,7 @@ from ..tools.checked import (
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import BoxLike, Positions, Times, cells_of, freud_frame, load, neighbours
+from .cooling import CHANCE
 
 CONTACT_RANGE = 0.25  # of the diameter, in which the contact value is fitted
 CONTACT_BINS = 25
@@ -68,13 +70,20 @@ class ContactValue:
     degrees: int
     """chi_square, degrees: of the fit: far more than its degrees of freedom means that the form does not fit."""
 
+    @property
+    def describes(self) -> bool:
+        """False where deviations from the fit have a probability below 0.001 by chance."""
+        from scipy.stats import chi2
+
+        return bool(chi2.sf(self.chi_square, self.degrees) >= CHANCE)
+
 
 @validated
 def pair_correlation(
     position: Positions, box: BoxLike, *, r_max: Positive, bins: Bins = 200, r_min: NonNegative = 0.0,
-    time: Times = 0.0,
+    time: Times = 0.0, others: Positions | None = None,
 ) -> PairCorrelation:  # fmt: skip
-    """g(r) of one or several frames, by freud.
+    """g(r) of one or several frames, by freud; g_ab(r) of two species with `others`.
 
     The standard error is the larger of two: that of counting pairs which are independent, and that of the scatter over
     25 to 100 cells of the box, each summed over the frames, which holds for frames that show nearly the same gas too;
@@ -93,6 +102,8 @@ def pair_correlation(
         Where the bins end and begin [length]; less than half the shortest side.
     time : float or one for each frame
         Needed for sheared boxes [time].
+    others : array (m, 2) or frames of them, optional
+        Centres of other disks, which are the second of a pair [length]: g is relative to their density.
 
     Examples
     --------
@@ -109,18 +120,19 @@ def pair_correlation(
         )
     if not 0.0 <= r_min < r_max:
         raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: must satisfy 0 <= r_min < r_max")
-    counted = _count_pairs(position, box, r_min, r_max, bins, time)
-    edges, count, ideal = counted.edges, counted.number, counted.ideal
+    counted = _count_pairs(position, box, r_min, r_max, bins, time, others)
+    edges = counted.edges
     error = np.maximum(counted.independent, counted.scatter)
-    g = count / ideal
-    return PairCorrelation(0.5 * (edges[1:] + edges[:-1]), g, error, 0.5 * count, counted.frames)
+    g = counted.number / counted.ideal
+    return PairCorrelation(0.5 * (edges[1:] + edges[:-1]), g, error, counted.pairs, counted.frames)
 
 
 class _Counted(NamedTuple):
-    """Pairs of a g(r): their number (each pair twice), their expectation in an ideal gas, and errors of the ratio."""
+    """Pairs of a g(r): their number from each centre, its expectation in an ideal gas, and errors of the ratio."""
 
     edges: Array  # (bins + 1,) [length]
     number: Array
+    pairs: Array  # each once
     ideal: Array
     independent: Array
     scatter: Array
@@ -128,8 +140,9 @@ class _Counted(NamedTuple):
 
 
 def _count_pairs(
-    position: Iterable[Array], box: Box, r_min: float, r_max: float, bins: int, time: Iterable[float]
-) -> _Counted:
+    position: Iterable[Array], box: Box, r_min: float, r_max: float, bins: int, time: Iterable[float],
+    others: Iterable[Array] | None = None,
+) -> _Counted:  # fmt: skip
     """Pairs in rings around the centres of frames, cell by cell of the box."""
     freud = load("freud", "g(r)")
     ideal, frames, side = np.zeros(bins), 0, 0
@@ -137,10 +150,12 @@ def _count_pairs(
     edges = np.linspace(r_min, r_max, bins + 1)
     rings = np.pi * np.diff(edges**2)
     rdf = freud.density.RDF(bins, r_max, r_min=r_min)
-    for points, when in zip(position, time, strict=False):
-        if len(points) < 2:
+    seconds = itertools.repeat(None) if others is None else others
+    for points, second, when in zip(position, seconds, time, strict=False):
+        if second is None and len(points) < 2:
             raise InputError(f"position has a frame of {len(points)} disks: must have 2 or more")
         frame = freud_frame(points, box, r_max, when, "g(r)")
+        aim = frame if second is None else freud_frame(second, box, r_max, when, "g(r)")
         inside = np.ones(len(points), dtype=bool)
         for axis in (0, 1):
             if not box.periodic[axis]:
@@ -148,25 +163,28 @@ def _count_pairs(
         if frames == 0:
             side = int(np.clip(np.sqrt(len(points) / DISKS_OF_CELL), *CELLS))
             by_cell, centres = np.zeros((side**2, bins)), np.zeros(side**2)
-        query = freud.locality.AABBQuery(frame.box, frame.points)
+        query = freud.locality.AABBQuery(aim.box, aim.points)
         where = np.where(inside, cells_of(box.wrap(points, when), box, side), -1)
         for cell in np.unique(where[inside]):
             own = frame.points[where == cell]
             rdf.compute(query, query_points=own, neighbors={"r_max": r_max})
             counts = np.asarray(rdf.bin_counts, dtype=float)
-            if r_min == 0.0:
+            if r_min == 0.0 and second is None:
                 counts[0] -= len(own)  # each found itself
             by_cell[cell] += counts
             centres[cell] += len(own)
-        ideal += np.count_nonzero(inside) * (len(points) - 1) / box.area * rings
+        partners = len(points) - 1 if second is None else len(second)
+        ideal += np.count_nonzero(inside) * partners / box.area * rings
         frames += 1
     if frames == 0:
-        raise InputError("position has no frames: must have one or more")
+        names = "position" if others is None else "position or others"
+        raise InputError(f"{names} has no frames: must have one or more")
     if not np.any(ideal):
         raise InputError(f"no centre is farther than r_max = {r_max:g} from the walls: choose a shorter one")
     count = by_cell.sum(axis=0)
     # Each pair of a periodic gas is counted from both ends: its count says only half as much as it shows.
-    independent = np.sqrt(2.0 * np.maximum(count, 1.0)) / ideal
+    ends = 2.0 if others is None else 1.0
+    independent = np.sqrt(ends * np.maximum(count, 1.0)) / ideal
     r = 0.5 * (edges[1:] + edges[:-1])
     a, b = np.array(box.lengths) / side
     same = np.maximum(1.0 - 2.0 * r / np.pi * (1.0 / a + 1.0 / b) + r**2 / (np.pi * a * b), 0.0)
@@ -177,17 +195,21 @@ def _count_pairs(
     cells = len(parts)
     scatter = np.std(parts, axis=0, ddof=1) * np.sqrt(cells) if cells > 1 else np.zeros(bins)
     # A pair across two cells is counted once in each, and their covariance is missing: a half of its variance.
-    return _Counted(edges, count, ideal, independent, scatter / np.sqrt(0.5 + 0.5 * same) / ideal, frames)
+    return _Counted(
+        edges, count, count / ends, ideal, independent, scatter / np.sqrt(0.5 + 0.5 * same) / ideal, frames
+    )
 
 
 @validated
 def contact_value(
-    position: Positions, box: BoxLike, *, radius: PositivePerDisk, time: Times = 0.0
-) -> ContactValue:
+    position: Positions, box: BoxLike, *, radius: PositivePerDisk, time: Times = 0.0,
+    others: Positions | None = None, radius_of_others: PositivePerDisk | None = None,
+) -> ContactValue:  # fmt: skip
     """g at contact of equal disks: a parabola fitted to ln g from contact to 1.25 diameters, weighted by pairs counted.
 
-    `radius` are their radii [length], one number or shape (n,); the rest as `pair_correlation`. InputError as
-    `pair_correlation`; if radii differ, or too few pairs are near contact for a fit.
+    `radius` are their radii [length], one number or shape (n,), `radius_of_others` those of `others` (by default the
+    same); the rest as `pair_correlation`. InputError as `pair_correlation`; if radii of a species differ, or too few
+    pairs are near contact for a fit.
 
     Examples
     --------
@@ -201,19 +223,23 @@ def contact_value(
     >>> bool(abs(found.g - 1.0) < 4.0 * found.error + 0.1)
     True
     """
-    radii = np.atleast_1d(np.asarray(radius, dtype=float))
-    if not len(radii):
-        raise InputError("radius has shape (0,): must be that of one disk or more")
-    if np.ptp(radii) > 1e-9 * radii[0]:
-        raise InputError(
-            "radius: must be the same for all: a contact value is found here for equal disks only"
-        )
-    sigma = 2.0 * float(radii[0])
+    sigma = 0.0
+    for name, given in (
+        ("radius", radius), ("radius_of_others", radius if radius_of_others is None else radius_of_others)
+    ):  # fmt: skip
+        radii = np.atleast_1d(np.asarray(given, dtype=float))
+        if not len(radii):
+            raise InputError(f"{name} has shape (0,): must be that of one disk or more")
+        if np.ptp(radii) > 1e-9 * radii[0]:
+            raise InputError(
+                f"{name}: must be the same for all: a contact value is found here for equal disks only"
+            )
+        sigma += float(radii[0])
     reach = (1.0 + CONTACT_RANGE) * sigma
     if box.is_open:
         raise InputError("box = Box.open(): must have sides, g(r) needs a density")
-    counted = _count_pairs(position, box, sigma, reach, CONTACT_BINS, time)
-    pairs = 0.5 * counted.number
+    counted = _count_pairs(position, box, sigma, reach, CONTACT_BINS, time, others)
+    pairs = counted.pairs
     used = pairs >= 5.0
     if np.count_nonzero(used) < 8:
         raise InputError(

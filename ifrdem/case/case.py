@@ -287,6 +287,8 @@ class SpeciesSection(Section):
     """Shape number in the moment of inertia m R^2 / k [1]: 2 homogeneous disk, 1 hoop."""
     speed_rms: float = field(1.0, 0.0, ge=0.0)
     """Root mean square speed at the start [m/s], Maxwellian, without total momentum."""
+    temperature: float | None = field(0.6e-3, None, ge=0.0)
+    """Temperature at the start, the mean of m v^2 / 2 [J], instead of speed_rms."""
     spin_rms: float = field(0.0, 0.0, ge=0.0)
     """Root mean square spin at the start [rad/s], Gaussian."""
 
@@ -294,15 +296,20 @@ class SpeciesSection(Section):
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """A mass and a size that are missing, or given twice; with a coin, given at all."""
         masses, sizes = ("mass", "areal_density"), ("radius", "diameter", "radii")
+        problems = exclusive_with(data, "temperature", "speed_rms")
         if "coin" in data:
-            return exclusive_with(data, "coin", *masses, *sizes, "k")
-        problems = []
+            return problems + exclusive_with(data, "coin", *masses, *sizes, "k")
         for group in (masses, sizes):
             given = [key for key in group if key in data]
             if len(given) != 1:
                 text = f"must have exactly one of {', '.join(group)}, or coin; given: {', '.join(given) or 'none'}"
                 problems.append(text)
         return problems
+
+    @property
+    def moves(self) -> bool:
+        """True if its disks move at the start."""
+        return bool(self.speed_rms or self.temperature)
 
 
 class ForceSection(Section):

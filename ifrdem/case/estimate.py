@@ -15,11 +15,12 @@ from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
 from ..model.density import packing_fraction
-from ..model.law import EnergyWarning
-from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, STRESS_SERIES
-from ..model.viscoelastic import Viscoelastic
-from ..model.walls import PISTONS, SUMS
+from ..model.laws.law import EnergyWarning
+from ..model.laws.viscoelastic import Viscoelastic
+from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, SPECIES_SERIES, STRESS_SERIES
+from ..model.walls.wall import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
+from ..theory.cooling_gas import cooling_until
 from ..theory.driven_gas import Driving
 from ..tools.checked import Array
 from ..trajectory import layout
@@ -440,6 +441,14 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     if rate == 0.0 or (T == 0.0 and (driving is None or driving.power == 0.0)):
         return steady, end, per_disk
 
+    if driving is None and not isinstance(law, Viscoelastic):
+        rate = theory.collision_rate(phi, T, mass, radius)
+        if math.isnan(per_disk):
+            done, _ = cooling_until(law, each.k, T_rot / T, time=(end - begin) * rate)
+            return steady, end, done
+        _, passed = cooling_until(law, each.k, T_rot / T, collisions=per_disk)
+        return steady, begin + passed / rate if passed < 1e12 * per_disk else end, per_disk
+
     def collisions(times: Array) -> Array:
         if driving is None:
             with warnings.catch_warnings(action="ignore", category=EnergyWarning):  # the case has its notice
@@ -481,7 +490,7 @@ def _trajectory_bytes(
     frame = chunks * sum(on_pages(per_chunk * _field_bytes(output, name)) for name in output.fields)
     walls = len(case.wall) + 2 * sum(not each for each in case.box.periodic)
     row = totals + sum(LEDGER.values()) * output.ledger + walls * len(SUMS) * output.wall_sums
-    row += STRESSES * output.stress
+    row += STRESSES * output.stress + len(SPECIES_SERIES) * len(case.species) * (len(case.species) > 1)
     event = sum(
         column.components * np.dtype(column.dtype).itemsize for column in layout.EVENT_COLUMNS.values()
     )

@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from ..errors import InputError, listed, refuse
 from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import StartData
-from ..model import crush
 from ..model.box import Box
-from ..model.free_area import FreeArea
-from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw
+from ..model.laws.ifr import EnergyWarning
+from ..model.laws.law import CollisionLaw
+from ..model.laws.pairs import MEAN_APPROACH, PairLaws
 from ..model.observables import drift_text
-from ..model.pair_laws import MEAN_APPROACH, PairLaws
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
-from ..model.walls import Wall, free_directions, smooth_materials, wall_names
+from ..model.walls import crush
+from ..model.walls.free_area import FreeArea
+from ..model.walls.wall import Wall, free_directions, smooth_materials, wall_names
 from ..mpi import SERIAL, Communicator, current, distribution
 from ..simulation import backend, checks
 from ..simulation.simulation import Simulation
@@ -407,7 +407,10 @@ class CaseGas:
         for i, own in enumerate(self._of_species(current().slice_of(self.n))):
             each, seed = (self.drawn or self.species)[i], seeds.of_species(self.case.run.seed, i)
             mass = each.columns(own)[0]
-            velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, seed=seed))
+            speed = each.speed_rms if each.temperature is None else None
+            velocity.append(
+                placement.maxwellian(mass, speed_rms=speed, temperature=each.temperature, seed=seed)
+            )
             spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, seed=seed))
             if lone:
                 masses.append(mass if each.speed_rms > 0.0 else np.zeros_like(mass))
@@ -423,7 +426,7 @@ class CaseGas:
 
     @functools.cached_property
     def free(self) -> tuple[bool, bool]:
-        """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
+        """True along x and y where the whole gas can drift (`model.walls.wall.free_directions`)."""
         of_disks = {self.materials.index(each.material) for each in self.species}
         e_t, mu = self._coefficient("e_t"), self._coefficient("mu")
         return free_directions(self.free_area.all_walls, smooth=smooth_materials(e_t, mu, of_disks))
@@ -619,6 +622,7 @@ class CaseGas:
             "walls": self._walls_at_start,
             "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
             "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
+            "species": {each.name: each.number for each in self.species} if len(self.species) > 1 else None,
             "tracked": tracked, "comm": comm,
         }  # fmt: skip
         if not self.law().is_proved:  # the simulation checks it

@@ -8,11 +8,11 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, ConfigDict, Discriminator, Tag
 
 from ..errors import there_are
-from ..model import law_files
-from ..model.coin_table import coins
-from ..model.ifr import REQUIRED_COEFFICIENTS, IFRLaw, rough_disks, smooth_disks
-from ..model.viscoelastic import Viscoelastic
-from ..model.walton import Walton
+from ..model.laws import files as law_files
+from ..model.laws.coin_table import coins
+from ..model.laws.ifr import REQUIRED_COEFFICIENTS, IFRLaw, rough_disks, smooth_disks
+from ..model.laws.viscoelastic import Viscoelastic
+from ..model.laws.walton import Walton
 from .section import Name, Section, exclusive_with, field, refusal
 
 # The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.

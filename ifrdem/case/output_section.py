@@ -46,10 +46,10 @@ class OutputSection(Section):
         ["position", "velocity", "angular_velocity", "collisions", "image"],
         ["position", "velocity", "angular_velocity", "collisions", "image"],
     )
-    """Fields of every disk in every frame [list of names]; image: box lengths travelled, which paths through periodic
-    sides need; angle: how far it has turned since the start; last_partner: its latest collision partner; dissipated:
-    energy that its collisions took, by mechanism (half of each); asleep: 1 for disks that sleep, with
-    run.collapse = "rest"."""
+    """Fields of every disk in every frame [list of names; [] for sums over all disks alone]; image: box lengths
+    travelled, which paths through periodic sides need; angle: how far it has turned since the start; last_partner: its
+    latest collision partner; dissipated: energy that its collisions took, by mechanism (half of each); asleep: 1 for
+    disks that sleep, with run.collapse = "rest"."""
     series: int | None = field(1000, None, ge=1, le=MOST_FRAMES)
     """Rows of the time series (energies, temperatures, momentum, collisions by regime, what dissipates energy) after
     the initial one [whole number]. Each may cost the engine's window around it once more. Without this key, rows

@@ -11,9 +11,9 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from ..errors import InputError, nearest
-from ..model.coin_table import coins
-from ..model.ifr import EnergyWarning, IFRLaw
-from ..model.law import CollisionLaw
+from ..model.laws.coin_table import coins
+from ..model.laws.ifr import EnergyWarning, IFRLaw
+from ..model.laws.law import CollisionLaw
 from .case import CaseSections
 from .laws_section import FileKeys, IFRMaterial, Material, PairOfMaterials
 from .species import Species

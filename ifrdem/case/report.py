@@ -13,11 +13,11 @@ import numpy as np
 
 from ..model.box import describe_sides
 from ..model.density import packing_fraction
-from ..model.law import CollisionLaw
-from ..model.law_records import to_record
-from ..model.law_sampling import PAIRS
-from ..model.viscoelastic import Viscoelastic
-from ..model.walls import Wall
+from ..model.laws.law import CollisionLaw
+from ..model.laws.records import to_record
+from ..model.laws.sampling import PAIRS
+from ..model.laws.viscoelastic import Viscoelastic
+from ..model.walls.wall import Wall
 from ..mpi.distribution import GATHERED
 from ..simulation import backend
 from ..tools.progress import size_of_time

@@ -18,15 +18,15 @@ from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import StartData
 from ..kernels.columns import MOST_IDS, MOST_WALLS
-from ..model import law_files
 from ..model.box import Box
-from ..model.free_area import FreeArea
-from ..model.law import CollisionLaw
+from ..model.laws import files as law_files
+from ..model.laws.law import CollisionLaw
 from ..model.overlaps import check_no_overlap, relax
 from ..model.state import DiskKinds
-from ..model.wall_checks import check as check_free_of_walls
-from ..model.wall_checks import check_place
-from ..model.walls import Wall, pieces
+from ..model.walls.checks import check as check_free_of_walls
+from ..model.walls.checks import check_place
+from ..model.walls.free_area import FreeArea
+from ..model.walls.wall import Wall, pieces
 from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.checks import check_pistons
@@ -139,7 +139,7 @@ def check_motion(case: CaseSections) -> Iterator[Problem]:
         return
     if _disks(case) < 2:
         yield _at(case, key, "one disk alone never collides; give t_end instead")
-    elif start.placed and not case.sets_in_motion and not any(each.speed_rms for each in case.species):
+    elif start.placed and not case.sets_in_motion and not any(each.moves for each in case.species):
         text = "nothing moves at the start, so nothing ever collides: give a species speed_rms above 0"
         yield _at(case, key, text)
 
@@ -269,7 +269,7 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
             yield Problem("output.stress", "true", text)
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:
-            text = "it is there already; each may be given once"
+            text = "given twice: each may be given once"
             yield Problem(f"output.{key}", json.dumps(twice[0]), text)
     if beyond := [each for each in output.histories or () if each >= n]:
         yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
@@ -422,7 +422,7 @@ def check_scan(case: CaseSections) -> Iterator[Problem]:
 def _check_speeds(case: CaseSections, given_by: str) -> Iterator[Problem]:
     """Speeds of species that are given although the start has velocities."""
     for i, each in enumerate(case.species):
-        for speed in ("speed_rms", "spin_rms"):
+        for speed in ("speed_rms", "temperature", "spin_rms"):
             if speed in each.model_fields_set:
                 yield _at(case, f"species[{i}].{speed}", f"cannot be combined with {given_by}")
 
@@ -484,7 +484,7 @@ def given_start(
                 "to count from; start.time = 0 begins a new clock")
             for i in counted
         ]  # fmt: skip
-    drawn = any(each.speed_rms for each in case.species)
+    drawn = any(each.moves for each in case.species)
     fastest = 0.0 if given.velocity is None else float(np.abs(given.velocity).max(initial=0.0))
     moving = drawn if given.velocity is None else comm.largest(fastest) > 0.0
     target = case.run.collisions_per_disk

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..initial import radii
-from ..model.coin_table import coins
+from ..model.laws.coin_table import coins
 from ..model.state import Kinds, extremes, kinds_among, merge_kinds
 from ..mpi import distribution
 from ..tools import seeds
@@ -51,6 +51,7 @@ class Species:
     spin_rms: float  # the same of spins [rad/time]
     areal_density: float = 0.0  # [mass/length^2]
     seed: int = 0  # of the radii that are drawn
+    temperature: float | None = None  # at the start, if that is given [energy]; speed_rms follows from it
 
     def columns(self, ids: range) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Masses [mass] and radii [length] of some of them, numbered from 0 on; shape (len(ids),) each."""
@@ -89,6 +90,12 @@ class Species:
     def equal(self) -> bool:
         """True if all of them have one mass and radius."""
         return all(each.low == each.high for each in (self.summary.mass, self.summary.radius))
+
+    def at_temperature(self, temperature: float) -> Species:
+        """The same with the rms speed of this temperature [energy]: <v^2> = 2 T <1/m>."""
+        numbers = range(self.number if self.mass is None else 1)
+        per_mass = sum(float(np.sum(1.0 / self.columns(ids)[0])) for ids in distribution.blocks(numbers))
+        return replace(self, speed_rms=float(np.sqrt(2.0 * temperature * per_mass / len(numbers))))
 
     def sums(self, ids: range) -> tuple[float, float]:
         """Sums of R^2 [length^2] and of R [length] over some of them, as NumPy adds them up."""
@@ -141,6 +148,8 @@ def _species(section: SpeciesSection, seed: int) -> Species:
     elif mass is None and not isinstance(radius, RadiiSection):
         mass = float(np.pi * np.square(radius) * per_area)
     material = section.material or section.coin or ""
-    return Species(
-        section.name, material, section.number, mass, radius, k, section.speed_rms, section.spin_rms, per_area, seed
+    found = Species(
+        section.name, material, section.number, mass, radius, k, section.speed_rms, section.spin_rms, per_area, seed,
+        section.temperature,
     )  # fmt: skip
+    return found if found.temperature is None else found.at_temperature(found.temperature)

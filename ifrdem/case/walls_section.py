@@ -8,7 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from ..model import outlines, walls
+from ..model.walls import outlines
+from ..model.walls.motion import Motion, Piston, Turn
+from ..model.walls.wall import FULL_TURN
+from ..model.walls.wall import Wall as ModelWall
 from .section import Section, field
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -168,7 +171,7 @@ class WallSection(Section):
             )
         return problems
 
-    def wall(self, material: int = 0, folder: Path | None = None) -> walls.Wall:
+    def wall(self, material: int = 0, folder: Path | None = None) -> ModelWall:
         """The wall that stands here, of the material in this row of the law's table; files are looked for in `folder`.
 
         Raises
@@ -178,18 +181,18 @@ class WallSection(Section):
         """
         options: dict[str, Any] = {"material": material, "surface_speed": self.surface_speed}
         if self.motion is not None:
-            options["motion"] = walls.Motion(**self.motion.model_dump(exclude_none=True))
+            options["motion"] = Motion(**self.motion.model_dump(exclude_none=True))
         if self.turn is not None:
             given = self.turn.model_dump(exclude_none=True)
-            options["turn"] = walls.Turn(**{**given, "center": tuple(given["center"])})
+            options["turn"] = Turn(**{**given, "center": tuple(given["center"])})
         if self.piston is not None:
-            options["piston"] = walls.Piston(**self.piston.model_dump(exclude_none=True))
+            options["piston"] = Piston(**self.piston.model_dump(exclude_none=True))
         for name in ("temperature", "moves_from", "moves_until", "opens_at", "opens_after", "group"):
             if (value := getattr(self, name)) is not None:
                 options[name] = value
         return self._made(folder, options)
 
-    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> ModelWall:
         """The wall of this shape."""
         # Abstract: cases are read into one of the sections by shape below, and each has its own.
         raise NotImplementedError
@@ -210,8 +213,8 @@ class LineWall(WallSection):
         turns = ["turn: a line has no end, so it cannot turn; use a segment"] * ("turn" in data)
         return super().problems(data) + turns + _nowhere(data, "normal")
 
-    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
-        return walls.Wall.line(_point(self.point), _point(self.normal), **options)
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> ModelWall:
+        return ModelWall.line(_point(self.point), _point(self.normal), **options)
 
 
 class SegmentWall(WallSection):
@@ -230,8 +233,8 @@ class SegmentWall(WallSection):
         text = 'start = end: a segment has two ends; a point is a "post" of radius 0'
         return super().problems(data) + [text] * same
 
-    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
-        return walls.Wall.segment(_point(self.start), _point(self.end), **options)
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> ModelWall:
+        return ModelWall.segment(_point(self.start), _point(self.end), **options)
 
 
 class ContainerWall(WallSection):
@@ -243,8 +246,8 @@ class ContainerWall(WallSection):
     radius: float = field(0.4, gt=0.0)
     """Radius [m]."""
 
-    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
-        return walls.Wall.container(_point(self.center), self.radius, **options)
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> ModelWall:
+        return ModelWall.container(_point(self.center), self.radius, **options)
 
 
 class PostWall(WallSection):
@@ -256,8 +259,8 @@ class PostWall(WallSection):
     radius: float = field(0.4, ge=0.0)
     """Radius [m]; 0 is a point."""
 
-    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
-        return walls.Wall.post(_point(self.center), self.radius, **options)
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> ModelWall:
+        return ModelWall.post(_point(self.center), self.radius, **options)
 
 
 class ArcWall(WallSection):
@@ -271,9 +274,9 @@ class ArcWall(WallSection):
     angles: Pair | None = field([0.0, 3.14], None)
     """Angles [begin, end], counter-clockwise from the x axis [rad]; a whole circle without them."""
 
-    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
-        angles = (0.0, walls.FULL_TURN) if self.angles is None else _point(self.angles)
-        return walls.Wall.arc(_point(self.center), self.radius, angles, **options)
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> ModelWall:
+        angles = (0.0, FULL_TURN) if self.angles is None else _point(self.angles)
+        return ModelWall.arc(_point(self.center), self.radius, angles, **options)
 
 
 class PolylineWall(WallSection):
@@ -304,8 +307,8 @@ class PolylineWall(WallSection):
             problems.append("scale: only a file has it; points and paths are lengths")
         return problems
 
-    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
-        return walls.Wall.polyline(self._outline(folder, closed=False), **options)
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> ModelWall:
+        return ModelWall.polyline(self._outline(folder, closed=False), **options)
 
     def _outline(self, folder: Path | None, *, closed: bool) -> Sequence[tuple[float, float]]:
         """Points as they are given, from a file, or of a path.
@@ -328,8 +331,8 @@ class PolygonWall(PolylineWall):
     """Place of the disks at the start: "inside" of a polygon, "outside", or on "both" sides, if not given; packing
     fractions count it."""
 
-    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
-        return walls.Wall.polygon(self._outline(folder, closed=True), self.holds or "both", **options)
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> ModelWall:
+        return ModelWall.polygon(self._outline(folder, closed=True), self.holds or "both", **options)
 
 
 Wall = Annotated[

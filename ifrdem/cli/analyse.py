@@ -12,9 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import DamageError, InputError, there_are
-from ..plots.names import PICTURES
+from ..plots.names import OPTIONS, PICTURES
 from .console import FAILED, echo, note
 from .options import (
+    Average,
+    Axis,
+    Bins,
+    Cells,
     Color,
     Force,
     Frames,
@@ -37,12 +41,14 @@ NAMES = (
     "structure-factor",
     "msd",
     "vacf",
+    "profiles",
     "fields",
     "clusters",
     "psi6",
     "pressure",
     "stress",
     "cooling",
+    "species",
     "impact",
 )
 """As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
@@ -67,6 +73,10 @@ def analyse(
         ),
     ],
     frames: Frames = None,
+    axis: Axis = None,
+    bins: Bins = None,
+    cells: Cells = None,
+    average: Average = False,
     output: Annotated[
         str | None, option("DIR", "folder for the files (default: FILE-analysis)", "--output", "-o")
     ] = None,
@@ -82,12 +92,14 @@ def analyse(
       structure-factor  structure factor S(k)
       msd               mean-square displacement, diffusion
       vacf              velocity autocorrelation
-      fields            density, flow and thermal temperature
+      profiles          density, flow, temperatures, stress, heat flux along --axis
+      fields            density, flow and thermal temperature; --average over frames
       clusters          sizes, the largest, radius of gyration
       psi6              hexatic order
       pressure          from impulses and from the rate of collisions
       stress            pressure tensor, its parts, friction and N_1 (output.stress)
       cooling           fits of Haff's law and of T_rot / T
+      species           temperatures of each species, their ratios, kinetic theory
       impact            angles of impact and regimes
 
     Without names, all that the file allows; the exit status is 1 if damage of it keeps one from being done. Analyses of
@@ -102,12 +114,25 @@ def analyse(
         raise InputError(f"{words[0]}: there is no such file or folder" if words else "TRAJECTORY is missing")
     for name in what:
         _known("analysis", name, NAMES)
+    options = _options(what or NAMES, axis=axis, bins=bins, cells=cells, average=average)
     files = [one_trajectory(source) for source in sources]
-    records = [_analyse(file, what, frames, output, json, force) for file in files]
+    records = [_analyse(file, what, frames, options, output, json, force) for file in files]
     if len(files) > 1 and not json:
         for line in _means(records):
             echo(line)
     return FAILED if any(record["damaged"] for record in records) else 0
+
+
+def _options(what: Sequence[str], **given: Any) -> dict[str, dict[str, Any]]:
+    """Options that are given, by the analysis that takes them; InputError if that is not among those to do."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, value in given.items():
+        if value is None or value is False:
+            continue
+        if OPTIONS[name] not in what:
+            raise InputError(f"--{name} requires {OPTIONS[name]}")
+        found.setdefault(OPTIONS[name], {})[name] = value
+    return found
 
 
 def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
@@ -128,7 +153,13 @@ def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 
 def _analyse(
-    file: str, what: Sequence[str], frames: str | None, output: str | None, json: bool, force: bool
+    file: str,
+    what: Sequence[str],
+    frames: str | None,
+    options: dict[str, dict[str, Any]],
+    output: str | None,
+    json: bool,
+    force: bool,
 ) -> dict[str, Any]:
     """Analyse one trajectory; the record that its JSON file holds."""
     from ..tools.files import check_apart, check_files
@@ -156,7 +187,7 @@ def _analyse(
         written: dict[Path, Columns] = {}
         for name in names:
             try:
-                evaluation = ANALYSES[name].of(trajectory, numbers)
+                evaluation = ANALYSES[name].of(trajectory, numbers, **options.get(name, {}))
             except InputError as error:
                 if what:
                     raise InputError(f"{name}: {error}") from None
@@ -290,6 +321,10 @@ def plot(
     ] = None,
     list: Annotated[bool, flag("list the names and draw nothing")] = False,
     frames: Frames = None,
+    axis: Axis = None,
+    bins: Bins = None,
+    cells: Cells = None,
+    average: Average = False,
     output: Annotated[
         str | None,
         option("PICTURE", "NAME.png, .svg or .pdf, or NAME (default: FILE-WHAT.png)", "--output", "-o"),
@@ -310,23 +345,24 @@ def plot(
     if len(words) < 2:
         raise InputError("TRAJECTORY or WHAT is missing: `ifrdem plot --list` lists the plots")
     *sources, what = words
+    options = _options([what], axis=axis, bins=bins, cells=cells, average=average).get(what, {})
     together = len(sources) > 1 or sources[0].endswith(".nc")
     with styled(style):
         if together or by is not None or (over is not None and what not in PICTURES):
             _plot_together(sources, what, over, by, frames, output, force=force)
         else:
-            _plot_one(sources[0], what, over or "t", frames, color, output, force=force)
+            _plot_one(sources[0], what, frames, output, force=force, over=over or "t", color=color, **options)
 
 
 def _plot_one(
     source: str,
     what: str,
-    over: str,
     frames: str | None,
-    color: str | None,
     output: str | None,
     *,
     force: bool,
+    color: str | None,
+    **options: Any,
 ) -> None:
     """A picture of one trajectory."""
     file = one_trajectory(source)
@@ -346,7 +382,7 @@ def _plot_one(
         check_files([path], force=force)
         from ..plots import pictures, run
 
-        run.save(pictures.figure(trajectory, what, frames=numbers, over=over, color=color), path)
+        run.save(pictures.figure(trajectory, what, frames=numbers, color=color, **options), path)
     note(f"wrote {path}")
 
 

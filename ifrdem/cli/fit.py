@@ -342,7 +342,7 @@ def _disks(given: DiskOptions, rolling: bool, problems: OptionProblems) -> dict[
         problems += [f"{_dashed(name)}: cannot be combined with --disk-1 and --disk-2" for name in names]
         return {}
     if given.pair is not None:
-        from ..model.coin_table import coins
+        from ..model.laws.coin_table import coins
 
         problems += [f"{_dashed(name)}: cannot be combined with --pair, which gives it" for name in numbers]
         if unknown := [coin for coin in given.pair if coin not in coins]:

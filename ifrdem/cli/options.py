@@ -169,6 +169,29 @@ Frames = Annotated[
 Output = Annotated[
     str | None, option("OUT", "file to write (default: FILE with another ending)", "--output", "-o")
 ]
+Axis = Annotated[
+    Literal["x", "y", "r"] | None,
+    choice("AXIS", "of profiles: x, y or r (default: along gravity, or from wall to wall)", ("x", "y", "r")),
+]
+Bins = Annotated[int | None, integer("N", "of profiles: number of bins (default: 8 to 40)", 1, 10_000)]
+
+
+def _cells(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
+    from ..tools.arguments import as_whole
+
+    found = [as_whole(each) for each in tokens[-1].value.split(",")]
+    if len(found) != 2 or any(each is None or not 1 <= each <= 300 for each in found):
+        raise invalid_value(tokens, "must be two integers from 1 to 300, along x and y, such as 20,80")
+    return found[0] or 0, found[1] or 0
+
+
+Cells = Annotated[
+    tuple[int, int] | None,
+    option(
+        "A,B", "of fields: cells along x and y (default: some 20 disks each)", converter=_cells, n_tokens=1
+    ),
+]
+Average = Annotated[bool, flag("of fields: averages over the frames with errors, not a single frame")]
 Style = Annotated[
     str | None, option("STYLE", "a style of Matplotlib, such as dark_background, or a file of one")
 ]

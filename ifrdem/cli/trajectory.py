@@ -278,7 +278,7 @@ def summary(trajectory: Any, history: Any) -> list[str]:
     """Lines on the history of a disk."""
     import numpy as np
 
-    from ..model.ifr import regime_name
+    from ..model.laws.ifr import regime_name
     from ..trajectory.history import KICK
 
     def time(value: float) -> str:

@@ -5,6 +5,6 @@ found = fit.fit(data, M=1.0)
 print(fit.table(found))
 """
 
-import lazy_loader
+from ..tools import lazy
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, __file__)

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, listed, nearest, refuse
+from ..errors import InputError, listed, nearest, option_name, refuse
 from ..tools.checked import LEAST, Lines, Measurements, Number, Numbers, PositivePerDisk, Seed, validated
 from . import tabular
 from .laws import LAWS
@@ -222,7 +222,8 @@ class Collisions:
         given = {name: value for name, value in self.errors.items() if name != "normal"}
         turned = [name for name in NORMAL if "normal" in self.errors and name in {*self.measured} - {*given}]
         if problems and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
-            problems.append(f"{unused[0]}; map one with --column {MOTION[0]}='HEADER'")
+            how = option_name(f"--column {MOTION[0]}='HEADER'", f"columns = {{'{MOTION[0]}': 'HEADER'}}")
+            problems.append(f"{unused[0]}; map one with {how}")
         problems += _name_problems(self.measured, (*given, *turned))
         problems += [
             f"covariance: {a} and {b} must both be velocities or spins that were measured, or one the normal"
@@ -462,7 +463,8 @@ def _disk(source: str, i: int, columns: Mapping[str, Array], disk: Disk | None) 
     if disk is not None:
         return _of_columns({**vars(disk), **values})
     if not {"mass", "radius"} <= set(values):
-        return f"{source}: disk {i} is not known: give --disk-{i} MASS,RADIUS,K{' or wall' * (i == 2)}, or columns mass_{i} and radius_{i}"  # noqa: E501
+        how = option_name(f"--disk-{i} MASS,RADIUS,K{' or wall' * (i == 2)}", f"disk_{i}")
+        return f"{source}: disk {i} is not known: give {how}, or columns mass_{i} and radius_{i}"
     return _of_columns(values)
 
 
@@ -532,7 +534,8 @@ def _how_to_give(name: str) -> str:
     group = "normal" if name in NORMAL else _group(name)
     of_groups = {"angles": "DEGREES for all angles", "normal": "normal=RADIANS"}
     all_of = f" (or --error {of_groups.get(group, f'{group}=VALUE')})" if group != name else ""
-    return f"give a column {name}_error, --error {name}=VALUE{all_of}, or --error estimate"
+    here = f"errors[{name!r}]{f' (or errors[{group!r}])' if group != name else ''}"
+    return f"give a column {name}_error, {option_name(f'--error {name}=VALUE{all_of}, or --error estimate', here)}"
 
 
 def _column(source: str, name: str, value: ArrayLike, n: int) -> Array:

@@ -15,13 +15,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest, refuse
-from ..model import law_files
-from ..model.collision import impulses
-from ..model.ifr import REQUIRED_COEFFICIENTS, STICKING, EnergyWarning, IFRLaw
-from ..model.law import CollisionLaw
-from ..model.law_files import is_law
-from ..model.walton import Walton
+from ..errors import InputError, nearest, option_name, refuse
+from ..model.laws import files as law_files
+from ..model.laws.collision import impulses
+from ..model.laws.files import is_law
+from ..model.laws.ifr import REQUIRED_COEFFICIENTS, STICKING, EnergyWarning, IFRLaw
+from ..model.laws.law import CollisionLaw
+from ..model.laws.walton import Walton
 from ..tools.checked import validated
 
 Array = NDArray[np.float64]
@@ -215,7 +215,10 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
         if not (low < high and math.isfinite(low) and math.isfinite(high))
     ]
     missing = [name for name in kind.coefficients if name not in given and name not in RANGES]
-    problems += [f"range of {name}: missing (--range {name}=LOW:HIGH)" for name in missing]
+    problems += [
+        f"range of {name}: missing ({option_name(f'--range {name}=LOW:HIGH', f'ranges[{name!r}] = (LOW, HIGH)')})"
+        for name in missing
+    ]
     refuse(problems, kind.__name__)
     whole = {name: given.get(name, RANGES.get(name, (0.0, 0.0))) for name in kind.coefficients}
     start_ranges = {name: given.get(name, _START_RANGES.get(name, (0.0, 0.0))) for name in kind.coefficients}
@@ -230,7 +233,7 @@ def own_from_file(text: str, ranges: Mapping[str, Range] | None = None) -> Law:
     try:
         kind = law_files.find(text).kind
     except InputError as error:
-        raise InputError(f"--law {text}: {error}") from None
+        raise InputError(f"{option_name(f'--law {text}', text)}: {error}") from None
     return own(kind, ranges)
 
 

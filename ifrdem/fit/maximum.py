@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq, least_squares
 from scipy.special import chdtrc, chdtri, fdtri  # chdtrc: tail of the chi-square distribution
 
-from ..errors import InputError, counted, refuse
+from ..errors import InputError, counted, option_name, refuse
 from ..tools.checked import Integer, NonNegative, Number, Positive, Seed, validated
 from . import laws as of_laws
 from .data import Collisions, Data
@@ -383,10 +383,10 @@ class _LawFit:
                 search.best(best)
                 return problem, search
             problem, start = problem.scaled(factors), best
+        one = "positions" if "x_1" in self.data.names else problem.estimated[0]
         raise InputError(
             f"{self.data.source}: the residuals do not determine the errors of {' and '.join(problem.estimated)} "
-            "separately: give one of them, "
-            f"e.g. --error {'positions' if 'x_1' in self.data.names else problem.estimated[0]}=VALUE"
+            f"separately: give one of them, e.g. {_error_of(one)}"
         )
 
     def _rise(self, problem: FitProblem, search: Search) -> float:
@@ -590,7 +590,7 @@ def _factors(problem: FitProblem, points: Points, groups: tuple[str, ...]) -> di
         ratio = float(np.sum(squares[:, members])) / max(share, 1e-12)
         if share < 0.5:
             raise InputError(
-                f"the residuals do not determine the error of {group}: give it, e.g. --error {group}=VALUE"
+                f"the residuals do not determine the error of {group}: give it, e.g. {_error_of(group)}"
             )
         found[group] = float(np.clip(np.sqrt(max(ratio, 1e-12)), 0.05, 20.0))
     return found
@@ -603,3 +603,8 @@ def _group_errors(problem: FitProblem, groups: tuple[str, ...]) -> dict[str, flo
         values = np.where(problem.known[:, members], np.nan, problem.s[:, members])
         of[group] = float(np.nanmedian(values))
     return of
+
+
+def _error_of(group: str) -> str:
+    """How the error of a group of quantities is given."""
+    return option_name(f"--error {group}=VALUE", f"errors = {{'{group}': VALUE}}")

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.ifr import Regime
+from ..model.laws.ifr import Regime
 from ..tools.checked import NonNegative, Positive, validated
 from .laws import LARGEST, SMALLEST, Law
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..model.law_files import source_of
-from ..model.walton import Walton
+from ..errors import InputError, option_name
+from ..model.laws.files import source_of
+from ..model.laws.walton import Walton
 from ..tools.checked import Count, Seed, validated
 from .data import Data
 from .model import MEASURED
@@ -260,7 +260,7 @@ def material(fit: Fit, name: str) -> str:
     if fitted.law.sticking is None and fitted.law.kind is not Walton and source_of(fitted.law.kind) is None:
         raise InputError(
             f"no material is written: a case knows laws by name or file, and {fit.best}, which fits best, has neither; "
-            "--model chooses"
+            f"{option_name('--model', 'model')} chooses"
         )
     verdict = fitted.admissibility
     if verdict is not None and not verdict.admissible:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from ..model.ifr import Admissibility, IFRLaw, Regime
+from ..errors import InputError, option_name
+from ..model.laws.ifr import Admissibility, IFRLaw, Regime
 from ..tools.checked import Count, Positive, Seed, choice, validated
 from .data import Collisions, Data
 from .laws import Law, ifr_law
@@ -349,9 +349,12 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
             each = fitted.estimates[name]
             by = (other - each.value) / each.standard_error
             changes.append(f"{name} = {other:.4g} ({by:+.1f} standard errors)")
-        first, last = f"without the suspicious line{s}", "; --robust gives outliers little weight"
+        first, last = (
+            f"without the suspicious line{s}",
+            f"; {option_name('--robust', 'robust = True')} gives outliers little weight",
+        )
         if robust:
-            first, last = "without --robust", ""
+            first, last = f"without {option_name('--robust', 'robust = True')}", ""
         found.append(f"{first}: {', '.join(changes)}{last}")
     return found
 
@@ -368,7 +371,7 @@ def general_warnings(data: Data | Collisions, laws: Mapping[str, Fitted]) -> lis
     if isinstance(data, Data) and len(data) > 2 and np.max(data.psi) < 1.6:
         found.append(
             f"the largest psi is {np.max(data.psi):g} degrees: a column in radians is named psi (rad), "
-            "or --unit psi=rad"
+            f"or {option_name('--unit psi=rad', 'units has psi: rad')}"
         )
     order = sorted(laws.values(), key=lambda each: each.AIC)
     if len(order) > 1 and (difference := order[1].AIC - order[0].AIC) < TELLING:

@@ -7,7 +7,7 @@ import math
 import os
 import re
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, counted, nearest, printable, refuse
+from ..errors import InputError, counted, nearest, option_name, printable, refuse
 from ..mpi import current
 from ..tools import csv as csv_rows
 from ..tools.checked import validated
@@ -95,6 +95,16 @@ class TableFormat:
         refuse(problems)
 
 
+Setting = Callable[[str, str, str], str]
+
+
+def _setting(key: str, value: str, name: str) -> str:
+    """Text that sets a key of the format to a value, of `columns` for a name: an option of `fit`, or an argument."""
+    if name:
+        return option_name(f"--column {name}='{value}'", f"columns = {{{name!r}: {value!r}}}")
+    return option_name(f"--{key} {'tab' if value == chr(9) else value!r}", f"{key} = {value!r}")
+
+
 def read(
     path: str | os.PathLike[str],
     kinds: Mapping[str, str],
@@ -105,6 +115,7 @@ def read(
     most_problems: int = 100,
     gaps: bool = True,
     n: int = 0,
+    setting: Setting = _setting,
 ) -> ReadTable:
     """Read a table.
 
@@ -129,6 +140,8 @@ def read(
     n : int
         Of ranks of MPI: the number of rows that are needed. Each gets those of its slice (`Communicator`), and the last
         one also what is there beyond; all raise the same.
+    setting : callable
+        Text that sets a key of the format to a value, of `columns` for a name, where a message advises it.
     """
     path = Path(path)
     source = str(path)
@@ -141,7 +154,7 @@ def read(
         header, at = next(rows, ([], 0))
         if not header:
             raise InputError("is empty: must have a first line with the names of the columns")
-        names, factors, unused = _header(at, header, kinds, spellings, form)
+        names, factors, unused = _header(at, header, kinds, spellings, form, setting)
         values = {name: array("d") for name in names if name}
         lines, problems = array("q"), list[str]()
         count = missing = total = 0
@@ -150,7 +163,7 @@ def read(
             if total <= own.start or not (total <= own.stop or last):
                 continue
             lines.append(line)
-            row_problems, lacking = _add(row, header, names, factors, values, form, gaps=gaps)
+            row_problems, lacking = _add(row, header, names, factors, values, form, setting, gaps=gaps)
             missing += lacking
             count += len(row_problems)
             problems += [f"line {line}: {each}" for each in row_problems if len(problems) < most_problems]
@@ -172,7 +185,7 @@ def read(
 
 def _add(
     row: Sequence[str], header: Sequence[str], names: Sequence[str], factors: Sequence[float],
-    values: Mapping[str, array[float]], form: TableFormat, *, gaps: bool,
+    values: Mapping[str, array[float]], form: TableFormat, setting: Setting, *, gaps: bool,
 ) -> tuple[list[str], int]:  # fmt: skip
     """Add a row to the values; return its errors, and the number of missing values."""
     if len(row) != len(names):
@@ -190,7 +203,7 @@ def _add(
                 problems.append(f"{name} = {text or 'nothing'}: must be a finite number")
         elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
             commas = form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
-            hint = "; --decimal , reads a comma" if commas else ""
+            hint = f"; {setting('decimal', ',', '')} reads a comma" if commas else ""
             problems.append(f"{name} = {printable(text)}: must be a number{hint}")
         elif not math.isfinite(float(number)) and not name.startswith("mass_"):
             problems.append(f"{name} = {text}: must be a finite number")
@@ -234,6 +247,7 @@ def _header(
     kinds: Mapping[str, str],
     spellings: Mapping[str, str],
     form: TableFormat,
+    setting: Setting,
 ) -> tuple[list[str], list[float], list[str]]:
     """Standard names ("" for an unused one) and factors of the columns, and those that are not used."""
     if all(csv_rows.is_number(text) for text in header):
@@ -248,10 +262,9 @@ def _header(
         if len(header) == 1 < len(parts) and (
             sign != " " or all(_standard(one, spellings)[0] for one in parts)
         ):
-            key = "tab" if sign == "\t" else sign
             raise InputError(
                 f"line {line}: columns must be separated by '{form.delimiter}', and here are {kind}; "
-                f"--delimiter {key!r} reads them"
+                f"{setting('delimiter', sign, '')} reads them"
             )
     assigned = {text.strip(): name for name, text in form.columns.items()}
     present = [text.strip() for text in header]
@@ -273,7 +286,8 @@ def _header(
             close = difflib.get_close_matches(text, known, 1, _NEARLY_ALIKE)
             if close and text not in assigned and not _standard(text, spellings)[0]:
                 shown = printable(text)
-                hint = f"(did you mean '{close[0]}'?); --column {close[0]}='{shown}' says that it is"
+                how = setting("columns", shown, close[0])
+                hint = f"(did you mean '{close[0]}'?); {how} says that it is"
                 problems.append(f"line {line}: unknown column '{shown}' {hint}")
             unused.append(text)
             unit = None
@@ -285,7 +299,7 @@ def _header(
         names.append(name)
         factors.append(factor or 1.0)
     problems += [
-        f"line {line}: column '{name}' stands twice"
+        f"line {line}: column '{name}' is given twice"
         for name in dict.fromkeys(names)
         if name and names.count(name) > 1
     ]

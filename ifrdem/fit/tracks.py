@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from ..errors import InputError, refuse
+from ..errors import InputError, option_name, refuse
 from . import tabular
 from .data import NORMAL, Disk
 from .tabular import TableFormat
@@ -102,7 +102,7 @@ def read(path: Path | str, *, fps: float | None = None, form: TableFormat = Tabl
             f"missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}"
         )
     if "t" not in columns and "frame" in columns and fps is None:
-        problems.append("a column frame requires --fps, the frames per second")
+        problems.append(f"a column frame requires {option_name('--fps', 'fps')}, the frames per second")
     if fps is not None and not 0.0 < fps < math.inf:
         problems.append(f"fps = {fps:g}: must be a positive finite number")
     refuse(problems, source)
@@ -116,7 +116,7 @@ def read(path: Path | str, *, fps: float | None = None, form: TableFormat = Tabl
         rows = np.flatnonzero(whole & (ids == one))
         rows = rows[np.argsort(times[rows], kind="stable")]
         twice = np.flatnonzero(np.diff(times[rows]) <= 0.0)
-        found += [f"line {table.line[rows[i + 1]]}: disk {one:g} stands twice at one time" for i in twice]
+        found += [f"line {table.line[rows[i + 1]]}: disk {one:g} has two rows at one time" for i in twice]
         time[int(one)] = times[rows]
         position[int(one)] = np.stack([columns["x"][rows], columns["y"][rows]], axis=-1)
         if "angle" in columns:
@@ -183,7 +183,8 @@ def find(
     # Least squares of the scatter, with all flights together.
     sigma = noise or math.sqrt(sum(each.squares for each in fits) / max(sum(each.dof for each in fits), 1))
     if sigma < 1e-9 * min(float(np.min(disk.radius)) for disk in known.values()):
-        text = "the places do not scatter about the flights: --noise has to say how exact they are"
+        how = option_name("--noise", "noise")
+        text = f"the positions do not scatter about the flights: {how} must say how exact they are"
         raise InputError(f"{tracks.source}: {text}")
     turned = [each for each in fits if each.angle_dof > 0]
     squares, dof = sum(each.angle_squares for each in turned), sum(each.angle_dof for each in turned)

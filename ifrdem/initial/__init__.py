@@ -4,6 +4,6 @@
 overlap slightly; `maxwellian` and `gaussian_spins` draw velocities and spins; `radii` draws radii.
 """
 
-import lazy_loader
+from ..tools import lazy
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, __file__)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import json
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +16,7 @@ from ..errors import InputError, listed, nearest
 from ..fit import tabular
 from ..fit.tabular import TableFormat
 from ..model.box import Box
-from ..model.walls import Wall, at_displacements
+from ..model.walls.wall import Wall, at_displacements
 from ..mpi import current
 from ..tools.checked import Array
 from ..trajectory.export import CSV_KEYS, csv_names
@@ -77,10 +77,10 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
     try:
         table = tabular.read(
             path, KINDS, {tabular.plain(key): name for name in KINDS for key in (name, EXPORTED.get(name, name))},
-            form or TableFormat(), most=MOST_BYTES, most_problems=MOST_REPORTED, gaps=False, n=n,
+            form or TableFormat(), most=MOST_BYTES, most_problems=MOST_REPORTED, gaps=False, n=n, setting=_key,
         )  # fmt: skip
     except InputError as error:
-        lines = [_as_keys(line.removeprefix(f"{path}: ")) for line in str(error).splitlines()]
+        lines = [line.removeprefix(f"{path}: ") for line in str(error).splitlines()]
         raise InputError("\n".join(lines)) from None
     comm, columns = current(), table.columns
     names = [name for name in columns if not name.endswith("_error")]
@@ -136,13 +136,9 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
     )
 
 
-def _as_keys(text: str) -> str:
-    """A message that advises options of `ifrdem fit`, with the keys of a case instead."""
-    text = text.replace("--delimiter 'tab'", r'start.delimiter = "\t"').replace(
-        "--decimal ,", 'start.decimal = ","'
-    )
-    text = re.sub(r"--delimiter '(.)'", r'start.delimiter = "\1"', text)
-    return re.sub(r"--column (\w+)='(.*)' says", r'start.columns = {\1 = "\2"} says', text)
+def _key(key: str, value: str, name: str) -> str:
+    """Text that sets a key of the format to a value in a case, of `columns` for a name."""
+    return f'start.{key} = {{{name} = "{value}"}}' if name else f"start.{key} = {json.dumps(value)}"
 
 
 def _column_problems(names: list[str], unused: tuple[str, ...]) -> list[str]:

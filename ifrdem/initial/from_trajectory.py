@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..model.overlaps import TOLERANCE, check_no_overlap
-from ..model.wall_checks import check as check_walls
-from ..model.walls import OF_PISTONS, Wall, sides
+from ..model.walls.checks import check as check_walls
+from ..model.walls.wall import OF_PISTONS, Wall, sides
 from ..mpi import current
 from ..tools.checked import Array
 from ..trajectory.reader import Frame, Trajectory

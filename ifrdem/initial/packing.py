@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.box import Box
-from ..model.free_area import FreeArea
 from ..model.overlaps import (
     check_no_overlap,
     checked_radii,
@@ -32,7 +31,8 @@ from ..model.overlaps import (
     refuse_wider_than_box,
     replace_rows,
 )
-from ..model.walls import Wall
+from ..model.walls.free_area import FreeArea
+from ..model.walls.wall import Wall
 from ..mpi import collective, current
 from ..tools import seeds
 from ..tools.checked import Array, PositiveColumn, Seed, Vectors, validated

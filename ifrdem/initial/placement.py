@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..model.density import disk_area, packing_fraction
-from ..model.free_area import FreeArea
+from ..model.near import near_pairs
 from ..model.overlaps import (
     TOLERANCE,
     check_no_overlap,
@@ -27,7 +27,8 @@ from ..model.overlaps import (
     size_classes,
 )
 from ..model.state import NumberOfDisks
-from ..model.walls import Wall
+from ..model.walls.free_area import FreeArea
+from ..model.walls.wall import Wall
 from ..mpi import collective, current, distribution
 from ..tools import seeds
 from ..tools.checked import Array, Number, PositiveColumn, Seed, validated
@@ -164,21 +165,15 @@ def _overlaps_none(
     box: Box, candidate: Array, radius: Array, placed: Array, placed_radius: Array
 ) -> NDArray[np.bool_]:
     """Mask of candidates, of these radii, that overlap none of the placed disks; shape (candidates,)."""
-    from scipy.spatial import cKDTree
-
-    if np.ptp(placed_radius) == 0.0:
-        near, _ = cKDTree(placed, boxsize=box.periods).query(candidate)  # of equal disks the nearest decides
-        return near > (radius + placed_radius[0]) * (1.0 + TOLERANCE)
     clear = np.ones(len(candidate), dtype=bool)
     # By size class, as in `close_pairs`: candidates need not look for small disks as far as for large ones.
     for members in size_classes(placed_radius, 2.0):
         reach = float(radius.max() + placed_radius[members[0]]) * (1.0 + 2.0 * TOLERANCE)
         left = np.flatnonzero(clear)
-        tree = cKDTree(candidate[left], boxsize=box.periods)
-        others = cKDTree(placed[members], boxsize=box.periods)
-        close = tree.sparse_distance_matrix(others, reach, output_type="ndarray")
-        contact = radius[left[close["i"]]] + placed_radius[members[close["j"]]]
-        clear[left[close["i"][close["v"] <= contact * (1.0 + TOLERANCE)]]] = False
+        i, j = near_pairs(box, reach, candidate[left], placed[members])
+        distance = np.linalg.norm(box.minimum_image(candidate[left[i]] - placed[members[j]]), axis=1)
+        contact = radius[left[i]] + placed_radius[members[j]]
+        clear[left[i[distance <= contact * (1.0 + TOLERANCE)]]] = False
     return clear
 
 
@@ -188,10 +183,8 @@ def _accepted(box: Box, candidate: Array, radius: Array, owner: NDArray[np.intp]
     Attempt c puts disk `owner[c]`, of radius `radius[c]`, at `candidate[c]`. It fails if an earlier success
     is in its way or has placed the same disk.
     """
-    from scipy.spatial import cKDTree
-
     reach = 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
-    pairs = cKDTree(candidate, boxsize=box.periods).query_pairs(reach, output_type="ndarray")
+    pairs = np.column_stack(near_pairs(box, reach, candidate))
     distance = np.linalg.norm(box.minimum_image(candidate[pairs[:, 0]] - candidate[pairs[:, 1]]), axis=1)
     contact = radius[pairs[:, 0]] + radius[pairs[:, 1]]
     pairs = np.sort(pairs[distance <= contact * (1.0 + TOLERANCE)], axis=1)

@@ -1,10 +1,9 @@
 """The gas as the user states it: disks, box, walls, collision laws, forces; and what is measured of a state.
 
-`state`: `Disks`, `State`. `box`: `Box`. `walls`: `Wall`, `Motion`. `law`: `CollisionLaw`, the base of every law.
-`ifr`: the paper's law, `IFRLaw`, `collide`. `coin_table`: the paper's coins. `forces`: what acts between collisions.
-`observables`: temperatures, energy, momentum of a state.
+`state`: `Disks`, `State`. `box`: `Box`. `walls`: `Wall`, `Motion`. `laws`: collision laws and the paper's coins.
+`forces`: what acts between collisions. `observables`: temperatures, energy, momentum of a state.
 """
 
-import lazy_loader
+from ..tools import lazy
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, __file__)

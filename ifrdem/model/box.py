@@ -115,7 +115,7 @@ class Box:
 
     @property
     def periods(self) -> tuple[float, float]:
-        """Lengths of periodic directions, 0 for others, as `scipy.spatial.cKDTree` wants them."""
+        """Lengths of periodic directions, 0 for others."""
         width, height = self.lengths
         return (width if self.periodic[0] else 0.0, height if self.periodic[1] else 0.0)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..kernels.columns import READOUT
+from ..kernels.columns import READOUT, SPECIES, Named
 from ..mpi import SERIAL, collective, current
 from ..tools.checked import Array, Integer, Numbers, Positive, Real, validated
 from .state import Disks, State
@@ -28,6 +29,9 @@ STRESS_SERIES = ("stress", "stress_kinetic")
 """Names in the time series of the pressure tensor and of its kinetic part."""
 COMPONENTS = ("xx", "xy", "yx", "yy")
 """Of the pressure tensor: first of the momentum, then of the normal of the line that it crosses."""
+SPECIES_SERIES = ("species_temperature", "species_rotational_temperature", "species_collisions")
+"""Names in the time series of quantities of species, with a column for each."""
+Whole = Annotated[int, Integer(1, 2**63 - 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +69,11 @@ class Measure:
         Displacement, velocity, energy and force of each piston (`Simulation.pistons`); None without pistons.
     momentum_flux : array (2, 2)
         Kinetic part of the pressure tensor times the area: the sum of m v_a v_b, v as in the temperature [energy].
+    species_temperature, species_rotational_temperature : array (s,) or None
+        Temperatures of each species, about the same mean velocity as that of all, so that their mean over disks is the
+        temperature of all [energy]; None where no species are named (`Simulation`).
+    species_collisions : array (s,) or None
+        Collisions with disks that the disks of each species have had, each counted at each of its disks.
     virial : array (2, 2) or None
         Collisional part of the pressure tensor times the area, integrated over time since the start: the sum of
         (dp_i)_a (r_i - r_j)_b over collisions [energy time]. None unless recorded ("stress"). See `stress`.
@@ -102,6 +111,9 @@ class Measure:
     walls: Array | None = None
     pistons: Array | None = None
     virial: Array | None = None
+    species_temperature: Array | None = None
+    species_rotational_temperature: Array | None = None
+    species_collisions: NDArray[np.int64] | None = None
 
     @property
     def theta(self) -> float:
@@ -145,12 +157,13 @@ def measure(
     dissipated: Annotated[ArrayLike, Numbers((len(MECHANISMS),))] | None = None,
     regimes: Annotated[ArrayLike, Numbers((len(REGIMES),), low=0.0, each="0 or more")] | None = None,
     about_mean: tuple[bool, bool] = (True, True),
+    species: Mapping[str, Whole] | None = None,
 ) -> Measure:
     """Measure a gas; energy put in before [energy] and gravity [length/time^2] are not part of a state.
 
     `about_mean` is True for x and y if temperatures along them are about the mean velocity. It is not used if disks are
-    immovable, and must be False where walls stop the gas (`Measure`). InputError if the disks and the state differ
-    in their number.
+    immovable, and must be False where walls stop the gas (`Measure`). `species` are names and numbers of disks, in
+    the order of ids. InputError if the disks, the state and the species differ in their number.
 
     Examples
     --------
@@ -162,12 +175,31 @@ def measure(
     """
     with SERIAL:
         totals = sums(disks, state, gravity)
+        of_species = None if species is None else species_sums(disks, state, species)
     energy_terms = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
     wall_collisions = int(np.sum(state.wall_collisions, dtype=np.int64))
     return from_totals(
-        disks, totals, float(state.time), wall_collisions, about_mean=about_mean, **energy_terms, **counted
-    )
+        disks, totals, float(state.time), wall_collisions, about_mean=about_mean, species=of_species,
+        **energy_terms, **counted,
+    )  # fmt: skip
+
+
+def species_sums(disks: Disks, state: State, species: Mapping[str, int]) -> Array:
+    """Sums over the disks of each species that `from_totals` takes, shape (species, columns of SPECIES)."""
+    numbers = np.array(list(species.values()), dtype=np.int64)
+    if numbers.sum() != disks.n:
+        raise InputError(f"species = {dict(species)}: must be of {disks.n} disks together")
+    movable = disks.movable
+    mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
+    v = state.peculiar_velocity
+    columns = [
+        0.5 * mass * np.sum(v**2, axis=1), 0.5 * inertia * state.spin**2, mass * v[:, 0], mass * v[:, 1], mass,
+        movable, state.collisions,
+    ]  # fmt: skip
+    ends = np.cumsum(numbers)
+    own = [slice(end - n, end) for end, n in zip(ends, numbers, strict=True)]
+    return np.array([[np.sum(each[rows], dtype=float) for each in columns] for rows in own])
 
 
 @validated
@@ -207,9 +239,12 @@ def from_totals(
     wall_collisions: Annotated[int, Integer(0, 2**63 - 1)],
     *,
     about_mean: tuple[bool, bool] = (True, True),
+    species: Annotated[Array, Numbers(("species", SPECIES.width), -math.inf, math.inf)] | None = None,
     **energy_terms: Any,
 ) -> Measure:
     """The measure of a gas from sums over all disks, which `Engine.totals` gives; `about_mean` as for `measure`.
+
+    `species` are sums over each species (`species_sums`).
 
     Examples
     --------
@@ -241,8 +276,21 @@ def from_totals(
         momentum_flux=_about_mean(xx, xy, 2.0 * translational - xx, np.array(momentum), np.array(mean), mass),
         potential_energy=-fall or 0.0,
         wall_collisions=wall_collisions,
+        **({} if species is None else _of_species(species, np.array(mean))),
         **energy_terms,
     )
+
+
+def _of_species(totals: Array, mean: Array) -> dict[str, Any]:
+    """Quantities of species in a measure; velocities are about this mean [length/time]."""
+    found = Named(totals, SPECIES)
+    drift = found.momentum_x * mean[0] + found.momentum_y * mean[1] - 0.5 * found.mass * float(mean @ mean)
+    n = np.maximum(found.movable, 1.0)
+    return {
+        "species_temperature": np.maximum(found.translational - drift, 0.0) / n,
+        "species_rotational_temperature": 2.0 * found.rotational / n,
+        "species_collisions": np.rint(found.collisions).astype(np.int64),
+    }
 
 
 def _about_mean(xx: float, xy: float, yy: float, momentum: Array, mean: Array, mass: float) -> Array:

@@ -13,7 +13,8 @@ from ..mpi import current
 from ..tools import checked
 from ..tools.checked import Array
 from .box import Box
-from .free_area import FreeArea
+from .near import Finder, near_pairs, near_pairs_by_trees
+from .walls.free_area import FreeArea
 
 TOLERANCE = 1e-9
 """Overlap, as a part of the contact distance, that counts as rounding.
@@ -64,38 +65,37 @@ def size_classes(radius: Array, ratio: float) -> Iterator[NDArray[np.intp]]:
         begin = end
 
 
-def close_pairs(box: Box, radius: Array, position: Array, margin: float = 0.0) -> NDArray[np.intp]:
+def close_pairs(
+    box: Box, radius: Array, position: Array, margin: float = 0.0, near: Finder = near_pairs_by_trees
+) -> NDArray[np.intp]:
     """Every pair (i, j), i != j, that may be closer than contact + `margin` [length]; shape (pairs, 2).
 
-    The trees find a superset; by size class, so that small disks need not look as far as the largest reach.
+    `near` finds a superset; by size class, so that small disks need not look as far as the largest reach.
     """
-    from scipy.spatial import cKDTree
-
-    # A size class spans a factor 2: with more classes there are more trees, with fewer more pairs.
+    # A size class spans a factor 2: with more classes there are more searches, with fewer more pairs.
     classes = list(size_classes(radius, 2.0))
-    trees = [cKDTree(position[members], boxsize=box.periods) for members in classes]
     found = [np.empty((0, 2), dtype=np.intp)]
     for a, members in enumerate(classes):
         reach = 2.0 * radius[members[0]] * (1.0 + TOLERANCE) + margin
-        found.append(members[trees[a].query_pairs(reach, output_type="ndarray")])
-        for b in range(a):
-            reach = (radius[members[0]] + radius[classes[b][0]]) * (1.0 + TOLERANCE) + margin
-            close = trees[a].sparse_distance_matrix(trees[b], reach, output_type="ndarray")
-            found.append(np.column_stack((members[close["i"]], classes[b][close["j"]])))
+        found.append(members[np.column_stack(near(box, reach, position[members]))])
+        for other in classes[:a]:
+            reach = (radius[members[0]] + radius[other[0]]) * (1.0 + TOLERANCE) + margin
+            i, j = near(box, reach, position[members], position[other])
+            found.append(np.column_stack((members[i], other[j])))
     return np.concatenate(found)
 
 
 def _close_pairs_at(
-    box: Box, radius: Array, position: Array, time: float, margin: float = 0.0
+    box: Box, radius: Array, position: Array, time: float, margin: float = 0.0, near: Finder = near_pairs
 ) -> NDArray[np.intp]:
-    """`close_pairs` at a `time` [time], in a sheared box too, where a tree knows the images to the sides only."""
+    """`close_pairs` at a `time` [time], in a sheared box too, where `near` knows the images to the sides only."""
     if box.shear_rate == 0.0 or not len(radius) or box.image_above(time) == 0.0:
-        return close_pairs(box, radius, position, margin)
+        return close_pairs(box, radius, position, margin, near)
     low = np.flatnonzero(position[:, 1] < 2.0 * radius.max() * (1.0 + TOLERANCE) + margin)
     above = (position[low] + (box.image_above(time), box.lengths[1])) % (box.lengths[0], math.inf)
     owner = np.concatenate([np.arange(len(radius)), low])
     window = Box(box.lengths, (True, False))
-    pairs = close_pairs(window, radius[owner], np.concatenate([position, above]), margin)
+    pairs = close_pairs(window, radius[owner], np.concatenate([position, above]), margin, near)
     return owner[pairs[(pairs < len(radius)).any(axis=1)]]
 
 
@@ -107,7 +107,7 @@ def check_no_overlap(
 
     Of ranks of MPI, each gives the disks of its slice (`Communicator`), and all raise the same.
 
-    Distances are computed pair by pair and exactly; a tree only finds which pairs are near. InputError names the pair
+    Distances are computed pair by pair and exactly; cells only find which pairs are near. InputError names the pair
     that overlaps most, by how much, and how many pairs overlap; or the disk that is wider than the box, or whose
     position is not finite.
 
@@ -325,7 +325,7 @@ def _relaxed(
     """Centres of some disks at which none overlaps; errors as `relax`, or if one moves further than `most`."""
     centres = start.copy()
     for attempt in range(_MOST_PASSES):
-        i, j = _close_pairs_at(box, radii, box.wrap(centres, time), time).T
+        i, j = _close_pairs_at(box, radii, box.wrap(centres, time), time, near=near_pairs_by_trees).T
         apart = box.minimum_image(centres[j] - centres[i], time)
         distance = np.linalg.norm(apart, axis=-1)
         contact = radii[i] + radii[j]

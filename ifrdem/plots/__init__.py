@@ -3,6 +3,6 @@
 `cooling`, `driven`, `walled`, `sheared`: the picture that `ifrdem run` makes of such a gas.
 """
 
-import lazy_loader
+from ..tools import lazy
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, __file__)

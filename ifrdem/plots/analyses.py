@@ -9,10 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from .. import analysis
-from ..analysis.result import Evaluation
+from ..analysis.motion import Displacement
+from ..analysis.result import NOT_STATIONARY, Evaluation
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
+from . import species
 from .style import (
     ACROSS,
     KINDS,
@@ -101,13 +103,32 @@ def merged(found: analysis.PairCorrelation) -> tuple[Array, Array, Array]:
 
 
 def pairs(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
-    """g(r) with its errors, and its value at contact."""
-    found = evaluation.result
+    """g(r) with its errors, and its value at contact; of several species those of each pair of them."""
     unit = 1.0 if trajectory is None else 2.0 * float(trajectory.disks.radius.mean())
+    whole, *of_pairs = evaluation.result.items()
+    for i, (name, found) in enumerate(of_pairs):
+        r, g, error = merged(found)
+        style = {"color": KINDS[i % len(KINDS)]}
+        axes.fill_between(r / unit, g - error, g + error, lw=0.0, alpha=0.3, **style)
+        axes.plot(r / unit, g, "-", lw=1.2, label=f"{name}, band: standard error" if not i else name, **style)
+    found = whole[1]
+    if not of_pairs:
+        _all_pairs(axes, trajectory, evaluation, found, unit)
+    axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label="ideal gas")
+    text = "$r$" if trajectory is None else "$r$ (mean diameters)"
+    axes.set(xlim=(0.0, float(found.r[-1]) / unit), xlabel=text, ylabel="$g(r)$")
+    axes.set_ylim(bottom=0.0)
+    axes.legend(loc="best", frameon=False)
+    grid(axes)
+
+
+def _all_pairs(
+    axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation, found: analysis.PairCorrelation, unit: float
+) -> None:  # fmt: skip
+    """g(r) of all disks, its value at contact, and its plateau if that is above 1."""
     r, g, error = merged(found)
     axes.fill_between(r / unit, g - error, g + error, color=ACROSS, lw=0.0, alpha=0.6)
     axes.plot(r / unit, g, "-", color=TRANSLATION, lw=1.2, label="disks, band: standard error")
-    axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label="ideal gas")
     far = r > 0.7 * r[-1]
     plateau = float(g[far].mean())
     of_plateau = float(np.sqrt(np.sum(error[far] ** 2)) / np.count_nonzero(far))
@@ -118,13 +139,9 @@ def pairs(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> 
     for row in evaluation.rows:
         if row.name == "g at contact":
             text = f"at contact: {row.value:.3f} $\\pm$ {row.error:.3f}"
+            text = text if np.isfinite(row.error) else f"at contact: {row.value:.3g} (best fit, poor)"
             style = OPEN | {"color": ROTATION, "marker": "D", "ms": 6}
             axes.errorbar([1.0], [row.value], [row.error], label=text, **style)
-    text = "$r$" if trajectory is None else "$r$ (mean diameters)"
-    axes.set(xlim=(0.0, float(found.r[-1]) / unit), xlabel=text, ylabel="$g(r)$")
-    axes.set_ylim(bottom=0.0)
-    axes.legend(loc="best", frameon=False)
-    grid(axes)
 
 
 def structure(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
@@ -141,69 +158,193 @@ def structure(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation)
 
 
 def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
-    """The mean-square displacement, double logarithmic, with ballistic flight and the fitted diffusion."""
-    found, fit = evaluation.result
-    later = found.lag > 0.0
-    t, value = found.lag[later], found.value[later]
-    axes.errorbar(t, value, found.error[later], ms=3.5, label="disks", **POINTS)
-    axes.plot(t, value[0] * (t / t[0]) ** 2, ":", color=RATIO, lw=1.2, label="free flight, $t^2$")
-    if fit is not None:
+    """Mean-square displacements, double logarithmic, with ballistic flight and the fitted diffusion.
+
+    Of a cooling gas against collisions per disk, over the squared free path where that is known.
+    """
+    own_time = "tau" in evaluation.tables.get("", {})
+    lowest, highest = np.inf, 0.0
+    for i, (name, one) in enumerate(evaluation.result.items()):
+        found, fit, alone = one.msd, one.fit, len(evaluation.result) == 1
+        unit = one.free_path**2 if np.isfinite(one.free_path) else 1.0
+        later = found.lag > 0.0
+        t, value = found.lag[later], found.value[later] / unit
+        lowest, highest = min(lowest, value.min()), max(highest, value.max())
+        style = POINTS if alone else POINTS | {"color": KINDS[i % len(KINDS)]}
+        axes.errorbar(t, value, found.error[later] / unit, ms=3.5, label="disks" if alone else name, **style)
+        if alone:
+            axes.plot(t, value[0] * (t / t[0]) ** 2, ":", color=RATIO, lw=1.2, label="free flight, $t^2$")
+        if fit is None:
+            continue
         used = (t >= fit.lags[0]) & (t <= fit.lags[1])
-        line = value[used].mean() + 2.0 * found.components * fit.D * (t - t[used].mean())
-        text = f"line, $D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g} {unit_of(trajectory, 'length^2/time') or ''}".rstrip()
-        if evaluation.warnings:  # no single D
+        line = value[used].mean() + 2.0 * found.components * fit.D / unit * (t - t[used].mean())
+        text = (
+            f"$D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g} {unit_of(trajectory, 'length^2/time') or ''}".rstrip()
+        )
+        if own_time:
+            text = rf"$D / \nu$ = {fit.D:.3g} $\pm$ {fit.error:.1g} {unit_of(trajectory, 'length^2') or ''}".rstrip()
+            if unit != 1.0:
+                text = rf"$D m \nu / T$ = {0.5 * np.pi * fit.D / unit:.3g} $\pm$ {0.5 * np.pi * fit.error / unit:.1g}"
+        elif any(NOT_STATIONARY in warning for warning in evaluation.warnings):
             text = "straight line (the gas is not stationary: no $D$)"
-        elif abs(fit.exponent - 1.0) > 0.2:
+        if abs(fit.exponent - 1.0) > 0.2:
             text += f"\n(no diffusion: exponent {fit.exponent:.2f})"
-        axes.plot(t[used], line[used], "-", color=ROTATION, lw=2.0, zorder=5, label=text)
-    axes.set(xscale="log", yscale="log", ylim=(0.5 * value.min(), 3.0 * value.max()))
+        line_color = ROTATION if alone else KINDS[i % len(KINDS)]
+        axes.plot(t[used], line[used], "-", color=line_color, lw=2.0, zorder=5, label=text)
+    axes.set(xscale="log", yscale="log", ylim=(0.5 * lowest, 3.0 * highest))
     few_labels(axes)
-    axes.set_xlabel(label(trajectory, "lag $t$", "time"))
-    axes.set_ylabel(label(trajectory, r"$\langle |\Delta r|^2 \rangle$", "length^2"))
+    axes.set_xlabel(OWN_LAG if own_time else label(trajectory, "lag $t$", "time"))
+    scaled = own_time and np.isfinite(next(iter(evaluation.result.values())).free_path)
+    text = r"$\langle |\Delta r|^2 \rangle"
+    axes.set_ylabel(rf"{text} \,/\, \lambda^2$" if scaled else label(trajectory, f"{text}$", "length^2"))
     axes.legend(loc="lower right", frameon=False)
     grid(axes)
 
 
+OWN_LAG = r"lag $\tau$ (collisions per disk)"
+
+
 def vacf(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
-    """The velocity autocorrelation over its value at 0; over a logarithmic time, without lag 0, if frames are so."""
-    found = evaluation.result
-    step = np.diff(found.lag)
-    # Evenly spaced frames have steps of one length, those due at collisions of a gas that cools longer and longer ones.
-    logarithmic = len(step) > 2 and step.max() > 10.0 * step.min()
-    t, value, error = (each[int(logarithmic) :] for each in (found.lag, found.value, found.error))
-    axes.errorbar(t, value / found.value[0], error / found.value[0], ms=3.5, **POINTS | {"fmt": "o-"})
+    """Velocity autocorrelations over their values at 0; over a logarithmic time, without lag 0, if frames are so."""
+    own_time = "tau" in evaluation.tables.get("", {})
+    for i, (name, found) in enumerate(evaluation.result.items()):
+        step = np.diff(found.lag)
+        # Evenly spaced frames have steps of one length, those due at collisions of a cooling gas longer ones.
+        logarithmic = len(step) > 2 and step.max() > 10.0 * step.min()
+        t, value, error = (each[int(logarithmic) :] for each in (found.lag, found.value, found.error))
+        style = (
+            POINTS | {"fmt": "o-"} | ({} if len(evaluation.result) == 1 else {"color": KINDS[i % len(KINDS)]})
+        )
+        axes.errorbar(t, value / found.value[0], error / found.value[0], ms=3.5, label=name, **style)
+        if logarithmic:
+            axes.set_xscale("log")
+            few_labels(axes)
     axes.axhline(0.0, color=RATIO, ls=":", lw=1.2)
-    if logarithmic:
-        axes.set_xscale("log")
-        few_labels(axes)
-    axes.set_xlabel(label(trajectory, "lag $t$", "time"))
-    axes.set_ylabel(r"$\langle v(0) \cdot v(t) \rangle \,/\, \langle v^2 \rangle$")
+    for row in evaluation.rows:
+        if row.name == "decay by kinetic theory, collisions per disk":
+            axes.plot(t, np.exp(-t / row.value), "--", color=ROTATION, lw=1.2, label="kinetic theory")
+    if len(axes.lines) > 2 or len(evaluation.result) > 1:
+        axes.legend(loc="best", frameon=False)
+    axes.set_xlabel(OWN_LAG if own_time else label(trajectory, "lag $t$", "time"))
+    text = r"\langle c(0) \cdot c(\tau) \rangle" if own_time else r"\langle v(0) \cdot v(t) \rangle"
+    axes.set_ylabel(rf"${text} \,/\, \langle {'c' if own_time else 'v'}^2 \rangle$")
     grid(axes)
+
+
+def profiles(*axes_and_rest: Any) -> None:
+    """Packing fraction, flow, temperatures; stress, heat flux, and theta or the temperatures of species."""
+    *axes, trajectory, evaluation = axes_and_rest
+    found = evaluation.result
+    density, flow, temperatures, stress, heat, last = axes
+    _density(density, found)
+    _components(flow, trajectory, found, "velocity", "u", "mean velocity", "length/time")
+    _temperatures(temperatures, trajectory, found)
+    part = "" if found.has_collisions else "_kinetic"
+    words = "" if found.has_collisions else ", kinetic part"
+    for (i, j), color, marker in zip(INDICES, COLORS, "os^x", strict=True):
+        text = f"$P_{{{found.directions[i]}{found.directions[j]}}}$"
+        _curve(stress, found, f"stress{part}", (i, j), text, color, marker)
+    stress.set_ylabel(label(trajectory, f"pressure tensor{words}", "energy/length^2"))
+    _components(heat, trajectory, found, f"heat_flux{part}", "q", f"heat flux{words}", "energy/(length time)")
+    if found.species:
+        for i, (name, one) in enumerate(found.species.items()):
+            _curve(last, one, "temperature", (), name, KINDS[i % 8], MARKERS[i % 8])
+        last.set_ylabel(label(trajectory, "temperature $T$ of species", "energy"))
+    else:
+        _curve(last, found, "theta", (), "", ROTATION, "o")
+        last.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
+    last.set_ylim(bottom=0.0)
+    for one in axes:
+        legend_above(one, 4)
+    for one in axes[3:]:
+        one.set_xlabel(label(trajectory, f"${found.axes[0]}$", "length"))
+    grid(*axes)
+
+
+TENSOR = ("xx", "yy", "xy", "yx")
+INDICES = ((0, 0), (1, 1), (0, 1), (1, 0))
+COLORS = (TRANSLATION, ROTATION, RATIO, KINDS[2])
+
+
+def _curve(
+    axes: Axes,
+    found: analysis.BinAverages,
+    name: str,
+    at: tuple[int, ...],
+    text: str,
+    color: str,
+    marker: str,
+) -> None:
+    """A component of a quantity along the bins, with its errors."""
+    value, error = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error))
+    style = OPEN | {"color": color, "marker": marker, "ms": 3.5, "lw": 0.9, "ls": "-"}
+    axes.errorbar(found.middles[0], value, np.nan_to_num(error), label=text or None, **style)
+
+
+def _density(axes: Axes, found: analysis.BinAverages) -> None:
+    _curve(axes, found, "packing_fraction", (), "all" if found.species else "", TRANSLATION, "o")
+    for i, (name, one) in enumerate(found.species.items()):
+        _curve(axes, one, "packing_fraction", (), name, KINDS[(i + 1) % 8], MARKERS[(i + 1) % 8])
+    axes.set_ylabel(r"packing fraction $\phi$")
+    axes.set_ylim(bottom=0.0)
+
+
+def _temperatures(axes: Axes, trajectory: Trajectory | None, found: analysis.BinAverages) -> None:
+    for i, color in enumerate((TRANSLATION, RATIO)):
+        _curve(axes, found, "temperatures", (i,), f"$T_{found.directions[i]}$", color, "os"[i])
+    if np.isfinite(found.mean.rotational_temperature).any():
+        _curve(axes, found, "rotational_temperature", (), r"$T_\mathrm{rot}$", ROTATION, "^")
+    axes.set_ylabel(label(trajectory, "temperature", "energy"))
+    axes.set_ylim(bottom=0.0)
+
+
+def _components(
+    axes: Axes, trajectory: Trajectory | None, found: analysis.BinAverages, name: str, symbol: str, text: str,
+    quantity: str,
+) -> None:  # fmt: skip
+    for i, direction in enumerate(found.directions):
+        _curve(axes, found, name, (i,), f"${symbol}_{direction}$", (TRANSLATION, ROTATION)[i], "os"[i])
+    axes.set_ylabel(label(trajectory, text, quantity))
 
 
 def fields(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """Maps of the packing fraction with the flow, and of the thermal temperature."""
     found = evaluation.result
-    half = [0.5 * (one[1] - one[0]) if len(one) > 1 else one[0] for one in (found.x, found.y)]
-    region = (found.x[0] - half[0], found.x[-1] + half[0], found.y[0] - half[1], found.y[-1] + half[1])
+    averaged = isinstance(found, analysis.BinAverages)
+    (x, y), values = (found.middles, found.mean) if averaged else ((found.x, found.y), found)
+    half = [0.5 * (one[1] - one[0]) if len(one) > 1 else one[0] for one in (x, y)]
+    region = (x[0] - half[0], x[-1] + half[0], y[0] - half[1], y[-1] + half[1])
     style: dict[str, Any] = {"origin": "lower", "extent": region, "interpolation": "nearest"}
-    drawn = left.imshow(found.packing_fraction.T, cmap="cividis", vmin=0.0, **style)
+    drawn = left.imshow(values.packing_fraction.T, cmap="cividis", vmin=0.0, **style)
     place_axes(left, trajectory)
     color_bar(left, drawn, "packing fraction")
-    every = max(1, -(-max(len(found.x), len(found.y)) // 24))
+    every = max(1, -(-max(len(x), len(y)) // 24))
     where = (slice(every // 2, None, every),) * 2
-    u = np.nan_to_num(found.velocity)
+    u = np.nan_to_num(values.velocity)
     speed = float(np.sqrt(np.mean(np.sum(u**2, axis=-1))))
     if speed > 0.0:
-        arrows = (*np.meshgrid(found.x, found.y, indexing="ij"), u[..., 0], u[..., 1])
+        arrows = (*np.meshgrid(x, y, indexing="ij"), u[..., 0], u[..., 1])
         left.quiver(*(each[where] for each in arrows), color="white", pivot="mid", width=0.003)
         text = f"{speed:.2g} {unit_of(trajectory, 'length/time') or ''}".strip()
         left.set_title(f"arrows: mean velocity of cells, rms {text}", fontsize="medium")
-    T = found.temperature
+    T = values.temperature
     high = float(np.nanquantile(T, 0.995)) if np.any(np.isfinite(T)) else 1.0
     drawn = right.imshow(T.T, cmap="inferno", vmin=0.0, vmax=high if high > 0.0 else 1.0, **style)
     place_axes(right, trajectory)
     color_bar(right, drawn, label(trajectory, "thermal temperature $T$", "energy"), "max")
+
+
+def bin_averages(left: Axes, right: Axes, found: analysis.BinAverages) -> None:
+    """Density and temperature: maps of cells, curves along strips and rings."""
+    if len(found.axes) == 2:
+        fields(left, right, None, _alone(found))
+        return
+    _density(left, found)
+    _temperatures(right, None, found)
+    for axes in (left, right):
+        axes.set_xlabel(f"${found.axes[0]}$")
+        legend_above(axes, 4)
+    grid(left, right)
 
 
 def clusters(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
@@ -324,9 +465,8 @@ def _pressure(axes: Axes, found: analysis.Pressure) -> None:
 def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """The pressure tensor in blocks of time, and the kinetic and collisional part of its mean."""
     found = evaluation.result
-    names, at = ("xx", "yy", "xy", "yx"), ((0, 0), (1, 1), (0, 1), (1, 0))
-    colors, markers = (TRANSLATION, ROTATION, RATIO, KINDS[2]), "os^x"
-    for name, (a, b), color, marker in zip(names, at, colors, markers, strict=True):
+    names, at = TENSOR, INDICES
+    for name, (a, b), color, marker in zip(names, at, COLORS, "os^x", strict=True):
         style: dict[str, Any] = {"ms": 4.5, "mfc": "none", "lw": 1.0, "color": color}
         line = "" if name == "yx" else "-"  # almost the same as xy
         left.plot(found.time, found.blocks[:, a, b], f"{marker}{line}", label=f"$P_{{{name}}}$", **style)
@@ -379,11 +519,13 @@ class Panels(NamedTuple):
 
 
 TWO: dict[str, Any] = {"ncols": 2}
+STACKED: dict[str, Any] = {"nrows": 2, "sharex": True}
 PANELS = {
     "velocity": Panels(velocity, TWO), "rdf": Panels(pairs), "structure-factor": Panels(structure), "msd": Panels(msd),
-    "vacf": Panels(vacf), "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
+    "vacf": Panels(vacf), "profiles": Panels(profiles, {"nrows": 2, "ncols": 3, "sharex": True}),
+    "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
     "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "stress": Panels(stress, TWO),
-    "cooling": Panels(cooling, TWO),
+    "cooling": Panels(cooling, TWO), "species": Panels(species.temperatures, STACKED),
     "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}),
 }  # fmt: skip
 """Name of the analysis -> its picture."""
@@ -397,18 +539,19 @@ def _alone(found: Any) -> Evaluation:
 def _correlation(axes: Axes, found: analysis.Correlation) -> None:
     """A mean-square displacement, which begins at 0, or an autocorrelation."""
     if found.value[0] == 0.0:
-        msd(axes, None, _alone((found, None)))
+        msd(axes, None, _alone({"all disks": Displacement(found, None)}))
     else:
-        vacf(axes, None, _alone(found))
+        vacf(axes, None, _alone({"all disks": found}))
 
 
 RESULTS: dict[type[Any], Panels] = {
     analysis.VelocityDistribution: Panels(
         lambda left, right, found: velocity(left, right, None, _alone({"all": found})), TWO
     ),
-    analysis.PairCorrelation: Panels(lambda axes, found: pairs(axes, None, _alone(found))),
+    analysis.PairCorrelation: Panels(lambda axes, found: pairs(axes, None, _alone({"all": found}))),
     analysis.StructureFactor: Panels(lambda axes, found: structure(axes, None, _alone(found))),
     analysis.Correlation: Panels(_correlation),
+    analysis.BinAverages: Panels(bin_averages, TWO),
     analysis.Fields: Panels(lambda left, right, found: fields(left, right, None, _alone(found)), TWO),
     analysis.Clusters: Panels(lambda axes, found: _sizes(axes, None, found)),
     analysis.Hexatic: Panels(lambda axes, found: _order(axes, np.abs(found.psi6), found.whole)),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..model.state import Disks, State
-from ..model.walls import Wall, at_displacements
+from ..model.walls.wall import Wall, at_displacements
 from ..simulation.simulation import Simulation
 from ..tools.checked import Array
 from ..trajectory.export import material_names

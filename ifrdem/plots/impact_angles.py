@@ -12,8 +12,8 @@ from scipy.optimize import bisect
 
 from ..errors import InputError
 from ..initial import impact_scan as scan
-from ..model.collision import collide
-from ..model.ifr import IFRLaw, Regime
+from ..model.laws.collision import collide
+from ..model.laws.ifr import IFRLaw, Regime
 from ..model.state import Disks
 from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory

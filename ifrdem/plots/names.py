@@ -14,11 +14,15 @@ PICTURES = {
     "structure-factor": "structure factor S(k)",
     "msd": "mean-square displacement and the diffusion coefficient",
     "vacf": "velocity autocorrelation",
+    "profiles": "density, flow, temperatures, stress and heat flux along an axis, with errors",
     "fields": "maps of density, flow and thermal temperature",
     "clusters": "the largest cluster in time, and cluster sizes",
     "psi6": "hexatic order of the disks",
     "stress": "pressure tensor against time, and its kinetic and collisional part (output.stress)",
+    "species": "temperatures of each species, their ratios and theta, with kinetic theory",
     "cooling": "Haff's law, and the approach of T_rot / T to its end",
     "impact": "impact angles compared with molecular chaos, and regimes",
 }
 """Name -> what is drawn."""
+OPTIONS = {"axis": "profiles", "bins": "profiles", "cells": "fields", "average": "fields"}
+"""Option -> the analysis that takes it."""

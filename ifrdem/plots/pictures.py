@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, there_are
 from ..tools.checked import instance, validated
+from .names import OPTIONS
 from .names import PICTURES as PICTURES
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 @validated
 def figure(
     trajectory: Trajectory, what: str, *, frames: Sequence[int] | None = None, over: str = "t",
-    color: str | None = None, make: Callable[..., Any] | None = None,
+    color: str | None = None, make: Callable[..., Any] | None = None, **options: Any,
 ) -> Figure:  # fmt: skip
     """A figure by its name, with a title, and the warnings of the analysis below it.
 
@@ -47,6 +48,8 @@ def figure(
         Of the disks, as `Frame.plot` has it.
     make : callable, optional
         Makes the figure of a size (width, height) [inches], instead of `matplotlib.figure.Figure`.
+    **options
+        Of profiles `axis` and `bins`, of fields `cells` and `average`.
 
     Raises
     ------
@@ -72,12 +75,12 @@ def figure(
     instance("trajectory", trajectory, Trajectory)
     layout, frames = _layout(trajectory, what), _numbers(trajectory, frames)
     wide = layout.get("ncols", 1) > 1
-    size = (12.0, 8.0) if what == "walls" else (12.0, 5.2) if wide else (7.5, 6.2)
+    size = (12.0, 8.0) if what in ("walls", "profiles") else (12.0, 5.2) if wide else (7.5, 6.2)
     if what == "disks" and "position" in trajectory.fields:
         size = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
     drawn: Figure = make(size) if make is not None else Figure(size, dpi=200, layout="constrained")
     axes = drawn.subplots(squeeze=False, **layout).ravel()
-    evaluation = _draw(axes, trajectory, what, frames, over, color)
+    evaluation = _draw(axes, trajectory, what, frames, over, color, **options)
     head = title(trajectory)
     if size[0] < 7.0:
         head = ",\n".join(head.rsplit(", ", 1))
@@ -154,7 +157,7 @@ def _numbers(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int] 
 
 def _draw(
     axes: Sequence[Axes], trajectory: Trajectory, what: str, frames: Sequence[int] | None = None, over: str = "t",
-    color: str | None = None,
+    color: str | None = None, **options: Any,
 ) -> Evaluation | None:  # fmt: skip
     """Draw a picture into its axes; return the result if it is an analysis."""
     from ..tools import checked
@@ -165,6 +168,9 @@ def _draw(
         raise InputError(f"over = {over}: only of {', '.join(OVER)}, not of {what}")
     if color is not None and what != "disks":
         raise InputError(f"color = {color}: only of disks, not of {what}")
+    for name, value in options.items():
+        if OPTIONS[name] != what:
+            raise InputError(f"{name} = {value}: only of {OPTIONS[name]}, not of {what}")
     if what == "disks":
         disks.last_frame(axes[0], trajectory, frames[-1] if frames else -1, color)
     elif what == "dissipation":
@@ -176,7 +182,7 @@ def _draw(
         from ..analysis.catalogue import ANALYSES
         from .analyses import PANELS
 
-        evaluation = ANALYSES[what].of(trajectory, frames)
+        evaluation = ANALYSES[what].of(trajectory, frames, **options)
         PANELS[what].draw(*axes, trajectory, evaluation)
         return evaluation
     return None

@@ -29,7 +29,7 @@ def cooling(run: Run, path_png: PicturePath = None) -> Figure:
     """Draw a cooling gas: its temperatures against time with kinetic theory, and its disks at the end.
 
     The theory is `theory.prediction` from the first frame on, of one kind of disks or of a mixture. Where it does not
-    hold (more than `temperatures.MOST_KINDS` kinds of disks, rolling friction), the figure gives the reason. InputError
+    hold (more than `gas_theory.MOST_KINDS` kinds of disks, rolling friction), the figure gives the reason. InputError
     if the trajectory cannot be read or lacks these observables, or the picture cannot be written.
 
     Parameters

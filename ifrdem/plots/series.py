@@ -9,8 +9,8 @@ import numpy as np
 
 from ..analysis import result
 from ..errors import InputError
-from ..model.wall_motion import Turn
-from ..model.walls import OF_PISTONS
+from ..model.walls.motion import Turn
+from ..model.walls.wall import OF_PISTONS
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .style import ACROSS, KINDS, RATIO, ROTATION, TRANSLATION, grid, label, legend_above

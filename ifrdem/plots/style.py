@@ -10,7 +10,7 @@ import numpy as np
 
 from ..model.box import Box
 from ..model.state import Disks
-from ..model.walls import Wall
+from ..model.walls.wall import Wall
 from ..tools.checked import Array
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.figure import Figure
 
-from ..analysis import catalogue
+from ..analysis import motion
 from ..errors import InputError
 from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
@@ -79,7 +79,7 @@ def _paths(axes: Axes, trajectory: Trajectory) -> None:
     """
     radius, n = trajectory.disks.radius, trajectory.n
     try:
-        unwrapped = np.concatenate([*catalogue.unwrapped(trajectory, range(len(trajectory)))], axis=1)
+        unwrapped = np.concatenate([*motion.unwrapped(trajectory, range(len(trajectory)))], axis=1)
         known = True
     except InputError:
         unwrapped, known = trajectory[-1].position[None], False

@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analysis import result
-from ..errors import InputError, TheoryWarning
-from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw
-from ..model.state import Disks
-from ..model.viscoelastic import Viscoelastic
+from ..analysis.gas_theory import Curves, gas_of
+from ..errors import TheoryWarning
+from ..model.laws.viscoelastic import Viscoelastic
 from ..theory import driven_gas, sheared_gas
-from ..theory.choose import prediction
 from ..theory.driven_gas import Driving
-from ..theory.mixtures import Mixture
-from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .series import along, axis_label
 from .style import RATIO, ROTATION, TRANSLATION, few_labels, foreground, from_zero, grid, label, positive
@@ -35,115 +28,6 @@ NAMES = (
 )
 BAND = 2.0
 """Standard errors that a band reaches to both sides: 95 % of a normal distribution."""
-Curves = tuple[Array, Array, Array, Array]
-"""Times, T and T_rot [energy] and collisions per disk at them."""
-
-MOST_KINDS = 16
-"""Of disks: every pair of kinds is summed at every step, which takes seconds from there on."""
-LONGER = 1e6
-"""Longest curve of theory, in lengths of the run, if theory needs longer for the collisions of the run."""
-
-
-@dataclass(frozen=True)
-class _Gas:
-    """Gas of a trajectory as kinetic theory takes it: temperatures at its start are those of each kind of disks."""
-
-    disks: Disks
-    laws: list[list[CollisionLaw]]
-    phi: float
-    T0: Array
-    T_rot0: Array
-    forces: list[dict[str, Any]]
-    kinds: int
-
-    @property
-    def one_kind(self) -> tuple[Any, float, float, float, float]:
-        """Law, mass, radius, k and packing fraction, as theories of equal disks take them."""
-        d, material = self.disks, int(self.disks.material[0])
-        return self.laws[material][material], float(d.mass[0]), float(d.radius[0]), float(d.k[0]), self.phi
-
-    def curves(self, trajectory: Trajectory, elapsed: Array, over: str, shear_rate: float = 0.0) -> Curves:
-        """T and T_rot of all disks, `elapsed` after the first frame; over "tau" up to the collisions of the run."""
-        before = end = 0.0
-        if "collisions" in trajectory.observables:
-            before, end = 2.0 * trajectory.observables["collisions"][[0, -1]] / self.disks.n
-        if over == "tau":
-            elapsed = np.append(0.0, elapsed[elapsed > 0.0])
-        while True:
-            with (  # the run has given both warnings
-                warnings.catch_warnings(action="ignore", category=EnergyWarning),
-                warnings.catch_warnings(action="ignore", category=TheoryWarning),
-            ):
-                found = prediction(
-                    self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
-                    shear_rate=shear_rate,
-                )  # fmt: skip
-            collisions = before + found.collisions_per_disk
-            if (
-                over == "t"
-                or collisions[-1] >= end
-                or elapsed[-1] > LONGER * np.ptp(trajectory.times[[0, -1]])
-            ):
-                shown = slice(None) if over == "t" else slice(int(np.searchsorted(collisions, end)) + 1)
-                curves = (
-                    elapsed + trajectory.times[0],
-                    found.temperature,
-                    found.rotational_temperature,
-                    collisions,
-                )
-                return curves[0][shown], curves[1][shown], curves[2][shown], curves[3][shown]
-            elapsed = np.append(elapsed, elapsed[-1] * 2.0 ** np.linspace(0.05, 1.0, 20))
-
-    @property
-    def text(self) -> str:
-        """Name of the curves in the legend."""
-        return f"kinetic theory (homogeneous {'gas' if self.kinds == 1 else 'mixture'})"
-
-
-def _gas(trajectory: Trajectory) -> _Gas | str:
-    """The gas of a trajectory as kinetic theory takes it, or why it does not hold."""
-    if trajectory.missing:
-        return "a part is missing: no kinetic theory here"
-    disks = trajectory.disks
-    kinds = len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T)
-    for invalid, text in (
-        (trajectory.free_area.all_walls, "walls"),
-        (trajectory.parameters.get("collapse", "none") != "none", "elastic exceptions against collapse"),
-        (trajectory.box.is_open, "open box"),
-        (not disks.movable.all(), "immovable disks"),
-        ("laws" not in trajectory.parameters, "no law in the file"),
-        (trajectory.has_custom_laws, "custom law"),
-        (kinds > MOST_KINDS, f"more than {MOST_KINDS} kinds of disks"),
-    ):
-        if invalid:
-            return f"{text}: no kinetic theory here"
-    phi = trajectory.box.packing_fraction(disks.radius)
-    with warnings.catch_warnings(action="ignore", category=EnergyWarning):
-        try:
-            laws = [[one for one in line if one is not None] for line in trajectory.laws]
-            if any(len(line) < len(laws) for line in laws):
-                return "materials that never meet: no kinetic theory here"
-            if any(getattr(one, "rho", 0.0) > 0.0 for line in laws for one in line):
-                return "rolling friction: no kinetic theory here"
-            _, which = Mixture.of(disks, laws, phi)
-        except InputError as error:
-            return f"no kinetic theory here: {error}"
-    forces = trajectory.record("forces", _forces, "[]")
-    if kinds == 1:
-        start = [trajectory.observables[name][:1] for name in ("temperature", "rotational_temperature")]
-    else:
-        frame, members = trajectory[0], [which == kind for kind in range(kinds)]
-        velocity = frame.velocity - result.drift(trajectory, range(len(trajectory))).velocity
-        moving = 0.5 * disks.mass * np.sum(velocity**2, axis=1)
-        spinning = disks.inertia * frame.spin**2
-        start = [np.array([each[those].mean() for those in members]) for each in (moving, spinning)]
-    return _Gas(disks, laws, phi, start[0], start[1], forces, kinds)
-
-
-def _forces(given: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The forces of a case, as far as the theory supports them."""
-    Driving.of(given, 1.0, 1.0)
-    return given
 
 
 def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:
@@ -152,7 +36,7 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
     Of several kinds of disks that are driven there is no steady state in closed form; the curve shows it where the run
     is long.
     """
-    gas, times, rate = _gas(trajectory), trajectory.times, trajectory.box.shear_rate
+    gas, times, rate = gas_of(trajectory), trajectory.times, trajectory.box.shear_rate
     if isinstance(gas, str):
         return None, None, gas
     steady, text, moves = None, gas.text, bool(gas.T0.any())

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analysis import catalogue
+from ..analysis import motion
 from ..case import file as case_file
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
@@ -23,7 +23,7 @@ from ..fit.figure import save
 from ..fit.tabular import TableFormat
 from ..initial import from_trajectory
 from ..model.box import Box
-from ..model.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning, IFRLaw
+from ..model.laws.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning, IFRLaw
 from ..model.overlaps import relax
 from ..model.state import State
 from ..simulation.simulation import Simulation
@@ -307,7 +307,7 @@ def compare(
         box, between = trajectory.box, not np.isin(times_measured, times).all()
         unwrapped = paths  # without jumps, if a position between two frames is needed
         if between and any(box.periodic):
-            unwrapped = np.concatenate([*catalogue.unwrapped(trajectory, range(len(times)))], axis=1)
+            unwrapped = np.concatenate([*motion.unwrapped(trajectory, range(len(times)))], axis=1)
     if 0 < members < LEAST_MEMBERS:
         raise InputError(f"members = {members}: must be 0, or {LEAST_MEMBERS} runs and more for a spread")
     problems = [f"disk {one}: the run has disks 0 to {n - 1}" for one in np.unique(measured.id) if one >= n]

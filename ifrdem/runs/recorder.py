@@ -13,9 +13,17 @@ import numpy as np
 
 from ..case.estimate import OBSERVABLES
 from ..errors import InputError, TrajectoryError
-from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, STRESS_SERIES, Measure, stress
+from ..model.observables import (
+    COMPONENTS,
+    MECHANISMS,
+    REGIMES,
+    SPECIES_SERIES,
+    STRESS_SERIES,
+    Measure,
+    stress,
+)
 from ..model.state import FrameRows, State
-from ..model.walls import OF_PISTONS, PISTONS, SUMS
+from ..model.walls.wall import OF_PISTONS, PISTONS, SUMS
 from ..simulation.tracking import Events, joined
 from ..tools.checked import Array, Integer, Positive, validated
 from ..trajectory.background import AsyncWriter
@@ -29,7 +37,7 @@ BYTES_PER_DISK = 64
 EVENTS_AT_ONCE = 200_000
 """Events that wait in memory before they are written; each takes 177 bytes."""
 OF_WALLS = "walls_"
-"""Prefix of the sums of single walls (`model.walls.SUMS`) in a row of the time series."""
+"""Prefix of the sums of single walls (`model.walls.wall.SUMS`) in a row of the time series."""
 COLUMNS: dict[str, tuple[str, ...]] = {
     "dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES,
     **dict.fromkeys(STRESS_SERIES, COMPONENTS),
@@ -112,6 +120,8 @@ class Ledger:
             }
         if self.area is not None and measure.virial is not None:
             row |= dict(zip(STRESS_SERIES, self._stresses(measure, self.area), strict=True))
+        if measure.species_temperature is not None:
+            row |= {name: getattr(measure, name) for name in SPECIES_SERIES}
         if measure.walls is not None:
             row |= {f"{OF_WALLS}{name}": column for name, column in zip(SUMS, measure.walls.T, strict=True)}
         return row
@@ -155,7 +165,7 @@ class Recorder:
 
     `take_events` gives what happened to tracked disks since the last call (`Simulation.take_events`); `pending` are
     events that were not written yet when the run stopped; `clock` gives seconds of real time; `walls` are the names of
-    those that have sums, `pistons` of those that are some. `seconds` is the
+    those that have sums, `pistons` of those that are some, `species` of species. `seconds` is the
     processor time that this has taken of the run's thread.
     """
 
@@ -168,10 +178,11 @@ class Recorder:
         clock: Callable[[], float] = time.monotonic,
         walls: Sequence[str] = (),
         pistons: Sequence[str] = (),
+        species: Sequence[str] = (),
     ) -> None:
         self._writer, self._take = writer, take_events
         self.ledger: Ledger = ledger
-        self._walls, self._pistons = tuple(walls), tuple(pistons)
+        self._walls, self._pistons, self._species = tuple(walls), tuple(pistons), tuple(species)
         self._clock, self._wrote = clock, -math.inf
         self.seconds: float = 0.0
         self._rows: list[tuple[float, dict[str, Any]]] = []
@@ -216,6 +227,7 @@ class Recorder:
             columns = {name: COLUMNS[name] for name in COLUMNS if name in first}
             columns |= {name: self._walls for name in first if name.startswith(OF_WALLS)}
             columns |= {name: self._pistons for name in first if name.startswith(OF_PISTONS)}
+            columns |= {name: self._species for name in SPECIES_SERIES if name in first}
             self._writer.write_series_rows(self._rows, columns)
         if self._parts:
             self._writer.write_history_parts(self._parts)

@@ -19,9 +19,9 @@ from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.objects import choose_runtime, device_of
-from ..errors import InputError
+from ..errors import InputError, option_name
 from ..kernels import runtime as of_kernels
-from ..model.law_records import is_custom, of_table, source_of_record
+from ..model.laws.records import is_custom, of_table, source_of_record
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import RunPlan
@@ -239,6 +239,7 @@ def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
     more = f" (and {len(lines) - 6} lines more)" if len(lines) > 6 else ""
     raise InputError(
         f"{path}: the case file {case} has changed since the run began: {'; '.join(lines[:6])}{more}. A run resumes "
-        "only as it began: put the file back, or --ignore-case-changes resumes the case as it was; for a new "
+        f"only as it began: put the file back, or {option_name('--ignore-case-changes', 'ignore_case_changes=True')} "
+        "resumes the case as it was; for a new "
         f'case, begin a new run from a stored frame: start.positions = "{extra["trajectory"]}"'
     )

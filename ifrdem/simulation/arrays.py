@@ -46,7 +46,7 @@ from ..kernels.shear import displacement
 from ..kernels.walls.kinds import GONE
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
-from ..model.walls import Wall
+from ..model.walls.wall import Wall
 from . import backend
 from .checks import MANTISSA, position_spacing
 from .domain import Domain
@@ -260,7 +260,7 @@ class DeviceArrays:
     def _check_addresses(self, rows: int) -> None:
         if 8 * rows > ADDRESSABLE:
             raise EngineError(
-                f"{self.n} disks: 32-bit indices of Taichi reach arrays of {ADDRESSABLE} numbers, which is enough for "
+                f"{self.n} disks: 32-bit indices of kernels reach arrays of {ADDRESSABLE} numbers, which is enough for "
                 f"{ADDRESSABLE // 24} disks"
             )
 
@@ -339,7 +339,7 @@ class DeviceArrays:
         if (1 + MOST_MOMENTS) * total * self.columns > ADDRESSABLE:
             raise EngineError(
                 f"sums of walls: {self.columns} columns in each of {total} tiles are more than the {ADDRESSABLE} "
-                "numbers that 32-bit indices of Taichi reach; make polylines of walls, or do without wall_sums"
+                "numbers that 32-bit indices of kernels reach; make polylines of walls, or do without wall_sums"
             )
         for axis, name in enumerate(("edge_x", "edge_y")):
             self.make(name, len(edges[axis]))

@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DamageError, InputError
+from ..errors import DamageError, InputError, option_name
 from ..kernels import runtime
 from ..kernels.columns import named
 from ..model.state import COLUMNS, Disks, State
@@ -335,6 +335,7 @@ def _remedy(name: str, version: str) -> str:
     """Sentence that says how to resume with a runtime of this version; empty for an unknown runtime."""
     if name not in runtime.NAMES:
         return ""
+    chosen = option_name(f"--runtime {name}", f"{runtime.VARIABLE}={name}")
     if runtime.version(name) == version:
-        return f"Resume with `--runtime {name}`. Or: "
-    return f"Resume with it: `pip install {name}=={version}`, `--runtime {name}`. Or: "
+        return f"Resume with `{chosen}`. Or: "
+    return f"Resume with it: `pip install {name}=={version}`, `{chosen}`. Or: "

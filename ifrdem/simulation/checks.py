@@ -16,8 +16,8 @@ from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.gravity import RotatingGravity
 from ..model.overlaps import TOLERANCE
 from ..model.state import Disks, State
-from ..model.wall_checks import check as check_walls
-from ..model.walls import Wall, wall_names
+from ..model.walls.checks import check as check_walls
+from ..model.walls.wall import Wall, wall_names
 from ..mpi import current
 
 if TYPE_CHECKING:
@@ -290,7 +290,7 @@ def _check_resting(
     device: Device,
 ) -> None:  # fmt: skip
     """Refuse disks at rest where the model of them does not hold (`kernels/rest.py`); arguments as for `Engine`."""
-    from ..model.ifr import IFRLaw
+    from ..model.laws.ifr import IFRLaw
 
     name = f"collapse = {collapse}"
     if device.name != "cpu" or device.precision != "f64":

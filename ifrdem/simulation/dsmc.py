@@ -24,8 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import EngineError, InputError, NoMoreCollisions
 from ..kernels.columns import BODY, DSMC_TABLES, SCALE, Named
 from ..kernels.layout import Uses
-from ..model.law import CollisionLaw, compiled
-from ..model.pair_laws import PairLaws
+from ..model.laws.law import CollisionLaw, compiled
+from ..model.laws.pairs import PairLaws
 from ..model.state import Disks, State
 from ..theory.contact import Contact, PackingFraction, contact_value_coefficients
 from ..theory.driven_gas import Driving
@@ -504,7 +504,7 @@ class DSMC(ReadOnlyAttributes):
     def _check_alive(self) -> None:
         backend.check_process()
         if self._disk is None:
-            raise EngineError("this gas is invalid: Taichi was restarted with other settings")
+            raise EngineError("this gas is invalid: the runtime was restarted with other settings")
 
     def _check_valid(self) -> None:
         self._check_alive()

@@ -41,16 +41,16 @@ from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff, advice
 from ..model.collapse import validate as validate_collapse
 from ..model.gravity import Gravity, RotatingGravity
 from ..model.gravity import validate as validate_gravity
-from ..model.ifr import IFRLaw
-from ..model.law import CollisionLaw, compiled
+from ..model.laws.ifr import IFRLaw
+from ..model.laws.law import CollisionLaw, compiled
 from ..model.observables import from_totals
 from ..model.state import Disks, FrameRows, State
-from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
+from ..model.walls.wall import Wall, free_directions, rows_of, sides, smooth_materials
 from ..mpi import Communicator
 from ..tools import checked, seeds
 from . import backend, checks
 from .device import Device
-from .features import features_of, validate_record
+from .features import features_of, validate_record, validate_species
 from .schedule import RunPoint
 from .start import StartCounts, StartSlice
 from .tracking import Statistics
@@ -92,6 +92,7 @@ class EngineOptions:
     collapse: Collapse | None = None
     seed: int = 0
     record: frozenset[str] = frozenset()
+    species: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
         checked_values = {
@@ -100,6 +101,7 @@ class EngineOptions:
             "collapse": validate_collapse(self.collapse),
             "seed": seeds.of_device(self.seed),
             "record": validate_record(self.record),
+            "species": validate_species(self.species),
         }
         for name, value in checked_values.items():
             object.__setattr__(self, name, value)
@@ -238,6 +240,8 @@ class Engine:
             lambda: checks.check(disks, box, state, counts, materials, self.walls, forces, given, comm.size)
         )
         self.n: int = counts.n
+        if given.species and sum(number for _, number in given.species) != self.n:
+            raise InputError(f"species = {dict(given.species)}: must be of {self.n} disks together")
         self._before, self._asleep_before = [counts.collisions, counts.wall_collisions], counts.asleep
         start = StartSlice.of(comm, disks, state)
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
@@ -343,12 +347,12 @@ class Engine:
 
     @property
     def wall_sums(self) -> NDArray[np.float64]:
-        """Sums of what each wall gave so far, sides of the box last, shape (walls, 6); columns `model.walls.SUMS`."""
+        """Sums of what each wall gave so far, shape (walls, 6): `model.walls.wall.SUMS`; sides of the box last."""
         return self.arrays.extra_tally.sums(self.windows.sums)
 
     @property
     def pistons(self) -> NDArray[np.float64]:
-        """Displacement, velocity, energy and force of each piston, shape (pistons, 4): `model.walls.PISTONS`."""
+        """Displacement, velocity, energy and force of each piston, shape (pistons, 4): `model.walls.wall.PISTONS`."""
         states = self.arrays.extra_tally.piston_states(self.windows.sums).array
         pistons = [(wall.piston, wall.normal_of_piston) for wall in self.walls if wall.piston is not None]
         found = np.empty((len(pistons), 4))
@@ -395,7 +399,7 @@ class Engine:
 
     @property
     def free(self) -> tuple[bool, bool]:
-        """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
+        """True along x and y where the whole gas can drift (`model.walls.wall.free_directions`)."""
         smooth: Collection[int] = ()
         if self.walls and self._law.is_proved and {"e_t", "mu"} <= {*self._law.coefficients}:
             e_t, mu = (self._law.column(self._law_table, name) for name in ("e_t", "mu"))
@@ -936,6 +940,15 @@ class Engine:
         """Sums over all disks (`kernels/readout.py`). Less costly than a copy of the state."""
         with self.exclusive_update():
             return self._totals()
+
+    def species_totals(self) -> NDArray[np.float64] | None:
+        """Sums over each species (`kernels/readout.py`); None without species."""
+        from .readout import species_totals
+
+        if not self.options.species:
+            return None
+        with self.exclusive_update():
+            return species_totals(self)
 
     def _totals(self) -> NDArray[np.float64]:
         from .readout import totals

@@ -85,7 +85,7 @@ class ExtraTally:
         return tally[TALLY.width + self.n_virial : TALLY.width + self._first_sum]
 
     def sums(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Sums of walls in a tally, shape (walls, 6): columns `model.walls.SUMS`."""
+        """Sums of walls in a tally, shape (walls, 6): columns `model.walls.wall.SUMS`."""
         return tally[TALLY.width + self._first_sum : TALLY.width + self._first_piston].reshape(
             -1, WALL_SUM.width
         )

@@ -314,7 +314,7 @@ class ForceSteps:
     def apply(self, index: int, now: float, free: tuple[bool, bool]) -> float:
         """Apply a force due at `now` [time], where a window begins; what frames of rows see of it beyond its energy.
 
-        `free` is True for x and y along which the whole gas can drift (`model.walls.free_directions`).
+        `free` is True for x and y along which the whole gas can drift (`model.walls.wall.free_directions`).
 
         EngineError if it makes a velocity or spin that is not finite.
         """

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from ..errors import InputError
-from ..model import walls
 from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.gravity import RotatingGravity
-from ..model.law import CollisionLaw
-from ..model.law_files import source_of
-from ..model.law_records import ARGUMENTS, from_record, is_custom, to_record
+from ..model.laws.files import source_of
+from ..model.laws.law import CollisionLaw
+from ..model.laws.records import ARGUMENTS, from_record, is_custom, to_record
 from ..model.state import COLUMNS
+from ..model.walls.wall import at_displacements, from_json, to_json
 from .device import Device
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def gas_record(engine: Engine, laws: Sequence[Sequence[CollisionLaw]]) -> dict[s
         "disks": [engine.comm.digest(getattr(engine.disks_here, name)).hex() for name in COLUMNS],
         "box": asdict(engine.box),
         "law": [[_law_record(law) for law in row] for row in laws],
-        "walls": json.loads(walls.to_json(engine.walls[: engine.given_walls])),
+        "walls": json.loads(to_json(engine.walls[: engine.given_walls])),
         "gravity": asdict(options.gravity)
         if isinstance(options.gravity, RotatingGravity)
         else engine.gravity,
@@ -48,6 +48,7 @@ def gas_record(engine: Engine, laws: Sequence[Sequence[CollisionLaw]]) -> dict[s
         "device": asdict(options.device),
         "record": sorted(options.record),
         "seed": options.seed,
+        "species": dict(options.species),
     }
     record: dict[str, Any] = json.loads(json.dumps(found))
     return record
@@ -79,16 +80,17 @@ def arguments(
     if replace(chosen, threads=was.threads) != was:
         raise InputError(f"device = {chosen}: must be {was}, with any number of threads")
     gravity, collapse = record["gravity"], record["collapse"]
-    given = walls.from_json(json.dumps(record["walls"]))
+    given = from_json(json.dumps(record["walls"]))
     return {
         "box": Box(**_with_tuples(record["box"])),
         "law": law,
-        "walls": walls.at_displacements(given, displacements),
+        "walls": at_displacements(given, displacements),
         "gravity": RotatingGravity(**_with_tuples(gravity)) if isinstance(gravity, dict) else tuple(gravity),
         "forces": _forces_of(record["forces"]) if forces is None else forces,
         "collapse": None if collapse is None else _COLLAPSES[collapse[0]](**collapse[1]),
         "device": chosen,
         "record": record["record"],
+        "species": record["species"],
         "seed": record["seed"],
     }  # fmt: skip
 

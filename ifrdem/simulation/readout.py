@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..kernels.columns import READOUT, frame_dtype
-from ..kernels.readout import read_out
+from ..kernels.columns import READOUT, SPECIES, frame_dtype
+from ..kernels.readout import read_out, read_species
 from ..model.box import below
 from ..model.state import FrameRows, State
 
@@ -23,6 +23,15 @@ if TYPE_CHECKING:
 def totals(engine: Engine) -> NDArray[np.float64]:
     """Sums over all disks (`kernels/readout.py`) at the present time."""
     return _launch(engine, np.zeros((1, 1), np.int32), filled=0)
+
+
+def species_totals(engine: Engine) -> NDArray[np.float64]:
+    """Sums over each species at the present time, shape (species, columns of SPECIES)."""
+    arrays, numbers = engine.arrays, np.array([number for _, number in engine.options.species])
+    first = (np.cumsum(numbers) - numbers + arrays.domain.first_id).astype(np.int32)
+    found = np.zeros((arrays.tiles, len(numbers) * SPECIES.width))
+    arrays.launch(read_species, engine.windows.part, first_of_species=first, species_totals=found)
+    return arrays.domain.sums(found).reshape(len(numbers), SPECIES.width)
 
 
 def _launch(engine: Engine, words: NDArray[Any], *, filled: int) -> NDArray[np.float64]:

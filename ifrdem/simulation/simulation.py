@@ -14,25 +14,24 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, SlowRunWarning
+from ..errors import InputError, SlowRunWarning, outside_level
 from ..kernels.columns import READOUT, Named
-from ..model import crush
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
 from ..model.custom_code import check_constants
 from ..model.gravity import RotatingGravity
-from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw, check_law_constants
+from ..model.laws.ifr import EnergyWarning
+from ..model.laws.law import CollisionLaw, check_law_constants
+from ..model.laws.pairs import PairLaws
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
-from ..model.pair_laws import PairLaws
 from ..model.state import COLUMNS, DiskKinds, Disks, State, gather_disks, gather_state, scatter_state
-from ..model.wall_checks import check_types
-from ..model.walls import Wall, WallSums, sides
+from ..model.walls import crush
+from ..model.walls.checks import check_types
+from ..model.walls.wall import Wall, WallSums, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked
-from ..tools.callers import outside_level
 from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
@@ -135,6 +134,9 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         - "stress": the momentum that collisions transfer, in every `Measure`: `observables.stress` makes a pressure
           tensor of two of these;
         - "wall": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
+    species : mapping of str to int
+        Names of species and their numbers of disks, in the order of ids: temperatures and collisions of each are then
+        in every `Measure`.
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
     seed : int
@@ -197,6 +199,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         collapse: Annotated[Collapse | None, LATER] = None,
         device: Annotated[Device | str | None, LATER] = None,
         record: Iterable[str] = (),
+        species: Annotated[Mapping[str, int] | None, LATER] = None,
         tracked: Annotated[Sequence[int] | NDArray[np.integer], LATER] = (),
         seed: Seed = 0,
         comm: Comm = None,
@@ -228,11 +231,12 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         self._stopping = False
         self._pinches_checked = False
         self._external_energy = 0.0  # from changes between runs
+        species = () if species is None else species
         with backend.sole_use():
             self._engine = Engine(
                 disks, box, begin, self._laws.coefficients, law=self._laws.kind, walls=walls, gravity=gravity,
-                forces=forces, collapse=collapse, device=device, record=record, seed=seed, tracking=self._tracking,
-                comm=comm,
+                forces=forces, collapse=collapse, device=device, record=record, species=species, seed=seed,
+                tracking=self._tracking, comm=comm,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             known = box.shear_rate == 0.0 and (comm.size == 1 or comm.is_distributed)
@@ -606,7 +610,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         comm, n = self.comm, self.disks.n
         comm.run_on_root(lambda: checkpoint.check_extra(path, extra, arrays))
         found = snapshot.take(self._engine)
-        state = self._engine.state_here()  # settles
+        state = self._engine.state_here()  # ends the window
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
         found["state_pistons"] = self.pistons
         found |= {f"disks_{name}": getattr(self.disks_here, name) for name in COLUMNS}
@@ -1088,12 +1092,13 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def measure(self) -> Measure:
         """Totals and averages of the present state: `observables.measure`, without copying it from the device."""
-        totals = self._engine.totals()  # settles
+        totals = self._engine.totals()  # ends the window
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
         if "wall" in self._engine.options.record:
             ledger["walls"] = self._engine.wall_sums
+        ledger["species"] = self._engine.species_totals()
         return from_totals(
             self.disks, totals, self.time, self.wall_collisions, **self._energy_terms(), **ledger
         )

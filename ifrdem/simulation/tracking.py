@@ -15,11 +15,11 @@ from ..errors import InputError
 from ..kernels import layout as k
 from ..kernels.columns import named
 from ..model.box import Box, below
-from ..model.collision import UNKNOWN, collide
-from ..model.ifr import EnergyWarning
-from ..model.law import CollisionLaw, parts_of
+from ..model.laws.collision import UNKNOWN, collide
+from ..model.laws.ifr import EnergyWarning
+from ..model.laws.law import CollisionLaw, parts_of
 from ..model.state import Disks
-from ..model.walls import Wall
+from ..model.walls.wall import Wall
 
 KICK = k.KICKED
 """In place of a partner: a force changed the disk's velocity or spin."""

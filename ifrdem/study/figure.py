@@ -73,7 +73,6 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
         near = nearest(what, [*known, *SHORT])
         raise InputError(f"no quantity is called '{what}'{near}; there are: {', '.join(known)}")
     mean = results.variables[f"{name}_mean"]
-    rows = mean.dims[len(swept) :]
     x, curve = _x(results, over, mean.dims), None
     if swept and (left := [dim for dim in swept if dim != x]):
         curve = _dim(results, option_name("--by", "by ="), by, left) if by is not None else left[0]
@@ -96,8 +95,8 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
         _panel(axes, results, name, x, curve, fixed)
         title = ", ".join(f"{dim} = {_value(results, dim, i)}" for dim, i in fixed.items())
         axes.set_title(title, fontsize="medium")
-    _scales(grid.ravel()[0], x in rows or x == "time")
     first = grid.ravel()[0]
+    _scales(grid.ravel()[: len(panels_at)])
     _legend(
         first, f"{name}_theory" in results.variables, f"{name}_error" in results.variables, x not in swept
     )
@@ -175,20 +174,23 @@ def _panel(
     axes.grid(True, which="major", lw=0.4, alpha=0.5)
 
 
-def _scales(axes: Axes, rows: bool) -> None:
-    """Logarithmic where values span decades; all panels share their axes."""
-    y = np.concatenate([[], *(np.asarray(line.get_ydata(), float) for line in axes.lines)])
+def _scales(panels: Sequence[Axes]) -> None:
+    """Make axes logarithmic where values of any panel span decades; all panels share their axes."""
+    lines = [line for axes in panels for line in axes.lines]
+    y = np.concatenate([[], *(np.asarray(line.get_ydata(), float) for line in lines)])
     y = y[np.isfinite(y)]
     if len(y) and y.min() > 0.0 and y.max() > SEVERAL_DECADES * y.min():
-        axes.set_yscale("log")
+        panels[0].set_yscale("log")
     elif len(y) and y.min() >= 0.0:
-        axes.set_ylim(bottom=0.0)
-    x = np.asarray(axes.lines[0].get_xdata(), float) if axes.lines else np.array([])
+        panels[0].set_ylim(bottom=0.0)
+    each_x = [np.asarray(line.get_xdata(), float) for line in lines]
+    x = np.concatenate([[], *each_x])
+    x, steps = x[np.isfinite(x)], np.diff(each_x[0]) if lines else np.array([])
     later = x[x > 0.0]
-    even = len(x) > 2 and np.allclose(np.diff(x), np.diff(x).mean(), rtol=1e-3)
+    even = len(steps) > 1 and np.allclose(steps, steps.mean(), rtol=1e-3)
     if len(later) > 2 and not even and later.max() > SEVERAL_DECADES * later.min() and x.min() >= 0.0:
-        axes.set_xscale("log")
-        axes.set_xlim(left=float(later.min()))
+        panels[0].set_xscale("log")
+        panels[0].set_xlim(left=float(later.min()))
 
 
 def _legend(axes: Axes, theory: bool, error: bool, rows: bool) -> None:

@@ -16,12 +16,12 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from ..analysis.gas_theory import MOST_KINDS
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, there_are
-from ..model.ifr import EnergyWarning
+from ..model.laws.ifr import EnergyWarning
 from ..model.observables import COMPONENTS, MECHANISMS, REGIMES
-from ..plots.temperatures import MOST_KINDS
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..tools import files
@@ -148,6 +148,7 @@ def collect(
             variables[name] = Variable((axis.names[0],), _coordinate(values))
     variables[SEED] = Variable((SEED,), np.array(plan.seeds))
     names = {"mechanism": MECHANISMS, "regime": REGIMES, "component": COMPONENTS, "axis": ("x", "y")}
+    names |= {"species": tuple(each.name for each in case.species)} if len(case.species) > 1 else {}
     for name, parts in names.items():
         variables[name] = Variable((name,), np.array(parts))
     if plan.output.analyses_at:

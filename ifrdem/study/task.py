@@ -26,7 +26,7 @@ from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..errors import DamageError, EngineError, InputError
-from ..model.observables import STRESS_SERIES
+from ..model.observables import SPECIES_SERIES, STRESS_SERIES
 from ..runs.recorder import COLUMNS, Ledger
 from ..simulation.schedule import RunPlan, RunPoint, end_at
 from ..tools.files import write_aside
@@ -90,7 +90,7 @@ class Task:
         level = LOG.level
         LOG.setLevel(logging.WARNING)  # no lines of progress
         try:
-            # The study has given these warnings once.
+            # Warnings of the case, such as of energy that collisions may add: the study has given them once.
             with warnings.catch_warnings(action="ignore"):
                 if not self.done:
                     started, long = time.perf_counter(), self.analyses or self.trajectory
@@ -191,7 +191,8 @@ def _at_rows(case: CaseSections, n: int, found: dict[str, NDArray[Any]]) -> dict
         padded = np.concatenate([values.astype(float), np.full((1, *values.shape[1:]), np.nan)])
         part = each.removeprefix("dissipated_by_").removeprefix("collisions_by_")
         part = "component" if each in STRESS_SERIES else part
-        inner = () if values.ndim == 1 else (part,) if each in COLUMNS else ("axis",)
+        part = "species" if each in SPECIES_SERIES else part
+        inner = () if values.ndim == 1 else (part,) if each in (*COLUMNS, *SPECIES_SERIES) else ("axis",)
         result[each] = Variable((name, *inner), padded[np.minimum(rows, len(values))], units.get(each, ""))
     return result
 

@@ -27,13 +27,21 @@ from .cooling_gas import (
 from .hydrodynamics import (
     ShearModes,
     clustering_length,
+    self_diffusion,
     shear_length,
     shear_mode_energy,
     shear_mode_time,
     shear_viscosity,
     thermal_conductivity,
 )
-from .mixtures import Mixture, MixtureTemperatures, mixture_cooling, mixture_cooling_rates, mixture_driven
+from .mixtures import (
+    Mixture,
+    MixtureTemperatures,
+    mixture_cooling,
+    mixture_cooling_rates,
+    mixture_cooling_ratios,
+    mixture_driven,
+)
 from .sonine import collision_factor, cooling_factor, cooling_sonine, heated_sonine, sonine_coefficient
 
 __all__ = [
@@ -41,6 +49,7 @@ __all__ = [
     "checked_times", "clustering_length", "collision_factor", "collision_rate", "compressibility", "contact_value",
     "cooling", "cooling_factor", "cooling_rates", "cooling_ratio", "cooling_ratios", "cooling_sonine", "haff",
     "haff_time", "heated_sonine", "mean_free_path", "mixture_collision_rates", "mixture_contact_values",
-    "mixture_cooling", "mixture_cooling_rates", "mixture_driven", "prediction", "rough_rates", "shear_length",
-    "shear_mode_energy", "shear_mode_time", "shear_viscosity", "sonine_coefficient", "thermal_conductivity",
+    "mixture_cooling", "mixture_cooling_rates", "mixture_cooling_ratios", "mixture_driven", "prediction", "rough_rates",
+    "self_diffusion", "shear_length", "shear_mode_energy", "shear_mode_time", "shear_viscosity", "sonine_coefficient",
+    "thermal_conductivity",
 ]  # fmt: skip

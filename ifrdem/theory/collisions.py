@@ -49,9 +49,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..model.ifr import IFRLaw, smooth_disks
-from ..model.viscoelastic import Viscoelastic
-from ..model.walton import Walton
+from ..model.laws.ifr import IFRLaw, smooth_disks
+from ..model.laws.viscoelastic import Viscoelastic
+from ..model.laws.walton import Walton
 from ..tools.checked import (
     Array,
     NonNegative,

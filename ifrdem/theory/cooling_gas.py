@@ -30,7 +30,7 @@ from ..tools.checked import (
     PositiveArray,
     validated,
 )
-from .collisions import Collider, KineticLaw, collision_rate, energy_changes, slip_coefficients
+from .collisions import ClosedLaw, Collider, KineticLaw, collision_rate, energy_changes, slip_coefficients
 from .contact import PackingFraction
 
 
@@ -209,6 +209,64 @@ def cooling(
     log_T, theta, collisions = cooled(slope, np.array([0.0, T_rot0 / T0, 0.0]), rate0 * when)
     T = T0 * np.exp(log_T)
     return T, theta * T, collisions
+
+
+_STEP = 0.35
+"""Step of `cooling_until`, as a part of the collisions in which temperatures change."""
+_SETTLED = 1e-10
+_MOST = 200.0  # of |ln(T/T0)|
+
+
+def cooling_until(
+    law: ClosedLaw, k: float, theta0: float, *, collisions: float = math.inf, time: float = math.inf
+) -> tuple[float, float]:
+    """Collisions per disk, and time times the rate at the start, when either is reached in a gas that cools.
+
+    To 1e-5, in milliseconds: for estimates. By the rule of Runge and Kutta over collisions per disk, in which the
+    equations are not stiff; from where theta = T_rot / T has settled, each collision takes the same part of T (Haff's
+    law), and the rest is a closed form. The time is infinite if T has first fallen to e^-200 of that of the start.
+    `theta0` is that of the start.
+    """
+
+    def slope(y: Array) -> Array:
+        """Derivatives of ln(T/T0), theta and time by collisions per disk."""
+        theta = min(max(float(y[1]), 0.0), 1e100)
+        translation, rotation = changes_per_collision(theta, law, k)
+        return np.array([translation, rotation - theta * translation, math.exp(-0.5 * y[0])])
+
+    def later(y: Array, first: Array, step: float) -> Array:
+        second = slope(y + 0.5 * step * first)
+        third = slope(y + 0.5 * step * second)
+        fourth = slope(y + step * third)
+        return y + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
+
+    done, y = 0.0, np.array([0.0, theta0, 0.0])
+    while True:
+        if abs(y[0]) > _MOST:
+            return collisions, math.inf
+        now, near = slope(y), 1e-6 * (1.0 + y[1])
+        shifted = slope(np.array([y[0], y[1] + near, y[2]]))
+        relaxation = abs(float(shifted[1] - now[1])) / near + abs(float(now[0]))
+        if abs(now[1]) <= _SETTLED * relaxation * (1.0 + y[1]):
+            break
+        step = min(_STEP / (relaxation + abs(float(now[1])) / (1.0 + y[1])), collisions - done)
+        new = later(y, now, step)
+        if new[2] >= time:
+            for _ in range(6):  # Newton's rule for the step that ends there
+                step -= (new[2] - time) / math.exp(-0.5 * new[0])
+                new = later(y, now, step)
+            return done + step, time
+        done, y = done + step, new
+        if done >= collisions:
+            return collisions, float(y[2])
+    # 1 / speed grows by this part in each collision.
+    growth, pace = -0.5 * float(now[0]), float(now[2])
+    if math.isinf(time):
+        left = collisions - done
+        grown = math.expm1(min(growth * left, 700.0)) / growth if growth else left
+        return collisions, float(y[2]) + pace * grown
+    left = (time - float(y[2])) / pace
+    return done + (math.log1p(growth * left) / growth if growth else left), time
 
 
 @validated

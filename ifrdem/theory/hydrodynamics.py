@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
-from ..model.ifr import IFRLaw
+from ..model.laws.ifr import IFRLaw
 from ..tools.checked import Array, Fraction, NonNegative, Packed, Positive, validated
 from .collisions import ClosedLaw, KineticLaw, collision_rate, is_smooth
 from .contact import compressibility, contact_value
@@ -139,6 +139,26 @@ def thermal_conductivity(packing_fraction: Packed, T: Positive, mass: Positive, 
     g, phi = contact_value(packing_fraction), packing_fraction
     crowded = (1.0 + 1.5 * phi * g) ** 2 / g + 4.0 / math.pi * g * phi**2
     return math.sqrt(T / (math.pi * mass)) / radius * crowded
+
+
+@validated
+def self_diffusion(e_n: Fraction) -> float:
+    """D m nu / T of smooth equal disks: D is the coefficient of self-diffusion, nu the collision rate of a disk.
+
+    4 / (1 + e_n)^2, in the first Sonine approximation, whether the gas is dense or dilute (by Enskog's theory) and
+    while it cools. With Maxwellian velocities, the mean velocity u of tagged disks changes at
+    -(1 + e_n) / 2 n sigma g times the integral of n <g_n^2> over normals n, to first order in u
+    -(1 + e_n) n sigma g sqrt(pi T / m) u = -(1 + e_n) / 2 nu u. In units of sqrt(T), which falls at the rate
+    nu (1 - e_n^2) / 4, that is nu (1 + e_n)^2 / 4, by which the velocity autocorrelation decays. J. J. Brey et al.,
+    Phys. Fluids 12, 876 (2000), doi:10.1063/1.870342, have the same for spheres.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> theory.self_diffusion(1.0)
+    1.0
+    """
+    return 4.0 / (1.0 + e_n) ** 2
 
 
 @validated

@@ -20,15 +20,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..model.law import CollisionLaw
-from ..model.pair_laws import check_symmetric
+from ..model.laws.law import CollisionLaw
+from ..model.laws.pairs import check_symmetric
+from ..model.laws.viscoelastic import Viscoelastic
 from ..model.state import Disks
-from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, PositivePerDisk, must_be, validated
+from ..tools.checked import (
+    Array,
+    NonNegative,
+    NonNegativeColumn,
+    NonNegativePerDisk,
+    PositivePerDisk,
+    must_be,
+    validated,
+)
 from .collisions import Collider, KnownLaw, checked_law, energy_changes, mixture_collision_rates
 from .contact import Contact, PackingFraction, mixture_contact_values
 from .cooling_gas import checked_times, cooled, integrated
 from .driven_gas import Driving
 
+SETTLED, LONGEST = 1e-8, 1e6
+"""Change of ratios of temperatures per collision that counts as none; collisions per disk within which it comes."""
 MOST_SPECIES = 64  # every pair of them is summed at every step
 
 
@@ -281,6 +292,56 @@ def mixture_cooling(
         return speed * np.concatenate(rates)
 
     return _unpacked(cooled(slope, start, rate0 * when), mean0, s)
+
+
+@validated
+def mixture_cooling_ratios(mixture: Mixture, theta0: NonNegative = 1.0) -> tuple[Array, Array]:
+    """Ratios T_i / T and T_rot,i / T of species in the state to which a cooling mixture tends, shape (s,) each.
+
+    T is the mean over all disks. Cooling rates of all temperatures are equal there: of smooth disks, whose rotational
+    temperatures do not change (0 here), those of V. Garzo and J. Dufty, Phys. Rev. E 60, 5706 (1999),
+    doi:10.1103/PhysRevE.60.5706, with Maxwellian velocities; of rough disks those of A. Santos, Phys. Rev. E 98, 012904
+    (2018), doi:10.1103/PhysRevE.98.012904.
+
+    InputError if a law depends on the speed, or ratios do not settle.
+
+    Parameters
+    ----------
+    mixture : Mixture
+    theta0 : float
+        T_rot / T of all species at the start, 0 or more: there may be several states. Unused for smooth disks.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> mixture = theory.Mixture([1.0, 4.0], [0.5, 0.5], IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0), 0.1)
+    >>> T, T_rot = theory.mixture_cooling_ratios(mixture)
+    >>> round(float(T[1] / T[0]), 3)
+    1.341
+    """
+    s, x = mixture.species, mixture.fraction
+    if any(isinstance(law, Viscoelastic) for row in mixture.law for law in row):
+        raise InputError("law: must not depend on the speed, ratios of temperatures do not settle else")
+    smooth = not np.any(_rates(mixture, np.ones(s), np.ones(s), np.ones((s, s)))[1])
+    start = np.concatenate([np.ones(s), np.full(s, 0.0 if smooth else theta0)])
+    rate = float(x @ mixture.collision_rates(np.ones(s)).sum(axis=1))
+
+    def slope(y: Array) -> Array:
+        """Derivatives of T_i / T and T_rot,i / T by collisions per disk."""
+        T, T_rot = np.maximum(y[:s], 0.0), np.maximum(y[s:], 0.0)
+        translation, rotation = _rates(mixture, T, T_rot, mixture.collision_rates(T) / rate)
+        change = float(x @ translation) / float(x @ T)
+        return np.concatenate([translation - T * change, rotation - T_rot * change])
+
+    y, step = start, 16.0
+    while np.abs(slope(y)).max() > SETTLED * np.abs(y).max():
+        if step > LONGEST:
+            raise InputError(
+                f"mixture: ratios of temperatures do not settle within {LONGEST:g} collisions per disk"
+            )
+        y = integrated(lambda _, at: slope(at), y, np.array([step]), "mixture").ravel()
+        step *= 2.0
+    return y[:s], y[s:]
 
 
 def _unpacked(y: Array, mean0: float, s: int) -> MixtureTemperatures:

@@ -109,16 +109,26 @@ def csv_names(fields: Iterable[str]) -> list[str]:
 
 def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
     """Names of the kinds of disks, and the kind of each: species, else materials; None if the file has no names."""
-    material = trajectory.disks.material
+    if (named := species(trajectory)) is not None:
+        return [*named], np.repeat(np.arange(len(named)), [*named.values()])
+    materials = material_names(trajectory)
+    return None if materials is None else (materials, trajectory.disks.material.astype(np.intp))
+
+
+def species(trajectory: Trajectory) -> dict[str, int] | None:
+    """Names and numbers of species, in the order of ids; None if the file has none."""
     try:
-        species = json.loads(str(trajectory.parameters["species"]))
-        names, counts = [str(one["name"]) for one in species], [int(one["number"]) for one in species]
-        if min(counts) >= 0 and sum(counts) == len(material):
-            return [*map(printable, names)], np.repeat(np.arange(len(names)), counts)
+        found = json.loads(str(trajectory.parameters["species"]))
+        numbers = {printable(str(one["name"])): int(one["number"]) for one in found}
+        if (
+            len(numbers) == len(found)
+            and min(numbers.values()) >= 0
+            and sum(numbers.values()) == trajectory.n
+        ):
+            return numbers
     except FAULTS:  # parameters may be anybody's
         pass
-    materials = material_names(trajectory)
-    return None if materials is None else (materials, material.astype(np.intp))
+    return None
 
 
 def material_names(trajectory: Trajectory) -> list[str] | None:

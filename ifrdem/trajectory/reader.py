@@ -30,12 +30,12 @@ from ..errors import (
     there_are,
 )
 from ..model.box import Box
-from ..model.free_area import FreeArea
-from ..model.law import CollisionLaw
-from ..model.law_records import checked_record, from_record, is_custom, of_table
+from ..model.laws.law import CollisionLaw
+from ..model.laws.records import checked_record, from_record, is_custom, of_table
 from ..model.state import Disks
-from ..model.walls import OF_PISTONS, Wall, at_displacements
-from ..model.walls import from_json as walls_from_json
+from ..model.walls.free_area import FreeArea
+from ..model.walls.wall import OF_PISTONS, Wall, at_displacements
+from ..model.walls.wall import from_json as walls_from_json
 from ..mpi.distribution import GATHERED
 from ..tools import checked
 from ..tools.checked import Integer, validated
@@ -193,11 +193,26 @@ class Frame(ReadOnlyAttributes, DisksRepr):
         return self.trajectory.box.unwrap(self.position, self.image, self.time)
 
 
+DERIVED: dict[str, tuple[str, ...]] = {
+    "collisions_per_disk": ("collisions",),
+    "collision_rate": ("collisions",),
+    "theta": ("rotational_temperature", "temperature"),
+    "species_theta": ("species_rotational_temperature", "species_temperature"),
+}
+"""Name of a quantity that is computed -> what it follows from."""
+
+
 class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
     """Quantities by name: arrays over separate times, shape (rows, ...), read on access.
 
     A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`,
     `series["walls_work/wall 0 line"]`; by the name of a group of walls, their sum: `series["walls_work/paddle"]`.
+
+    What the file holds can be iterated over. Three more follow from it (`derived`):
+
+    - "collisions_per_disk": tau, twice the collisions over the number of disks;
+    - "collision_rate": nu, that of a disk since the row before [1/time]; nan in the first row;
+    - "theta", of species "species_theta": the rotational over the translational temperature, nan at rest.
 
     Attributes
     ----------
@@ -213,8 +228,10 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
         time: NDArray[np.float64],
         kind: str,
         read: Callable[[str, int, int], NDArray[Any]],
+        n: int,
     ) -> None:
         self._kind = kind
+        self._n = n
         self._path = "" if group is None else str(group.name)
         self._read = read
         self._columns: dict[str, tuple[str, ...]] = {}
@@ -230,7 +247,11 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
     def __getitem__(self, name: str) -> NDArray[Any]:
         whole, _, column = str(name).partition("/")
         columns = self.columns(whole)
-        value = self._read(f"{self._path}/{whole}/value", len(self.time), len(columns))
+        value = (
+            self._derive(whole)
+            if whole in self.derived
+            else self._read(f"{self._path}/{whole}/value", len(self.time), len(columns))
+        )
         if not column:
             return value
         if column not in columns:
@@ -254,9 +275,32 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
     @validated
     def columns(self, name: str) -> tuple[str, ...]:
         """Names of the columns of a quantity; empty if it has none."""
+        if name in self.derived:
+            return self._columns[DERIVED[name][-1]]
         if name not in self._columns:
             raise NameMissing(f"the file holds no {self._kind} {name!r}{there_are(str(name), self)}")
         return self._columns[name]
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Names of quantities that follow from what the file holds."""
+        known = self._columns
+        return tuple(
+            name
+            for name, needed in DERIVED.items()
+            if name not in known and all(one in known for one in needed)
+        )
+
+    def _derive(self, name: str) -> NDArray[np.float64]:
+        values = [self[one].astype(np.float64) for one in DERIVED[name]]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if len(values) == 2:
+                return np.where(values[1] > 0.0, values[0] / values[1], np.nan)
+            per_disk = 2.0 * values[0] / max(self._n, 1)
+            if name == "collisions_per_disk":
+                return per_disk
+            elapsed = np.diff(self.time, prepend=np.nan)
+            return np.where(elapsed > 0.0, np.diff(per_disk, prepend=np.nan) / elapsed, np.nan)
 
     def __repr__(self) -> str:
         return f"<{self._kind} of {len(self.time)} rows: {', '.join(self) or 'none'}>"
@@ -498,8 +542,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
             self._set(walls=walls_from_json(walls))
         moments = np.zeros(0) if rows is None else self._moments(rows)
         self._set(
-            observables=Series(file["observables"], self.times, "observable", self._read_rows),
-            series=Series(rows, moments, "series", self._read_rows),
+            observables=Series(file["observables"], self.times, "observable", self._read_rows, self.n),
+            series=Series(rows, moments, "series", self._read_rows, self.n),
         )
 
     @property
@@ -766,10 +810,12 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         return self._reopening(lambda: history.committed(self._opened(), str(self.path)))
 
     @validated
-    def read_events(self, name: str, rows: Annotated[int, Integer(0, 2**62)]) -> NDArray[Any]:
-        """A column of the first events of all tracked disks."""
+    def read_events(
+        self, name: str, rows: Annotated[int, Integer(0, 2**62)], start: Annotated[int, Integer(0, 2**62)] = 0
+    ) -> NDArray[Any]:
+        """A column of the first events of all tracked disks, from the event `start` on."""
         return self._reopening(
-            lambda: damage.read(self._opened()[f"{history.GROUP}/events/{name}"], slice(0, rows))
+            lambda: damage.read(self._opened()[f"{history.GROUP}/events/{name}"], slice(start, rows))
         )
 
     def history(self, disk: int) -> History:
@@ -813,7 +859,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     @validated
     def plot(
         self, what: str = "temperatures", ax: Any = None, *, frames: Sequence[int] | None = None, over: str = "t",
-        color: str | None = None, **unknown: Any,
+        color: str | None = None, axis: str | None = None, bins: int | None = None,
+        cells: tuple[int, int] | None = None, average: bool = False, **unknown: Any,
     ) -> Any:  # fmt: skip
         """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, rdf, ...
 
@@ -830,6 +877,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
             Time, or collisions per disk: of temperatures, energy, ledger, mechanisms, walls and piston.
         color : str, optional
             Of "disks", as `Frame.plot` has it.
+        axis, bins, cells, average
+            Of "profiles" and "fields", as `ifrdem analyse` has them.
 
         Returns
         -------
@@ -840,8 +889,10 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         InputError
             If there is no such picture or argument, the file does not hold what it takes, or axes are missing.
         """
-        refuse_unknown(unknown, ("what", "ax", "frames", "over", "color"))
-        return plots().trajectory(self, what, ax, frames=frames, over=over, color=color)
+        of_analysis = {"axis": axis, "bins": bins, "cells": cells, "average": average or None}
+        refuse_unknown(unknown, ("what", "ax", "frames", "over", "color", *of_analysis))
+        options = {name: value for name, value in of_analysis.items() if value is not None}
+        return plots().trajectory(self, what, ax, frames=frames, over=over, color=color, **options)
 
     def universe(self) -> MDAnalysis.Universe:
         """A universe of MDAnalysis over this file, in the units of the file (nothing is converted).

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.observables import MECHANISMS, STRESS_SERIES
-from ..model.walls import OF_PISTONS
+from ..model.observables import MECHANISMS, SPECIES_SERIES, STRESS_SERIES
+from ..model.walls.wall import OF_PISTONS
 from ..tools import checked
 from .layout import STATIC, version_of
 
@@ -71,7 +71,7 @@ def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFram
         return pandas.DataFrame(found, index=pandas.RangeIndex(trajectory.n, name="id"))
     series: Series = getattr(trajectory, which)
     table: dict[str, NDArray[Any]] = {}
-    for name in series:
+    for name in (*series, *series.derived):
         table.update(columns(name, series[name], series.columns(name)))
     return pandas.DataFrame(table, index=pandas.Index(series.time, name="time"))
 
@@ -99,8 +99,8 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
             coordinates[time] = series.time
         if "collisions" in series and trajectory.n:
             ends = "" if time == "time" else "series_"
-            coordinates[f"{ends}{PER_DISK}"] = (time, 2.0 * series["collisions"] / trajectory.n)
-        for name in series:
+            coordinates[f"{ends}{PER_DISK}"] = (time, series[PER_DISK])
+        for name in (*series, *(each for each in series.derived if each != PER_DISK)):
             value = series[name]
             dims = (time, *_axes(name, value, series.columns(name), coordinates))
             data[f"{prefix}_{name}"] = (dims, value)
@@ -116,7 +116,7 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
 def whole_gas(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
     """Quantities of the whole gas, shape (rows, ...), at its rows of series or, without those, its frames.
 
-    Among them `time`, `collisions_per_disk` and `theta`, the ratio of the temperatures.
+    Among them `time`, and those that are derived (`Series`): `collisions_per_disk`, `collision_rate` and `theta`.
 
     Raises InputError if the file does not count collisions.
     """
@@ -124,11 +124,8 @@ def whole_gas(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
     if "collisions" not in source or not len(source.time):
         text = "holds no collisions of the whole gas, by which it could be joined"
         raise InputError(f"{trajectory.path}: {text}")
-    found = {name: source[name].astype(np.float64) for name in source}
-    with np.errstate(divide="ignore", invalid="ignore"):
-        if {"temperature", "rotational_temperature"} <= found.keys():
-            found["theta"] = found["rotational_temperature"] / found["temperature"]
-    return {"time": source.time, PER_DISK: 2.0 * found["collisions"] / max(trajectory.n, 1), **found}
+    found = {name: source[name].astype(np.float64) for name in (*source, *source.derived)}
+    return {"time": source.time, **found}
 
 
 def at_equal_collisions(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[np.float64]]:
@@ -220,7 +217,8 @@ QUANTITIES = {
     **dict.fromkeys(
         ("translational_energy", "rotational_energy", "energy", "temperature", "rotational_temperature",
          "potential_energy", "energy_input", "wall_work", "wall_heat", "dissipated_energy",
-         "dissipated_by_mechanism", "ledger_residual", "walls_work", "walls_heat", "walls_torque"),
+         "dissipated_by_mechanism", "ledger_residual", "species_temperature", "species_rotational_temperature",
+         "walls_work", "walls_heat", "walls_torque"),
         "energy",
     ),
 }  # fmt: skip
@@ -238,6 +236,7 @@ def _axes(
         dimension = name.removeprefix("dissipated_by_").removeprefix("collisions_by_")
         dimension = "wall" if name.startswith("walls_") else dimension
         dimension = "component" if name in STRESS_SERIES else dimension
+        dimension = "species" if name in (*SPECIES_SERIES, "species_theta") else dimension
         coordinates[dimension] = list(names)
         return (dimension,)
     if value.shape[1:] == (2,):

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, counted
 from ..model.box import Box, below
 from ..model.state import Disks, FrameRows, State
-from ..model.walls import Wall, to_json
+from ..model.walls.wall import Wall, to_json
 from ..tools import checked
 from ..tools.checked import validated
 from ..tools.read_only import ReadOnlyAttributes

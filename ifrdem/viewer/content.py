@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..analysis import result
 from ..errors import InputError
-from ..model.ifr import regime_name
+from ..model.laws.ifr import regime_name
 from ..plots import disks as plot_disks
 from ..plots.run import title
 from ..plots.style import unit_of

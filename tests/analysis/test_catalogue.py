@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.analysis import catalogue
+from ifrdem.analysis import catalogue, motion
 
 
 def test_velocities_that_turn_forget_their_direction_where_the_cosine_does(tmp_path: Path) -> None:
@@ -22,7 +22,7 @@ def test_velocities_that_turn_forget_their_direction_where_the_cosine_does(tmp_p
             velocity = speed[:, None] * np.stack((np.cos(turned), np.sin(turned)), axis=1)
             state = ifrdem.State(position, velocity, np.zeros(40), float(time))
             file.write(state, {"temperature": ifrdem.observables.measure(disks, state).temperature})
-    found = catalogue.of_vacf(ifrdem.Trajectory(tmp_path / "a.h5"), None)
+    found = motion.of_vacf(ifrdem.Trajectory(tmp_path / "a.h5"), None)
     rows = {row.name: row.value for row in found.rows}
     assert rows["<v^2>"] == pytest.approx(np.mean(speed**2), rel=1e-6)  # stored in f32
     assert rows["first lag below 1/e"] == 4.0
@@ -55,7 +55,7 @@ def test_diffusion_counts_directions_without_walls(tmp_path: Path, kind: str) ->
             state = ifrdem.State(position, velocity, np.zeros(n), float(time), image=image)
             file.write(state, {"temperature": 1.0})
             x = x + draw.choice([-1.0, 1.0], n)
-    found = catalogue.of_msd(ifrdem.Trajectory(tmp_path / "walk.h5"), None)
+    found = motion.of_msd(ifrdem.Trajectory(tmp_path / "walk.h5"), None)
     rows = {row.name: row.value for row in found.rows}
     # 400 walks of 40 steps: <x^2> at the lags of the fit has a standard error of some 3 %.
     assert rows["D"] == pytest.approx(0.5 / directions, rel=0.12)

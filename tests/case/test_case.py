@@ -27,7 +27,7 @@ from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.initial import from_csv
 from ifrdem.initial.placement import check_no_overlap
-from ifrdem.model.coin_table import coins
+from ifrdem.model.laws.coin_table import coins
 
 SHIPPED = Path(__file__).parents[2] / "cases" / "cooling.toml"
 
@@ -113,6 +113,22 @@ def test_shipped_case_is_the_main_job() -> None:
     assert (species.speed_rms, species.spin_rms) == (1.0, 0.0)
     assert (case.box.packing_fraction, case.run.collisions_per_disk) == (0.25, 50.0)
     assert (case.run.name, case.run.units, case.run.device) == ("cooling", "SI", "cpu")
+
+
+def test_temperature_instead_of_speed() -> None:
+    """T = <m v^2> / 2 exactly, of equal disks and of drawn radii, whose energies are equal on average."""
+    gas = CaseGas.from_case(case_of(SMALL, "species[0].speed_rms=", "species[0].temperature=0.002"))
+    assert gas.species[0].speed_rms == pytest.approx((2.0 * 0.002 / 1.19e-3) ** 0.5, rel=1e-14)
+    spread = (
+        "species[0].speed_rms=", "species[0].temperature=0.002", "species[0].mass=", "species[0].radius=",
+        "species[0].areal_density=3.4", 'species[0].radii={distribution="uniform", low=5e-3, high=20e-3}',
+    )  # fmt: skip
+    gas = CaseGas.from_case(case_of(SMALL, *spread))
+    state, mass = gas.start(), gas.disks.mass
+    assert 0.5 * np.mean(mass * np.sum(state.velocity**2, axis=1)) == pytest.approx(0.002, rel=1e-12)
+    assert gas.species[0].speed_rms == pytest.approx((2.0 * 0.002 * np.mean(1.0 / mass)) ** 0.5, rel=1e-12)
+    with pytest.raises(ValidationError, match="speed_rms cannot be combined with temperature"):
+        case_of(SMALL, "species[0].temperature=0.002")
 
 
 @pytest.mark.parametrize("kind", template.TEMPLATES)
@@ -596,7 +612,7 @@ def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_pat
         ("x,z\n1.0,1.0\n3.0,3.0\n", "unknown column 'z'.*there are x, y, vx, vy, spin"),
         ("x,vx\n1.0,1.0\n3.0,3.0\n", "missing column y, vy, spin"),
         ("x,y,spn\n", r"unknown column 'spn' \(did you mean 'spin'\?\)"),
-        ("x,y,x\n1,1,1\n", "column 'x' stands twice"),
+        ("x,y,x\n1,1,1\n", "column 'x' is given twice"),
         ("", "is empty"),
         ("x,y\n1_0,1\n3.0,3.0\n", "line 2: x = 1_0: must be a number"),
         ("x,y\n1.0,nan\n3.0,abc\n", "line 2: y = nan: must be a finite number"),

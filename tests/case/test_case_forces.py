@@ -18,7 +18,7 @@ from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.case.messages import kind_of, models_in
 from ifrdem.cli.main import main
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.plots import run
 from ifrdem.theory.driven_gas import Driving, steady_state
 from ifrdem.trajectory.reader import Trajectory

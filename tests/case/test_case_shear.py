@@ -14,7 +14,7 @@ from ifrdem.case import file as case_file
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli.main import main
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.plots import run
 from ifrdem.theory.sheared_gas import steady_state
 from ifrdem.trajectory.reader import Trajectory

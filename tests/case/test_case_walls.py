@@ -25,10 +25,10 @@ from ifrdem.case.walls_section import Wall as AnyWall
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.model.collapse import ContactTime, Rest, VelocityCutoff
-from ifrdem.model.free_area import FreeArea
 from ifrdem.model.observables import measure
-from ifrdem.model.wall_motion import Motion, Piston, Turn
-from ifrdem.model.walls import Wall, from_json, to_json
+from ifrdem.model.walls.free_area import FreeArea
+from ifrdem.model.walls.motion import Motion, Piston, Turn
+from ifrdem.model.walls.wall import Wall, from_json, to_json
 from ifrdem.plots import profiles
 from ifrdem.plots.temperatures import theory
 from ifrdem.runs.info import describe
@@ -633,13 +633,13 @@ def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     with Trajectory("vibrated.h5") as trajectory:
         found = profiles.of(trajectory)
     assert found is not None
-    densest = int(np.argmax(found.packing_fraction))
-    assert found.packing_fraction[densest] > 0.5
-    assert 4.0 < (found.middle[densest] - 0.0105) / 0.021 < 9.0  # diameters above the floor
-    assert found.packing_fraction[0] < 0.5 * found.packing_fraction[densest]
-    T_x, T_y = found.temperature[0]
-    assert T_y > 2.0 * T_x
-    assert T_y > 8.0 * found.temperature[densest, 1]
+    phi, T = found.mean.packing_fraction, found.mean.temperatures
+    densest = int(np.argmax(phi))
+    assert phi[densest] > 0.5
+    assert 4.0 < (found.middles[0][densest] - 0.0105) / 0.021 < 9.0  # diameters above the floor
+    assert phi[0] < 0.5 * phi[densest]
+    assert T[0, 1] > 2.0 * T[0, 0]
+    assert T[0, 1] > 8.0 * T[densest, 1]
 
 
 def test_the_template_of_walls_is_a_shaken_floor() -> None:

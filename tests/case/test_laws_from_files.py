@@ -18,7 +18,7 @@ from support import law_examples, mpi
 import ifrdem
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
-from ifrdem.model import law_files
+from ifrdem.model.laws import files as law_files
 from ifrdem.runs.signals import Stops
 
 LAW = '''

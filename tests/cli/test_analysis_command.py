@@ -143,7 +143,7 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     shown = capsys.readouterr().out
     record = json.loads(Path("run-analysis/run.json").read_text())
     assert set(record["analyses"]) | set(record["not_possible"]) == set(NAMES) == set(catalogue.ANALYSES)
-    assert set(record["not_possible"]) == {"impact"}
+    assert set(record["not_possible"]) == {"species", "impact"}
     assert "impact: not possible: run.h5 holds no histories of collisions" in shown
     assert "output.histories of the case" in shown
     for found in record["analyses"].values():
@@ -159,16 +159,19 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     cooling = record["analyses"]["cooling"]["values"]
     assert cooling["t_H"]["value"] == pytest.approx(2.0, rel=1e-6)
     assert cooling["relaxation of theta, collisions per disk"]["value"] == pytest.approx(200.0, rel=1e-3)
-    # Free flight: the exponent is 2; the temperature that is written falls, so that it says that there is no D.
-    assert record["analyses"]["msd"]["values"]["exponent"]["value"] == pytest.approx(2.0, abs=1e-5)
-    assert record["analyses"]["msd"]["values"]["D"]["value"] is None
-    assert "  ! the gas is not stationary: T goes from 1.5 to 0.1667 in that time, and D with it" in shown
+    # Free flight: the exponent is 2, which is no diffusion; the temperature that is written falls: in tau, no single D.
+    assert record["analyses"]["msd"]["values"]["exponent"]["value"] == pytest.approx(2.0, abs=1e-4)
+    assert "D" not in record["analyses"]["msd"]["values"]
+    assert "  ! exponent = 2: must be 1 in diffusion" in shown
+    assert (
+        "  ! the gas is not stationary: T goes from 1.5 to 0.1667 in that time, and the pressure with it"
+        in shown
+    )
     msd = table(Path("run-analysis/run-msd.csv"))
     with Trajectory("run.h5") as trajectory:
         speed = float(np.mean(np.sum(trajectory[0].velocity ** 2, axis=1)))
-    np.testing.assert_allclose(
-        msd["msd"].astype(float)[1:], speed * msd["lag"].astype(float)[1:] ** 2, rtol=1e-4
-    )
+    lag = msd["tau"].astype(float)[1:] / 100.0
+    np.testing.assert_allclose(msd["msd"].astype(float)[1:], speed * lag**2, rtol=1e-4)
 
 
 def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
@@ -197,18 +200,18 @@ def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     assert "cooling: is there already" in shown
     assert "impact: not possible" in shown
     record = json.loads(Path("out/run.json").read_text())
-    assert set(record["analyses"]) == set(NAMES) - {"impact"}
-    assert set(record["not_possible"]) == {"impact"}
+    assert set(record["analyses"]) == set(NAMES) - {"species", "impact"}
+    assert set(record["not_possible"]) == {"species", "impact"}
     assert Path("out/run-cooling.csv").stat().st_mtime_ns == before
     assert run("analyse", "run.h5", "-o", "out") == 2
     assert "holds all that the file allows already" in capsys.readouterr().err
     assert run("analyse", "run.h5", "cooling", "-o", "out", "--force") == 0
     assert Path("out/run-cooling.csv").stat().st_mtime_ns > before
-    assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == set(NAMES) - {"impact"}
+    assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == set(NAMES) - {"species", "impact"}
     # What has become possible since is said to be so no more.
     add_histories(tmp_path / "run.h5")
     assert run("analyse", "run.h5", "impact", "-o", "out") == 0
-    assert json.loads(Path("out/run.json").read_text())["not_possible"] == {}
+    assert json.loads(Path("out/run.json").read_text())["not_possible"].keys() == {"species"}
 
 
 def test_analyses_of_another_run_and_foreign_files_in_the_folder_are_not_mixed_or_harmed(
@@ -274,10 +277,10 @@ def test_a_gas_that_does_not_cool_by_haffs_law_is_reported_and_gets_no_errors(
     assert "nan" not in message
 
 
-def test_pressure_and_diffusion_of_a_cooling_gas_warn_that_it_is_not_stationary(
+def test_pressure_and_diffusion_of_a_gas_that_changes_warn_that_it_is_not_stationary(
     tmp_path: Path,
 ) -> None:
-    path = write(tmp_path / "run.h5")
+    path = write(tmp_path / "run.h5", driven=1.0)  # not only cooling, so that tau is no clock for it
     add_histories(path)
     with Trajectory(path) as trajectory:
         pressure = catalogue.ANALYSES["pressure"].of(trajectory, None)
@@ -295,7 +298,7 @@ def test_pressure_and_diffusion_of_a_cooling_gas_warn_that_it_is_not_stationary(
     with Trajectory(steady) as trajectory:
         assert catalogue.ANALYSES["pressure"].of(trajectory, None).warnings == []
         found = catalogue.ANALYSES["msd"].of(trajectory, None)
-        assert found.warnings == []
+        assert not any("not stationary" in warning for warning in found.warnings)
         assert np.isfinite(found.rows[0].value)
 
 
@@ -316,7 +319,7 @@ def test_without_stored_temperatures_velocities_decide(tmp_path: Path) -> None:
             assert found.warnings[0].startswith(f"the gas is not stationary: {span}")
             assert np.isnan(found.rows[0].value)
         else:
-            assert found.warnings == []
+            assert not any("not stationary" in warning for warning in found.warnings)
             assert any("temperatures nor velocities" in note for note in found.notes)
 
 
@@ -430,7 +433,12 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "what", [one for one in pictures.PICTURES if one not in ("mechanisms", "dissipation", "walls", "piston")]
+    "what",
+    [
+        one
+        for one in pictures.PICTURES
+        if one not in ("mechanisms", "dissipation", "walls", "piston", "species")
+    ],
 )
 def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Path) -> None:
     path = write(tmp_path / "run.h5", stressed=True)
@@ -568,6 +576,17 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         (("analyse", "run.h5", "--frames", "20:"), "none of the 12 frames"),
         (("analyse", "run.h5", "-o", "no/where"), "output folder no/where: no does not exist"),
         (("analyse", "run.h5", "msd", "--frames", "3"), "1 frames are too few"),
+        (("analyse", "run.h5", "profiles", "--axis", "z"), "--axis z: must be x, y or r"),
+        (("analyse", "run.h5", "profiles", "--axis", "r"), "axis = r: must have circular walls"),
+        (("analyse", "run.h5", "profiles", "--bins", "0"), "--bins 0: must be an integer from 1 to 10000"),
+        (("analyse", "run.h5", "fields", "--cells", "20"), "--cells 20: must be two integers from 1 to 300"),
+        (
+            ("analyse", "run.h5", "fields", "--cells", "20,x"),
+            "--cells 20,x: must be two integers from 1 to 300",
+        ),
+        (("analyse", "run.h5", "msd", "--bins", "3"), "--bins requires profiles"),
+        (("plot", "run.h5", "profiles", "--average"), "--average requires fields"),
+        (("plot", "run.h5", "other.h5", "T", "--axis", "y"), "--axis requires profiles"),
     ],
 )
 def test_bad_input_ends_with_one_message(
@@ -582,6 +601,31 @@ def test_bad_input_ends_with_one_message(
     assert run(*words) == 2
     assert message in capsys.readouterr().err
     assert not Path("run-analysis").exists()
+
+
+def test_profiles_and_fields_take_bins_from_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    words = ("--axis", "x", "--bins", "5", "--cells", "2,3", "--average", "--frames", "4:", "--json")
+    assert run("analyse", "run.h5", "profiles", "fields", *words) == 0
+    record = json.loads(capsys.readouterr().out)["analyses"]
+    profile, grid = (table(Path("run-analysis") / f"run-{name}.csv") for name in ("profiles", "fields"))
+    with Trajectory("run.h5") as trajectory:
+        found = analysis.profiles(trajectory, "x", 5, frames=range(4, FRAMES))
+        with pytest.raises(InputError, match=r"bins = 3: only of profiles, not of msd"):
+            trajectory.plot("msd", bins=3)
+    np.testing.assert_allclose(profile["x"].astype(float), [4.0, 12.0, 20.0, 28.0, 36.0])
+    np.testing.assert_allclose(
+        profile["temperature_y"].astype(float), found.mean.temperatures[:, 1], rtol=1e-9
+    )
+    assert len(grid["u_x"]) == 6
+    assert profile["disks"].astype(float).sum() == grid["disks"].astype(float).sum() == N * (FRAMES - 4)
+    for name in ("profiles", "fields"):
+        assert record[name]["frames"] == FRAMES - 4
+        assert any("set output.histories_all = true" in note for note in record[name]["notes"])
+    assert record["profiles"]["values"]["width of a bin"]["value"] == 8.0
 
 
 def test_missing_fields_are_named_with_the_key_that_stores_them(tmp_path: Path) -> None:

@@ -566,7 +566,7 @@ def test_every_public_name_is_there() -> None:
 
 
 def test_coins_stay_a_mapping_when_their_module_is_imported() -> None:
-    from ifrdem.model.coin_table import Coin
+    from ifrdem.model.laws.coin_table import Coin
 
     assert isinstance(ifrdem.coins["1 pta"], Coin)
 

@@ -11,7 +11,7 @@ import pytest
 from support.layout_files import add_histories, some_state, write
 
 from ifrdem.cli.main import main
-from ifrdem.model.ifr import Regime, regime_name
+from ifrdem.model.laws.ifr import Regime, regime_name
 from ifrdem.trajectory.reader import Trajectory
 
 

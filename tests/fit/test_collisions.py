@@ -152,7 +152,7 @@ def test_outliers_are_named_and_a_robust_fit_hardly_moves() -> None:
     assert np.max(np.abs(np.array(values(robust)) - values(clean)) / error) < 1.0
     assert robust.without == pytest.approx(dict(zip(TRUTH, values(plain), strict=True)), abs=1e-3)
     assert any("suspicious lines: collision" in each for each in plain.warnings)
-    assert any("without --robust: e_n" in each for each in robust.warnings)
+    assert any("without robust = True: e_n" in each for each in robust.warnings)
 
 
 def test_student_loss_is_that_of_the_density() -> None:

@@ -17,7 +17,7 @@ from ifrdem.fit.laws import LAWS
 from ifrdem.fit.likelihood import Likelihood
 from ifrdem.fit.maximum import Search
 from ifrdem.fit.model import Pair
-from ifrdem.model.coin_table import coins
+from ifrdem.model.laws.coin_table import coins
 from ifrdem.validation.paper.equations import TABLE_II
 
 BOTH = pytest.mark.parametrize("sticking", ["percussion_center", "contact_point"])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ifrdem import fit
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, on_command_line
 from ifrdem.fit.data import COLUMNS, Data
 
 GOOD = "psi,delta_2\n10,4\n50,13\n"
@@ -81,11 +81,11 @@ def test_obvious_spellings_are_understood(tmp_path: Path, column: str, name: str
         ("10,4\n50,13\n", r"line 1: there is no header"),
         (
             "psi;delta_2\n10;4\n",
-            r"line 1: columns must be separated by ','.*--delimiter ';'",
+            r"line 1: columns must be separated by ','.*delimiter = ';'",
         ),
         (
             "psi,delta_3\n10,4\n",
-            r"line 1: unknown column 'delta_3' \(did you mean 'delta_[12]'\?\); --column delta_",
+            r"line 1: unknown column 'delta_3' \(did you mean 'delta_[12]'\?\); columns = {'delta_",
         ),
         ("phi,delta_2\n10,4\n", r"missing column psi; there are delta_2"),
         ("psi,delta_2_eror\n10,4\n", r"did you mean 'delta_2_error'"),
@@ -97,7 +97,7 @@ def test_obvious_spellings_are_understood(tmp_path: Path, column: str, name: str
             "psi,delta_2,vx_1\n10,4,1\n",
             r"\(psi, delta_2\) and of whole collisions \(vx_1\)",
         ),
-        ("psi,delta_2,delta2\n10,4,4\n", r"column 'delta_2' stands twice"),
+        ("psi,delta_2,delta2\n10,4,4\n", r"column 'delta_2' is given twice"),
         ("psi,delta_2,delta_1_error\n10,4,1\n", r"column 'delta_1_error' requires a column 'delta_1'"),
     ],
 )
@@ -152,6 +152,10 @@ def test_other_names_units_delimiters_and_decimals_are_read(tmp_path: Path) -> N
 def test_missing_errors_are_named_for_each_quantity(tmp_path: Path) -> None:
     lines = problems(tmp_path, "psi,delta_2,Rw_2\n10,4,0.2\n", {})
     assert [line.split(":")[0] for line in lines] == ["psi", "delta_2", "Rw_2"]
+    assert "give a column Rw_2_error, errors['Rw_2']" in lines[2]
+    assert "errors['angles']" in lines[0]
+    with on_command_line():
+        lines = problems(tmp_path, "psi,delta_2,Rw_2\n10,4,0.2\n", {})
     assert "give a column Rw_2_error, --error Rw_2=VALUE" in lines[2]
     assert "--error DEGREES for all angles" in lines[0]
     (line,) = problems(tmp_path, GOOD, {"angles": 0.7, "delta_1": 0.5})

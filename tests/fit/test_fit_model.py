@@ -11,7 +11,7 @@ from ifrdem.fit.laws import LAWS, Law
 from ifrdem.fit.likelihood import Likelihood
 from ifrdem.fit.maximum import _rolling
 from ifrdem.fit.model import AngleProblem, Pair
-from ifrdem.model.ifr import Regime
+from ifrdem.model.laws.ifr import Regime
 from ifrdem.validation.paper import equations
 from ifrdem.validation.paper.equations import Impact
 

@@ -52,7 +52,7 @@ def test_places_without_scatter_need_their_error(tmp_path: Path) -> None:
     rows = [f"{s},{i},{(2 * i - 1) * (COIN.radius + abs(0.15 - s))},0\n" for s in t for i in (0, 1)]
     (tmp_path / "exact.csv").write_text("t,id,x,y\n" + "".join(rows), encoding="utf-8")
     observed = tracks.read(tmp_path / "exact.csv")
-    with pytest.raises(InputError, match="do not scatter about the flights: --noise"):
+    with pytest.raises(InputError, match="do not scatter about the flights: noise"):
         tracks.find(observed, DISK)
     assert len(tracks.find(observed, DISK, noise=1e-5)) == 1
 
@@ -83,7 +83,7 @@ def test_bounce_off_a_wall_is_found(tmp_path: Path) -> None:
         ("t,id,x\n0,1,2\n", [], "missing column y"),
         ("frame,id,x,y\n0,1,2,3\n", [], "a column frame requires --fps"),
         ("t,id,x,y\n0,1.5,2,3\n", [], "line 2: id = 1.5: must be an integer"),
-        ("t,id,x,y\n0,1,2,3\n0,1,2,3\n", [], "line 3: disk 1 stands twice at one time"),
+        ("t,id,x,y\n0,1,2,3\n0,1,2,3\n", [], "line 3: disk 1 has two rows at one time"),
         ("t,id,x,y\n0,1,2,3\n", ["--disk", "1"], "--disk 1: must be MASS,RADIUS"),
         ("t,id,x,y\n0,1,2,3\n", ["--wall", "1,2"], "--wall 1,2: must be X1,Y1,X2,Y2"),
         ("t,id,x,y\n0,1,2,3\n", [], "no impact was found"),

@@ -19,7 +19,7 @@ from ifrdem.initial.placement import (
     random_positions,
 )
 from ifrdem.model.box import Box
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.wall import Wall
 from ifrdem.mpi import distribution
 
 

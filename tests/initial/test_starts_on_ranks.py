@@ -14,7 +14,7 @@ from support.gases import touching
 from ifrdem.initial import packing, radii
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.wall import Wall
 from ifrdem.trajectory.parts_writer import PartsWriter
 from ifrdem.trajectory.writer import TrajectoryWriter
 

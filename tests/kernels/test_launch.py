@@ -68,3 +68,10 @@ def test_an_array_with_gaps_is_refused(launcher: Any) -> None:
         launcher((1, 0.0), (values,), {"out": np.zeros(2)})
     with pytest.raises(ValueError, match="rows"):
         launcher((1, 0.0), (values,), {"out": np.zeros(4)[::2]})
+
+
+def test_numbers_of_numpy_are_taken(launcher: Any) -> None:
+    """quadrants warns of those in a call."""
+    out = np.zeros(1)
+    launcher((np.int64(2), np.float64(0.5)), (np.array([1.0]),), {"out": out})
+    assert out.tolist() == [2.5]

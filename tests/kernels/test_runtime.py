@@ -12,7 +12,7 @@ import pytest
 import ifrdem
 from ifrdem import InputError
 from ifrdem.kernels import runtime
-from ifrdem.model.law import compiled
+from ifrdem.model.laws.law import compiled
 from ifrdem.simulation import backend
 from ifrdem.tools.versions import package_versions
 

@@ -18,8 +18,8 @@ from ifrdem.kernels import columns
 from ifrdem.kernels.columns import named
 from ifrdem.kernels.layout import FIRST_WALL, NO_PARTNER, Uses
 from ifrdem.kernels.walls.kinds import PIECES
-from ifrdem.model.wall_motion import Motion, Turn
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion, Turn
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from ifrdem import ContactTime, Device, Rest, VelocityCutoff
 from ifrdem.errors import InelasticCollapse, InputError
 from ifrdem.model.box import Box
 from ifrdem.model.collapse import Collapse
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import State
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine

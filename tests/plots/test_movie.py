@@ -14,8 +14,8 @@ from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion, Turn
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion, Turn
+from ifrdem.model.walls.wall import Wall
 from ifrdem.plots import disks as plot_disks
 from ifrdem.plots import movie
 from ifrdem.trajectory.reader import Trajectory

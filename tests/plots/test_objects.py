@@ -260,6 +260,8 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
                 area=100.0, disks=10, tracked=10, temperature=1.0,
             ),
             analysis.mean_stress(steps, np.ones((49, 4)), np.ones((49, 4))),
+            analysis.profiles(run),
+            analysis.mean_fields(run),
         ]  # fmt: skip
     assert {type(one) for one in found} == set(analyses.RESULTS)
     for one in found:
@@ -345,8 +347,8 @@ def test_a_plateau_above_one_is_explained(clustered: bool) -> None:
 
 def test_warnings_are_shown_below_the_picture(tmp_path: Path) -> None:
     with Trajectory(
-        write(tmp_path / "run.h5")
-    ) as run:  # cools, so that no pressure or displacement is steady
+        write(tmp_path / "run.h5", rate=0.0)
+    ) as run:  # its temperature falls, and not by collisions
         figure = pictures.figure(run, "vacf")
     figure.draw_without_rendering()
     (note,) = [text for text in figure.texts if text.get_text().startswith("! ")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from pathlib import Path
@@ -15,8 +16,8 @@ from support.figures import texts
 
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 from ifrdem.plots import profiles, run
 from ifrdem.plots.temperatures import theory
 from ifrdem.trajectory.reader import Trajectory
@@ -60,18 +61,19 @@ def test_profiles_are_those_of_the_second_half(tmp_path: Path) -> None:
     with Trajectory(tmp_path / "a.h5") as trajectory:
         found = profiles.of(trajectory)
     assert found is not None
-    assert (found.axis, found.times) == (1, (5.0, 9.0))
+    assert (found.axes, found.times) == (("y",), (5.0, 9.0))
+    (middle,), mean = found.middles, found.mean
     phi = 4000 * math.pi * 0.01 / (WIDTH * HEIGHT / 2)
     inner = slice(1, -3)  # at the ends strips are not full: disks stick out of what they were drawn in
     # 20,000 disks in 40 strips: 500 each, standard error 4.5 % (Poisson), 6 % for a variance.
-    np.testing.assert_allclose(found.packing_fraction[inner], phi, rtol=0.2)
-    np.testing.assert_allclose(found.velocity[inner, 0], 1.0 + found.middle[inner], atol=0.5)
-    np.testing.assert_allclose(found.velocity[inner, 1], 0.0, atol=0.6)
-    np.testing.assert_allclose(found.temperature[inner], [[4.0, 9.0]] * len(found.middle[inner]), rtol=0.3)
-    np.testing.assert_allclose(found.rotational_temperature[inner], 2.0, rtol=0.3)
+    np.testing.assert_allclose(mean.packing_fraction[inner], phi, rtol=0.2)
+    np.testing.assert_allclose(mean.velocity[inner, 0], 1.0 + middle[inner], atol=0.5)
+    np.testing.assert_allclose(mean.velocity[inner, 1], 0.0, atol=0.6)
+    np.testing.assert_allclose(mean.temperatures[inner], [[4.0, 9.0]] * len(middle[inner]), rtol=0.3)
+    np.testing.assert_allclose(mean.rotational_temperature[inner], 2.0, rtol=0.3)
     # Over all strips the errors are six times smaller; the drift's own spread within a strip adds 2 x 0.26^2 / 12.
-    np.testing.assert_allclose(found.temperature[inner].mean(axis=0), [4.0, 9.0], rtol=0.04)
-    np.testing.assert_allclose(found.rotational_temperature[inner].mean(), 2.0, rtol=0.04)
+    np.testing.assert_allclose(mean.temperatures[inner].mean(axis=0), [4.0, 9.0], rtol=0.04)
+    np.testing.assert_allclose(mean.rotational_temperature[inner].mean(), 2.0, rtol=0.04)
 
 
 def test_temperature_of_few_disks_in_a_strip_is_without_bias(tmp_path: Path) -> None:
@@ -88,7 +90,7 @@ def test_temperature_of_few_disks_in_a_strip_is_without_bias(tmp_path: Path) -> 
         found = profiles.of(trajectory)
     assert found is not None
     expected = 2.0 * np.var(velocity.reshape(8, each, 2), axis=1, ddof=1)
-    np.testing.assert_allclose(found.temperature, expected, rtol=1e-12)
+    np.testing.assert_allclose(found.mean.temperatures, expected, rtol=1e-12)
 
 
 def test_a_disk_is_shared_out_among_strips_by_area(tmp_path: Path) -> None:
@@ -99,16 +101,16 @@ def test_a_disk_is_shared_out_among_strips_by_area(tmp_path: Path) -> None:
     with Trajectory(tmp_path / "a.h5") as trajectory:
         found = profiles.of(trajectory)
     assert found is not None
-    areas = found.packing_fraction * np.diff(found.edges) * 8.0
+    areas = found.mean.packing_fraction * np.diff(found.edges[0]) * 8.0
     assert np.sum(areas) == pytest.approx(math.pi, rel=1e-12)
 
     def below(edge: float) -> float:  # pi - (area of the cap of height h = 1 - u, u the distance of the edge)
         u = min(max(edge - 4.25, -1.0), 1.0)
         return math.pi - (math.acos(u) - u * math.sqrt(1.0 - u * u))
 
-    expected = [below(high) - below(low) for low, high in zip(found.edges[:-1], found.edges[1:], strict=True)]
+    expected = [below(high) - below(low) for low, high in itertools.pairwise(found.edges[0])]
     np.testing.assert_allclose(areas, expected, atol=1e-12)
-    assert np.all(np.isnan(found.velocity))  # one disk has no temperature
+    assert np.all(np.isnan(found.mean.temperature))  # one disk has none
 
 
 def test_strips_of_a_container_are_compared_with_its_own_room(tmp_path: Path) -> None:
@@ -130,9 +132,9 @@ def test_strips_of_a_container_are_compared_with_its_own_room(tmp_path: Path) ->
     assert found is not None
     assert phi == pytest.approx(n * 0.05**2 / 81.0)
     np.testing.assert_allclose(
-        found.packing_fraction[2:-2], phi, rtol=0.25
+        found.mean.packing_fraction[2:-2], phi, rtol=0.25
     )  # 200 disks a strip and more: 7 %
-    np.testing.assert_allclose(found.packing_fraction[10:-10].mean(), phi, rtol=0.04)
+    np.testing.assert_allclose(found.mean.packing_fraction[10:-10].mean(), phi, rtol=0.04)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +158,7 @@ def test_profiles_go_along_gravity_or_from_wall_to_wall(
     with Trajectory(tmp_path / "a.h5") as trajectory:
         found = profiles.of(trajectory)
     assert found is not None
-    assert found.axis == axis
+    assert found.axes == ("xy"[axis],)
 
 
 def test_the_picture_shows_walls_profiles_and_no_theory(tmp_path: Path, drawn: list[Figure]) -> None:
@@ -186,14 +188,16 @@ def test_the_picture_shows_walls_profiles_and_no_theory(tmp_path: Path, drawn: l
         assert theory(trajectory)[2] == "walls: no kinetic theory here"
     assert found is not None
     density, temperatures, velocities = figure.axes[1:4]  # a surface moves, so the velocity is shown
-    np.testing.assert_array_equal(density.lines[0].get_xdata(), found.packing_fraction)
-    np.testing.assert_array_equal(density.lines[0].get_ydata(), found.middle)
+    np.testing.assert_array_equal(density.lines[0].get_xdata(), found.mean.packing_fraction)
+    np.testing.assert_array_equal(density.lines[0].get_ydata(), found.middles[0])
     for line, values in zip(
-        temperatures.lines, (*found.temperature.T[::-1], found.rotational_temperature), strict=False
+        temperatures.lines,
+        (*found.mean.temperatures.T[::-1], found.mean.rotational_temperature),
+        strict=False,
     ):
         np.testing.assert_array_equal(line.get_xdata(), values)
     assert [tuple(np.ravel(line.get_xydata())) for line in temperatures.lines[3:]] == [(5.0, 20.0)]
-    np.testing.assert_array_equal(velocities.lines[0].get_xdata(), found.velocity[:, 0])
+    np.testing.assert_array_equal(velocities.lines[0].get_xdata(), found.mean.velocity[:, 0])
     (panel,) = [axes for axes in figure.axes if axes.findobj(EllipseCollection)]
     heights = [np.asarray(line.get_ydata()) for line in panel.lines]
     np.testing.assert_allclose(heights[0], 1.5, rtol=1e-12)  # at t = 9: 2.25 periods

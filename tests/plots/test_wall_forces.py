@@ -10,7 +10,7 @@ import pytest
 from support.figures import texts
 
 from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter, Turn, Wall
-from ifrdem.model.walls import wall_names
+from ifrdem.model.walls.wall import wall_names
 from ifrdem.plots import pictures
 
 WALLS = [Wall.post((2.0 + i, 3.0), 0.1, group="rake" if i < 2 else "") for i in range(3)]

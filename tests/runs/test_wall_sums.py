@@ -10,7 +10,7 @@ import pytest
 import ifrdem
 from ifrdem.case import file as case_file
 from ifrdem.cli.main import main
-from ifrdem.model.walls import SUMS
+from ifrdem.model.walls.wall import SUMS
 from ifrdem.viewer.content import Content
 
 CASE = """

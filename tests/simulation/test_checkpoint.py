@@ -16,11 +16,11 @@ from ifrdem.errors import InputError
 from ifrdem.kernels import runtime
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks
-from ifrdem.model.ifr import IFRLaw
-from ifrdem.model.law import CollisionLaw
+from ifrdem.model.laws.ifr import IFRLaw
+from ifrdem.model.laws.law import CollisionLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion, Piston, Turn
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion, Piston, Turn
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.not_recorded import NotRecorded

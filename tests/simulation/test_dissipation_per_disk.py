@@ -9,7 +9,7 @@ from support.gases import run_to
 import ifrdem
 from ifrdem import Device
 from ifrdem.errors import InputError
-from ifrdem.model.pair_laws import PairLaws
+from ifrdem.model.laws.pairs import PairLaws
 from ifrdem.plots import dissipation, pictures
 from ifrdem.simulation.engine import Engine
 from ifrdem.trajectory.export import export

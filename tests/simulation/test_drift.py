@@ -13,11 +13,11 @@ import ifrdem
 from ifrdem import Device
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall, free_directions, smooth_materials
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall, free_directions, smooth_materials
 from ifrdem.simulation.simulation import Simulation
 
 SMOOTH = IFRLaw(e_n=0.7, e_t=-1.0, mu=0.0)

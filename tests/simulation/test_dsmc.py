@@ -11,8 +11,8 @@ import pytest
 from ifrdem import Device
 from ifrdem.errors import InputError, NoMoreCollisions
 from ifrdem.initial import placement
-from ifrdem.model.ifr import IFRLaw
-from ifrdem.model.law import CollisionLaw
+from ifrdem.model.laws.ifr import IFRLaw
+from ifrdem.model.laws.law import CollisionLaw
 from ifrdem.model.state import Disks
 from ifrdem.simulation import backend, dsmc
 from ifrdem.simulation.dsmc import DSMC

@@ -13,7 +13,7 @@ from ifrdem.initial import placement
 from ifrdem.kernels.columns import BYTES_PER_DISK
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Rescale
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine, EngineOptions

@@ -14,7 +14,7 @@ import ifrdem.simulation.engine
 from ifrdem import Device
 from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation import backend

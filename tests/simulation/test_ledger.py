@@ -11,13 +11,13 @@ from support.law_examples import Driving, Weak
 from ifrdem import Device, VelocityCutoff
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.box import Box
-from ifrdem.model.collision import collide
 from ifrdem.model.forces import Drag, RandomKicks
-from ifrdem.model.ifr import IFRLaw, Regime
+from ifrdem.model.laws.collision import collide
+from ifrdem.model.laws.ifr import IFRLaw, Regime
 from ifrdem.model.observables import MECHANISMS, REGIMES, Measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import Trigger
 from ifrdem.simulation.simulation import Simulation
@@ -133,7 +133,7 @@ def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(device, m
     assert max(abs(residual(measures[0], each)) for each in measures) < 1e-12
 
 
-@pytest.mark.filterwarnings("ignore::ifrdem.model.ifr.EnergyWarning")
+@pytest.mark.filterwarnings("ignore::ifrdem.model.laws.ifr.EnergyWarning")
 @pytest.mark.parametrize(("part", "speed"), [(3e7, 1.0), (1e16, 1e135)])
 def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(device, part, speed):
     """A law that hands out 3e7 times the impulse and more. g_n = 2 and m_n = 1/2: P_n = part takes P_n (2 - P_n)."""
@@ -152,7 +152,7 @@ def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(device, 
             simulation.run(t_end=simulation.time + 1.0)
 
 
-@pytest.mark.filterwarnings("ignore::ifrdem.model.ifr.EnergyWarning")
+@pytest.mark.filterwarnings("ignore::ifrdem.model.laws.ifr.EnergyWarning")
 def test_the_ledger_closes_where_a_law_drives_spins(device):
     """A negative T gives spins energy: a loss below 0."""
     measures: list[Measure] = []

@@ -17,7 +17,7 @@ from ifrdem import ContactTime, Device
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.box import Box, below
 from ifrdem.model.forces import RandomKicks
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import Measure, measure
 from ifrdem.model.state import FrameRows, State
 from ifrdem.simulation.engine import Engine

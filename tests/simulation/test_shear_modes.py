@@ -10,7 +10,7 @@ import pytest
 from ifrdem import theory
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
-from ifrdem.model.coin_table import coins
+from ifrdem.model.laws.coin_table import coins
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.simulation import Simulation

@@ -13,11 +13,11 @@ from support.shear_reference import Sheared
 from ifrdem import ContactTime, Rest
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import Measure, Stress, measure, stress
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion, Piston
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion, Piston
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import Trigger
 from ifrdem.simulation.simulation import Simulation

@@ -13,7 +13,7 @@ from ifrdem import Device
 from ifrdem.errors import InputError, NoMoreCollisions
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, TableFriction
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine

@@ -9,12 +9,12 @@ from support.gases import equal_disks, mixture, start
 from ifrdem import VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.collision import collide
 from ifrdem.model.forces import RandomKicks
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.collision import collide
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.tracking import ELASTIC, KICK, UNKNOWN, Events
 

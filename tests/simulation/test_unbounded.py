@@ -15,10 +15,10 @@ from ifrdem.errors import InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.forces import TableFriction
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.wall import Wall
 from ifrdem.runs.info import describe
 from ifrdem.simulation.engine import Engine, no_pair_approaches
 from ifrdem.simulation.simulation import Simulation

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -20,9 +21,10 @@ from support.worker_calls import quick_tasks
 import ifrdem
 from ifrdem.cli import main as cli
 from ifrdem.errors import DamageError, DamageWarning, InputError
+from ifrdem.study.figure import draw
 from ifrdem.study.plan import ClusterSection
 from ifrdem.study.results import Results
-from ifrdem.study.task import load
+from ifrdem.study.task import Variable, load
 from ifrdem.study.workers import dask, pool
 
 CASE = """
@@ -218,7 +220,7 @@ def bad(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
             "e_n = 1.2: material[0].e_n = 1.2: must be less than or equal to 1",
         ),
         (["--vary", "run.seed=1,2"], "cannot be swept: the seeds of the study"),
-        (["--vary", "material[0].mu=0.1,0.1"], "0.1 is there twice"),
+        (["--vary", "material[0].mu=0.1,0.1"], "0.1 is given twice"),
         (["--vary", "material[0].mu=0.1,0.2;material[0].e_n=0.7"], "as many values each"),
         (["--vary", "nonsense"], "must be KEY=VALUES"),
         (["--seeds", "0"], "a number of seeds"),
@@ -287,6 +289,32 @@ def test_parts_of_an_array_job_add_up(case, tmp_path):
         assert not (tmp_path / "p.nc").exists()
     parts = ifrdem.Study(case, vary=[VARY], seeds=2, output=tmp_path / "p")
     assert same(parts.results(), whole.results())
+
+
+def results_of_panels(values: list[list[float]]) -> Results:
+    """Results over rows at tau = 0, 1, ..., with a panel for each line of values."""
+    shape = (len(values), 1)
+    variables = {
+        "a": Variable(("a",), np.arange(shape[0])),
+        "b": Variable(("b",), np.arange(1)),
+        "collisions_per_disk": Variable(("collisions_per_disk",), np.arange(len(values[0]), dtype=float)),
+        "theta_mean": Variable(("a", "b", "collisions_per_disk"), np.array(values)[:, None]),
+    }
+    return Results(variables, {"axes": json.dumps({"a": ["a"], "b": ["b"]}), "title": "", "keys": "{}"})
+
+
+@pytest.mark.parametrize(
+    "values",
+    [[[1.0, 2.0, 3.0], [-4.0, 5.0, 6.0]], [[1.0, 20.0, 300.0], [-4.0, 5.0, 6.0]]],
+    ids=["even", "log"],
+)
+def test_axes_that_panels_share_show_the_values_of_all(values: list[list[float]]) -> None:
+    panels = draw(results_of_panels(values), "theta", by="b").axes
+    assert len(panels) == 2
+    assert {axes.get_yscale() for axes in panels} == {"linear"}
+    low, high = panels[0].get_ylim()
+    assert low < np.min(values)
+    assert high > np.max(values)
 
 
 def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):

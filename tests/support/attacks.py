@@ -32,10 +32,10 @@ import ifrdem
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.laws import IFRLaw
-from ifrdem.model.law_records import to_record
+from ifrdem.model.laws.records import to_record
 from ifrdem.model.observables import MECHANISMS
 from ifrdem.model.state import State
-from ifrdem.model.walls import PISTONS
+from ifrdem.model.walls.wall import PISTONS
 from ifrdem.study import figure, task
 from ifrdem.study.results import Results
 from ifrdem.study.task import Variable

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ifrdem.kernels.language import ti
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Force, uniforms
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.simulation import Simulation
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ifrdem.kernels.language import ti
 from ifrdem.kernels.law import ifr_impulses
-from ifrdem.model.law import CollisionLaw
+from ifrdem.model.laws.law import CollisionLaw
 
 
 class Viscoelastic(CollisionLaw):

@@ -23,7 +23,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-LAW = "tests/kernels/test_law_kernel.py tests/model/test_ifr.py tests/model/test_law.py"
+LAW = "tests/kernels/test_law_kernel.py tests/model/laws/test_ifr.py tests/model/laws/test_law.py"
 ENGINE = "tests/simulation/test_engine.py tests/simulation/exactness/test_engine_serial_order.py"
 TILES = (
     f"{ENGINE} tests/simulation/exactness/test_same_bits.py tests/simulation/exactness/test_moments_bits.py"

@@ -33,10 +33,10 @@ from ifrdem import ContactTime, Device, Rest
 from ifrdem.kernels import runtime
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, TableFriction
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion, Piston, Turn
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion, Piston, Turn
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend, snapshot, tiling
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.tracking import Tracking

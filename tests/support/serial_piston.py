@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.wall import Wall
 
 from .serial_walls import STEP, Array, Gas, nearest_at_rest, pair_impulse
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.wall import Wall
 
 Array = NDArray[np.float64]
 STEP = 0.01

@@ -9,8 +9,8 @@ import pytest
 
 from ifrdem import theory
 from ifrdem.errors import InputError
-from ifrdem.model.coin_table import coins
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.coin_table import coins
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.theory.collisions import collision_rate
 from ifrdem.theory.driven_gas import Driving, driven, steady_state
 

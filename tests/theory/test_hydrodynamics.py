@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.model.coin_table import coins
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.coin_table import coins
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.theory import changes_per_collision, collision_rate, cooling, cooling_rates, cooling_ratio
 from ifrdem.theory.contact import compressibility, contact_value
 from ifrdem.theory.hydrodynamics import (

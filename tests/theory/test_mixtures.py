@@ -7,15 +7,17 @@ import warnings
 
 import numpy as np
 import pytest
+import scipy.optimize
 from numpy.typing import NDArray
 from support.serial_reference import simulate
 
+from ifrdem import theory
 from ifrdem.errors import InputError
 from ifrdem.initial.placement import hexagonal_positions, maxwellian
 from ifrdem.model.box import Box
-from ifrdem.model.collision import collide
-from ifrdem.model.ifr import EnergyWarning, IFRLaw
-from ifrdem.model.law import CollisionLaw
+from ifrdem.model.laws.collision import collide
+from ifrdem.model.laws.ifr import EnergyWarning, IFRLaw
+from ifrdem.model.laws.law import CollisionLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.theory import cooling, cooling_rates, prediction
 from ifrdem.theory.contact import compressibility, mixture_contact_values
@@ -278,3 +280,63 @@ def test_temperatures_that_do_not_fit_are_refused() -> None:
         mixture_driven(mixture, [Driving(power=1.0)], 1.0, 1.0, [1.0])
     with pytest.raises(InputError, match="finite mass"):
         Mixture.of(Disks(2, [1.0, math.inf], 0.5), COIN, 0.2)
+
+
+def equal_cooling_rates(
+    mass: np.ndarray, radius: np.ndarray, x: np.ndarray, g: np.ndarray, e: float
+) -> float:
+    """T_2 / T_1 of two species by V. Garzo and J. Dufty, Phys. Rev. E 60, 5706 (1999), in d = 2, Maxwellian velocities.
+
+    The cooling rate of species i, with theta_i = m_i / T_i, mu_ji = m_j / (m_i + m_j), up to a factor of both,
+
+        zeta_i = sum_j x_j g_ij s_ij mu_ji (1 + e) sqrt((th_i + th_j) / (th_i th_j))
+                 [1 - mu_ji (1 + e) (th_i + th_j) / (2 th_j)]:
+
+    a disk i loses m_i v_i . dv_i with dv_i = mu_ji (1 + e) g_n, and gains half the square of that; <v_i . n g_n^2> and
+    <g_n^3> of Gaussians with the variances 1 / th_i and 1 / th_j give it.
+    """
+
+    def difference(ratio: float) -> float:
+        T = np.array([1.0, ratio])
+        th = mass / T
+        zeta = np.zeros(2)
+        for i in (0, 1):
+            for j in (0, 1):
+                mu, both = mass[j] / (mass[i] + mass[j]), th[i] + th[j]
+                often = x[j] * g[i, j] * (radius[i] + radius[j]) * np.sqrt(both / (th[i] * th[j]))
+                zeta[i] += often * mu * (1.0 + e) * (1.0 - 0.5 * mu * (1.0 + e) * both / th[j])
+        return float(zeta[0] - zeta[1])
+
+    return float(scipy.optimize.brentq(difference, 1e-2, 1e2, xtol=1e-13))
+
+
+@pytest.mark.parametrize("e", [0.5, 0.8, 0.95])
+@pytest.mark.parametrize("mass", [(1.0, 8.0), (3.0, 1.0)])
+def test_ratio_of_temperatures_of_smooth_disks_is_that_of_garzo_and_dufty(
+    e: float, mass: tuple[float, float]
+) -> None:
+    radius, x = np.array([0.5, 0.8]), np.array([0.3, 0.7])
+    law = IFRLaw(e_n=e, e_t=-1.0, mu=0.0)
+    mixture = theory.Mixture(mass, radius, law, 0.3, fraction=x)
+    T, T_rot = theory.mixture_cooling_ratios(mixture)
+    expected = equal_cooling_rates(np.array(mass), radius, x, mixture.contact_values(), e)
+    assert T[1] / T[0] == pytest.approx(expected, rel=1e-6)
+    assert x @ T == pytest.approx(1.0, rel=1e-9)
+    assert not T_rot.any()
+
+
+def test_ratio_of_temperatures_of_equal_rough_disks_is_that_of_one_species() -> None:
+    """Of two names for the same disks; theta by the polynomial of `cooling_ratio`."""
+    law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+    T, T_rot = theory.mixture_cooling_ratios(theory.Mixture([1.0, 1.0], [0.5, 0.5], law, 0.2), 0.3)
+    assert pytest.approx([1.0, 1.0], rel=1e-7) == T
+    assert T_rot == pytest.approx([theory.cooling_ratio(law, 2.0, 0.3)] * 2, rel=1e-5)
+
+
+def test_rough_mixture_tends_to_equal_cooling_rates() -> None:
+    law = IFRLaw(e_n=0.8, e_t=-0.5, mu=0.3)
+    mixture = theory.Mixture([1.0, 5.0], [0.5, 1.0], law, 0.2, fraction=[0.8, 0.2])
+    T, T_rot = theory.mixture_cooling_ratios(mixture)
+    dT, dT_rot = theory.mixture_cooling_rates(mixture, T, T_rot)
+    rates = np.concatenate([dT / T, dT_rot / T_rot])
+    assert np.ptp(rates) < 1e-6 * abs(rates[0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -11,11 +12,12 @@ from numpy.typing import NDArray
 
 from ifrdem import theory
 from ifrdem.errors import InputError, TheoryWarning
-from ifrdem.model.coin_table import coins
-from ifrdem.model.collision import collide
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.coin_table import coins
+from ifrdem.model.laws.collision import collide
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.theory.collisions import Collider, energy_changes
 from ifrdem.theory.sheared_gas import collisional_changes, relaxation, sheared, steady_state
+from ifrdem.validation.gas import enskog
 
 COIN = coins["1 pta"].law
 GAS = (1.0, 0.5, 2.0)  # mass, radius, k
@@ -137,35 +139,15 @@ def test_an_isotropic_gas_at_rest_cools_as_the_closed_forms_say() -> None:
 def test_a_dense_sheared_gas_is_that_of_enskog_s_equation(law: IFRLaw, theta_off: float | None) -> None:
     """T, and theta of rough disks, against a Monte Carlo of Enskog's equation in a uniform flow at phi = 0.5.
 
-    Kac's process: in every step each disk has one partner, at a random angle, and they collide with the probability
-    dt 8 phi chi (g_n > 0). Steps are 0.02 of a mean free time, which is 1 % of T off; noise is some 1 %, and 2 % are
-    what velocities that are not Gaussian make of T, 4 % of theta. Theory of first order is 25 % and 15 % off.
+    A step of 0.02 mean free times is 1 % of T off; noise is some 1 %, and 2 % are what velocities that are not
+    Gaussian make of T, 4 % of theta. Theory of first order is 25 % and 15 % off.
     """
-    rng, n, phi, k = np.random.default_rng(1), 3000, 0.5, 2.0
+    phi = 0.5
     steady = warned_steady_state(law, phi)
     T, T_rot = steady[0], 0.0 if math.isnan(steady[1]) else steady[1]
-    velocity = rng.normal(size=(n, 2)) * math.sqrt(T)
-    velocity -= velocity.mean(axis=0)  # which the flow would shear
-    spin = rng.normal(size=n) * math.sqrt(8.0 * T_rot)
-    often = 8.0 * phi * theory.contact_value(phi)
-    dt, observed = 0.02 / (often * math.sqrt(T / math.pi)), []
-    steps = round(20.0 / dt)
-    for step in range(steps):
-        velocity[:, 0] -= 0.5 * dt * velocity[:, 1]
-        pair = rng.permutation(n).reshape(-1, 2)
-        angle = rng.uniform(0.0, 2.0 * math.pi, n // 2)
-        normal = np.stack((np.cos(angle), np.sin(angle)), axis=1)
-        v = velocity[pair]
-        v[:, 1, 0] += normal[:, 1]  # the flow between the two
-        approach = np.sum((v[:, 0] - v[:, 1]) * normal, axis=1)
-        hit = rng.random(n // 2) < dt * often * approach
-        after = collide(law, normal[hit], np.ones(2), np.full(2, 0.5), np.full(2, k), v[hit], spin[pair[hit]])
-        new = after.velocity.copy()
-        new[:, 1, 0] -= normal[hit, 1]
-        velocity[pair[hit]], spin[pair[hit]] = new, after.spin
-        velocity[:, 0] -= 0.5 * dt * velocity[:, 1]
-        if step > steps // 5:
-            observed.append((0.5 * np.mean(np.sum(velocity**2, axis=1)), np.mean(spin**2) / 8.0))
+    steps, observed = round(20.0 / enskog.time_step(phi, T)), []
+    for step in islice(enskog.sheared_gas(law, phi, T, T_rot, 3000, seed=1), steps // 5 + 1, steps):
+        observed.append((0.5 * np.mean(np.sum(step.velocity**2, axis=1)), np.mean(step.spin**2) / 8.0))
     found, found_rot = np.mean(observed, axis=0)
     assert pytest.approx(found, rel=0.04) == T
     if theta_off is not None:

@@ -20,7 +20,8 @@ from ifrdem.initial.placement import hexagonal_positions, maxwellian, random_pos
 from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.density import path_in_collisions
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
+from ifrdem.model.laws.walton import Walton
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.theory import (
@@ -38,6 +39,7 @@ from ifrdem.theory import (
     prediction,
     rough_rates,
 )
+from ifrdem.theory.cooling_gas import cooling_until
 
 ALUMINIUM_COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 SMOOTH = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
@@ -405,3 +407,32 @@ def test_cooling_is_integrated_to_its_end_however_logarithms_round(x: float) -> 
 
     (y,) = cooled(lambda y: np.exp(-y), np.array([0.0]), np.array([x]))[0]
     assert y == pytest.approx(math.log(1.0 + x), rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21),
+        IFRLaw(e_n=0.999, e_t=-1.0, mu=0.3),
+        IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0),
+        IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0),
+        Walton(e_n=0.9, beta_0=0.5, mu=0.2),
+    ],
+)
+@pytest.mark.parametrize("theta", [0.0, 1.0, 1e3])
+@pytest.mark.parametrize("collisions", [0.5, 30.0, 200.0])
+def test_the_quick_integration_is_the_exact_one(
+    law: IFRLaw | Walton, theta: float, collisions: float
+) -> None:
+    """For estimates: either way, collisions at a time and the time of collisions; `cooling` by LSODA is to 1e-9."""
+    rate = collision_rate(0.2, 1.0, 1.0, 0.5)
+    _, time = cooling_until(law, 2.0, theta, collisions=collisions)
+    exact = cooling(law, 1.0, 0.5, 2.0, 0.2, 1.0, theta, [time / rate])[2][0]
+    assert exact == pytest.approx(collisions, rel=1e-5)
+    assert cooling_until(law, 2.0, theta, time=time)[0] == pytest.approx(collisions, rel=1e-9)
+
+
+def test_the_quick_integration_ends_where_temperatures_are_no_numbers() -> None:
+    """A gas without friction keeps its spins: theta grows without end."""
+    assert cooling_until(IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), 2.0, 1.0, collisions=1e6) == (1e6, math.inf)
+    assert cooling_until(IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), 2.0, 0.0, collisions=1e6)[1] > 1e290

@@ -22,7 +22,7 @@ from support.layout_files import BOX, add_histories, add_series, some_disks, som
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.laws import IFRLaw
-from ifrdem.model.law_records import to_record
+from ifrdem.model.laws.records import to_record
 from ifrdem.runs import status
 from ifrdem.simulation import checkpoint
 from ifrdem.trajectory.reader import Trajectory
@@ -303,7 +303,7 @@ HARMLESS = {
     "an empty parameter": linked("parameters/empty", lambda _: h5py.Empty("f8")),
     "laws that are none": linked("parameters/laws", lambda _: "[[]]"),
     "gravity in words": linked("parameters/gravity", lambda _: '["down"]'),
-    "species of nobody": linked("parameters/species", lambda _: '[{"name": "\\ud800", "number": 1e999}]'),
+    "species without disks": linked("parameters/species", lambda _: '[{"name": "\\ud800", "number": 1e999}]'),
     "other regimes": replaced("histories/events/regime", np.full(20, 77, dtype="i1")),
 }
 

@@ -18,7 +18,7 @@ from support.trajectory_parts import SERIES_COLUMNS, TRACKED, batch, row
 from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.wall import Wall
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 

@@ -16,7 +16,7 @@ from ifrdem.initial import placement
 from ifrdem.validation.engines import flight, pymunk_world, stepped
 from ifrdem.validation.engines.bullet_world import BulletWorld, Surface
 from ifrdem.validation.engines.pymunk_world import PymunkWorld
-from ifrdem.validation.gas import rigid_grains
+from ifrdem.validation.heaps import rigid_grains
 from ifrdem.validation.paper import predicted
 from ifrdem.validation.paper.equations import Impact
 from ifrdem.validation.report import registry

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ifrdem.errors import EngineError
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.wall import Wall
 from ifrdem.tools.arguments import script
 from ifrdem.validation.gas import escape
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.validation.gas import drum, heap, soft_grains
+from ifrdem.validation.heaps import drum, heap, soft_grains
 from ifrdem.validation.speed.soft_disks import absence
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from test_paper_equations import strike
 
-from ifrdem.model.coin_table import coins
-from ifrdem.model.ifr import Regime
+from ifrdem.model.laws.coin_table import coins
+from ifrdem.model.laws.ifr import Regime
 from ifrdem.validation.paper import equations
 from ifrdem.validation.paper.equations import FIGURE_5A, TABLE_II, Impact
 

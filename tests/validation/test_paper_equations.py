@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ifrdem.model.coin_table import coins
-from ifrdem.model.collision import collide
-from ifrdem.model.ifr import IFRLaw, Regime
+from ifrdem.model.laws.coin_table import coins
+from ifrdem.model.laws.collision import collide
+from ifrdem.model.laws.ifr import IFRLaw, Regime
 from ifrdem.validation.paper import equations
 from ifrdem.validation.paper.equations import TABLE_II, Impact
 

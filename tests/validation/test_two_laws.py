@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.model.walton import Walton
+from ifrdem.model.laws.walton import Walton
 from ifrdem.validation.gas import laws
 from ifrdem.validation.report.registry import Result
 

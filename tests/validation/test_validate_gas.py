@@ -9,7 +9,7 @@ import pytest
 
 from ifrdem import theory
 from ifrdem.cli import main as cli
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.validation.gas import collapse, elastic, sample, state, waves
 from ifrdem.validation.report import page, registry, runner, terminal
 from ifrdem.validation.report.registry import GAS, Result

@@ -15,13 +15,13 @@ import numpy as np
 
 from ...initial import placement
 from ...model.box import Box
-from ...model.coin_table import coins
 from ...model.forces import Rescale
-from ...model.ifr import IFRLaw
+from ...model.laws.coin_table import coins
+from ...model.laws.ifr import IFRLaw
 from ...model.overlaps import close_pairs
 from ...model.state import Disks, State
-from ...model.wall_motion import Motion
-from ...model.walls import Wall
+from ...model.walls.motion import Motion
+from ...model.walls.wall import Wall
 from ...simulation import backend
 from ...simulation.device import Device
 from ...simulation.engine import Engine

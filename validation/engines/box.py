@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ...initial import placement
 from ...model.box import Box
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
-from ...model.walls import sides
+from ...model.walls.wall import sides
 from ...simulation.device import Device
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ... import bullet
 from ...model.state import Disks, State
-from ...model.walls import Wall
+from ...model.walls.wall import Wall
 from ..report.registry import Skip
 
 SETTINGS: dict[str, float] = {

@@ -14,7 +14,7 @@ from . import bullet_world
 from .bullet_world import BulletWorld, Surface
 
 QUESTION = "Which restitution comes out of PyBullet's defaults, and which out of the settings used here?"
-REFERENCE = "the restitution that was asked for; two equal cylinders, head-on, flown into each other"
+REFERENCE = "the restitution that was set; two equal cylinders, head-on, flown into each other"
 
 DEFAULT_STEP = 1.0 / 240.0
 PHASES = 16
@@ -24,18 +24,18 @@ SPEED = 1.0
 def run(quick: bool) -> Result:
     p = bullet_world.require()
     result = Result()
-    asked = np.linspace(0.1, 1.0, 4 if quick else 10)
-    asked = np.unique(np.append(asked, 0.8))
+    wanted = np.linspace(0.1, 1.0, 4 if quick else 10)
+    wanted = np.unique(np.append(wanted, 0.8))
     sizes = {"R = 1": 1.0, "R = 0.0105 (1 pta in m)": 0.0105}
-    defaults = {text: np.array([_by_defaults(p, R, e) for e in asked]) for text, R in sizes.items()}
-    ours = np.array([_by_settings(e) for e in asked])
+    defaults = {text: np.array([_by_defaults(p, R, e) for e in wanted]) for text, R in sizes.items()}
+    ours = np.array([_by_settings(e) for e in wanted])
     text = "effective e_n by the settings of validation/engines/bullet_world.py, R = 1"
-    reason, source = "contact normals within 6e-7 (GJK)", "the restitution that was asked for"
-    result.all_near(text, ours, asked[:, None], 1e-6, reason, source)
-    at = int(np.argmin(np.abs(asked - 0.8)))
+    reason, source = "contact normals within 6e-7 (GJK)", "the restitution that was set"
+    result.all_near(text, ours, wanted[:, None], 1e-6, reason, source)
+    at = int(np.argmin(np.abs(wanted - 0.8)))
     for text, found in defaults.items():
         result.near(
-            f"median effective e_n by the defaults, asked for 0.8, {text}", np.median(found[at]), 0.23, 0.2,
+            f"median effective e_n by the defaults, set to 0.8, {text}", np.median(found[at]), 0.23, 0.2,
             "it lies between 0 and 0.5, by the phase of the step; defaults that give 0.8 would make this page "
             "superfluous, and the row fail", "seen with PyBullet 3.2.7",
         )  # fmt: skip
@@ -45,15 +45,15 @@ def run(quick: bool) -> Result:
     result.table(
         "Effective e_n of a head-on impact at 1 m/s, PyBullet's defaults, step 1/240 s: median, least "
         "and largest",
-        ("asked for", *(f"{text}: {word}" for text in sizes for word in ("median", "least", "largest"))),
-        [(float(e), *summary) for e, summary in zip(asked.tolist(), summaries.tolist(), strict=True)],
+        ("set", *(f"{text}: {word}" for text in sizes for word in ("median", "least", "largest"))),
+        [(float(e), *summary) for e, summary in zip(wanted.tolist(), summaries.tolist(), strict=True)],
         f"Over {PHASES} phases of the step at which the disks meet. For R = 1 the fault is mostly that "
         "contacts are made 0.02 (contactBreakingThreshold) before the disks touch: the solver then "
         "brakes the approach to what closes that gap in one step. With 1e-4 alone 0.80 to 0.87 comes out "
         "for 0.8. For a coin in metres that is not enough. The square root of e_n was set on each body, "
         "because Bullet multiplies them.",
     )
-    result.pictures.append(_figure(asked, defaults, ours))
+    result.pictures.append(_figure(wanted, defaults, ours))
     return result
 
 
@@ -97,22 +97,22 @@ def _by_settings(e: float) -> np.ndarray:
     return np.array(found)
 
 
-def _figure(asked: np.ndarray, defaults: dict[str, np.ndarray], ours: np.ndarray) -> Picture:
+def _figure(wanted: np.ndarray, defaults: dict[str, np.ndarray], ours: np.ndarray) -> Picture:
     figure, (ax,) = style.panels(width=4.2)
-    ax.plot([0, 1], [0, 1], color=style.GREY, lw=0.8, label="as asked for")
+    ax.plot([0, 1], [0, 1], color=style.GREY, lw=0.8, label="as set")
     looks = zip(defaults.items(), (style.VERMILION, style.ORANGE), ("s", "^"), (-0.008, 0.008), strict=True)
     for (text, found), colour, marker, shift in looks:
         middle = np.median(found, axis=1)
         bars = np.array([middle - found.min(axis=1), found.max(axis=1) - middle])
-        ax.errorbar(asked + shift, middle, bars, fmt=marker, color=colour, mfc="none", ms=4, lw=0.8, capsize=2,
+        ax.errorbar(wanted + shift, middle, bars, fmt=marker, color=colour, mfc="none", ms=4, lw=0.8, capsize=2,
                     label=f"defaults, {text}")  # fmt: skip
-    ax.plot(asked, np.median(ours, axis=1), "o", color=style.BLUE, mfc="none", label="settings used here")
+    ax.plot(wanted, np.median(ours, axis=1), "o", color=style.BLUE, mfc="none", label="settings used here")
     ax.axhline(0.0, color=style.BLACK, lw=0.5)
-    ax.set(xlabel=r"$e_n$ asked for", ylabel=r"$e_n$ that comes out", xlim=(0, 1.05))
+    ax.set(xlabel=r"$e_n$ set", ylabel=r"$e_n$ measured", xlim=(0, 1.05))
     ax.legend(loc="upper left")
     caption = (
         "Restitution of a head-on impact at 1 m/s. With PyBullet's defaults it has little to do with what "
-        "was asked for, and differs from impact to impact: bars span the phases of the time step. With the "
-        "settings of validation/engines/bullet_world.py it is what was asked for."
+        "was set, and differs from impact to impact: bars span the phases of the time step. With the "
+        "settings of validation/engines/bullet_world.py it is what was set."
     )
     return Picture("bullet-defaults", caption, figure)

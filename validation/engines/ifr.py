@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from ... import bullet
-from ...model.coin_table import coins
-from ...model.ifr import IFRLaw
+from ...model.laws.coin_table import coins
+from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
-from ...model.walls import sides
+from ...model.walls.wall import sides
 from ...tools.checked import Array
 from ..paper import pairs, predicted
 from ..paper.equations import Impact

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.coin_table import coins
+from ...model.laws.coin_table import coins
 from ...model.state import Disks
 from ..report.registry import Picture
 from .bullet_world import BulletWorld, Surface

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...model.state import Disks, State
-from ...model.walls import Wall
+from ...model.walls.wall import Wall
 from .bullet_world import Surface
 
 DISK, WALL = 1, 2  # collision types

@@ -38,7 +38,7 @@ from ... import analysis, theory
 from ...analysis import common
 from ...model.box import Box
 from ...model.collapse import ContactTime
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...model.state import State
 from ...simulation.simulation import Simulation
 from ...theory.cooling_gas import changes_per_collision

@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from ...model.box import Box
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...model.state import State
 from ...simulation.simulation import Simulation
 from ..report import style

@@ -28,8 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ... import theory
-from ...model.coin_table import coins
-from ...model.ifr import IFRLaw
+from ...model.laws.coin_table import coins
+from ...model.laws.ifr import IFRLaw
 from ...model.observables import Measure
 from ...simulation.dsmc import DSMC
 from ...tools.checked import Array

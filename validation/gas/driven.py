@@ -25,9 +25,9 @@ import numpy as np
 from ... import theory
 from ...initial import placement
 from ...model.box import Box
-from ...model.coin_table import coins
 from ...model.forces import RandomKicks
-from ...model.ifr import IFRLaw
+from ...model.laws.coin_table import coins
+from ...model.laws.ifr import IFRLaw
 from ...model.state import State
 from ...simulation.dsmc import DSMC
 from ...simulation.simulation import Simulation

@@ -24,7 +24,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ... import theory
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...simulation.dsmc import DSMC
 from ...theory.collisions import collision_rate
 from ...tools.checked import Array

@@ -23,12 +23,12 @@ import numpy as np
 from ...errors import EngineError
 from ...initial import maxwellian, random_positions
 from ...model.box import Box
-from ...model.coin_table import coins
 from ...model.collapse import VelocityCutoff
-from ...model.ifr import IFRLaw
+from ...model.laws.coin_table import coins
+from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
-from ...model.wall_motion import Motion, Turn
-from ...model.walls import Wall
+from ...model.walls.motion import Motion, Turn
+from ...model.walls.wall import Wall
 from ...simulation.engine import ORDERS, Engine
 from ...tools.arguments import script, whole
 from ...tools.checked import choice

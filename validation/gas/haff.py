@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ... import analysis, theory
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...model.observables import Measure
 from ...simulation.dsmc import DSMC
 from ..report import style

@@ -21,9 +21,9 @@ import numpy as np
 
 from ...model.box import Box
 from ...model.collapse import Rest
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks
-from ...model.walls import Wall
+from ...model.walls.wall import Wall
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style

@@ -22,14 +22,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ... import fit, theory
-from ...model.coin_table import coins
-from ...model.collision import collide
 from ...model.forces import RandomKicks
-from ...model.ifr import IFRLaw
-from ...model.law import CollisionLaw
+from ...model.laws.coin_table import coins
+from ...model.laws.collision import collide
+from ...model.laws.ifr import IFRLaw
+from ...model.laws.law import CollisionLaw
+from ...model.laws.walton import Walton
 from ...model.observables import Measure
 from ...model.state import State
-from ...model.walton import Walton
 from ...simulation.dsmc import DSMC
 from ...theory import driven_gas
 from ...tools.checked import Array

@@ -22,8 +22,8 @@ import numpy as np
 
 from ...model.box import Box
 from ...model.observables import Measure
-from ...model.wall_motion import Piston
-from ...model.walls import Wall
+from ...model.walls.motion import Piston
+from ...model.walls.wall import Wall
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ... import theory
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...simulation.dsmc import DSMC
 from ...tools.checked import Array
 from ..report import style

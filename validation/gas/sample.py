@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from ...initial import placement
 from ...model.box import Box
-from ...model.ifr import IFRLaw
-from ...model.law import CollisionLaw
+from ...model.laws.ifr import IFRLaw
+from ...model.laws.law import CollisionLaw
 from ...model.observables import Measure
 from ...model.state import Disks, State
-from ...model.walls import Wall
+from ...model.walls.wall import Wall
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report.registry import Result, Row, Sampling

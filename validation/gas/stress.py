@@ -17,9 +17,8 @@ to rounding, with the integral of m V_x V_y from its value after each collision,
 *Spins*. A collision without a rolling torque keeps the angular momentum of the pair: d(sum I w) = sum of
 (dp_i)_x (y_i - y_j) - (dp_i)_y (x_i - x_j). So the spins turn by (P_xy - P_yx) A dt, to rounding.
 
-*Simple shear*. Expected: Enskog's equation for a uniform flow, solved by Monte Carlo (J. M. Montanero and A. Santos,
-Phys. Rev. E 54, 438 (1996), doi:10.1103/PhysRevE.54.438; `enskog` below). It has no correlations between velocities of
-disks that are going to collide.
+*Simple shear*. Expected: Enskog's equation for a uniform flow, solved by Monte Carlo (`enskog`). It has no correlations
+between velocities of disks that are going to collide.
 
 *Walls*. d(sum m v_x x)/dt = sum m v_x^2 + sum of impulses times x: P_xx less the change of sum m v_x x / (A t) is the
 mean force on a length of the wall at x = L, but for the sampling of the kinetic part.
@@ -34,20 +33,19 @@ from typing import Any
 
 import numpy as np
 
-from ... import theory
 from ...model.box import Box
-from ...model.coin_table import coins
-from ...model.collision import collide
-from ...model.ifr import IFRLaw
+from ...model.laws.coin_table import coins
+from ...model.laws.ifr import IFRLaw
 from ...model.observables import Measure, Stress, stress
 from ...model.state import Disks, State
-from ...model.walls import Wall
+from ...model.walls.wall import Wall
 from ...simulation.schedule import Trigger
 from ...simulation.simulation import Simulation
 from ...theory.sheared_gas import steady_state
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
+from . import enskog
 from .sample import ELASTIC, LOOSE, Mean, compare, equal_disks, fluid, restarted, scattered, seeds_of, thermal
 from .state import LI, SOURCE, compressibility, of_few
 
@@ -187,53 +185,28 @@ def _balances(result: Result, seed: int) -> None:
 # -- simple shear ------------------------------------------------------------------------------------------
 
 
-def enskog(law: IFRLaw, phi: float, seed: int, n: int, span: float) -> Array:
-    """Pressure tensor over n T of a sheared gas, by Monte Carlo of Enskog's equation, shape (2, 2).
-
-    Kac's process: in every step of 0.02 mean free times each disk has one partner, at a random angle, and both collide
-    with the probability dt 8 phi chi (g_n > 0), in units of mass, diameter and shear rate. Mean over `span` mean free
-    times after 20. Of homogeneous disks (k = 2).
-    """
-    rng = np.random.default_rng(seed)
+def steady_temperatures(law: IFRLaw, phi: float) -> tuple[float, float]:
+    """T and T_rot of kinetic theory at a shear rate of 1; smooth disks have no T_rot, which is 0 here."""
     steady = steady_state(law, 1.0, 0.5, 2.0, phi, 1.0)
     assert steady is not None
-    T, T_rot = steady[0], 0.0 if math.isnan(steady[1]) else steady[1]
-    velocity = rng.normal(size=(n, 2)) * math.sqrt(T)
-    velocity -= velocity.mean(axis=0)
-    spin = rng.normal(size=n) * math.sqrt(8.0 * T_rot)
-    often = 8.0 * phi * theory.contact_value(phi)
-    dt = 0.02 / (often * math.sqrt(T / math.pi))
-    begin, steps = round(20.0 / 0.02), round((20.0 + span) / 0.02)
+    return steady[0], 0.0 if math.isnan(steady[1]) else steady[1]
+
+
+def monte_carlo(law: IFRLaw, phi: float, seed: int, n: int, span: float) -> Array:
+    """Pressure tensor over n T of a sheared gas, shape (2, 2): mean over `span` mean free times after 20."""
+    steps = enskog.sheared_gas(law, phi, *steady_temperatures(law, phi), n, seed)
+    begin, end = round(20.0 / enskog.STEP), round((20.0 + span) / enskog.STEP)
     kinetic, transferred = np.zeros((2, 2)), np.zeros((2, 2))
-    for step in range(steps):
-        velocity[:, 0] -= 0.5 * dt * velocity[:, 1]
-        pair = rng.permutation(n).reshape(-1, 2)
-        angle = rng.uniform(0.0, 2.0 * math.pi, n // 2)
-        normal = np.stack((np.cos(angle), np.sin(angle)), axis=1)
-        v = velocity[pair]
-        v[:, 1, 0] += normal[:, 1]  # the flow between the two
-        approach = np.sum((v[:, 0] - v[:, 1]) * normal, axis=1)
-        hit = rng.random(n // 2) < dt * often * approach
-        after = collide(
-            law, normal[hit], np.ones(2), np.full(2, 0.5), np.full(2, 2.0), v[hit], spin[pair[hit]]
-        )
-        new = after.velocity.copy()
-        if step >= begin:
-            kinetic += velocity.T @ velocity / n
-            transferred -= np.einsum("ca,cb->ab", new[:, 0] - v[hit, 0], normal[hit]) / (n * dt)
-        new[:, 1, 0] -= normal[hit, 1]
-        velocity[pair[hit]], spin[pair[hit]] = new, after.spin
-        velocity[:, 0] -= 0.5 * dt * velocity[:, 1]
+    for step in itertools.islice(steps, begin, end):
+        kinetic += step.kinetic
+        transferred += step.transferred
     return np.asarray((kinetic + transferred) / (0.5 * np.trace(kinetic)))
 
 
 def sheared(law: IFRLaw, phi: float, seed: int, per_disk: float) -> Array:
     """Pressure tensor over n T of a gas that is sheared at the rate 1, shape (2, 2)."""
-    steady = steady_state(law, 1.0, 0.5, 2.0, phi, 1.0)
-    assert steady is not None
-    disks, velocity, spin = thermal(
-        SHEARED_N, seed, T=steady[0], T_rot=0.0 if math.isnan(steady[1]) else steady[1]
-    )
+    T, T_rot = steady_temperatures(law, phi)
+    disks, velocity, spin = thermal(SHEARED_N, seed, T=T, T_rot=T_rot)
     box = Box.from_packing_fraction(disks.radius, phi, shear_rate=1.0)
     position = scattered(disks, box, seed, temperature=1.0).position
     gas = Simulation(disks, box, law, State(position, velocity + box.flow(position), spin), record=["stress"])
@@ -250,7 +223,7 @@ def _simple_shear(result: Result, quick: bool, seed: int, axes: Any) -> None:
         for j, phi in enumerate(SHEARED[:1] if quick else SHEARED):
             seeds = seeds_of(seed, 8, 8400 + 40 * i + 20 * j)
             found = np.array([sheared(law, phi, one, 60.0 if quick else 150.0) for one in seeds])
-            right = np.array([enskog(law, phi, one, 2000, 30.0 if quick else 60.0) for one in seeds[:6]])
+            right = np.array([monte_carlo(law, phi, one, 2000, 30.0 if quick else 60.0) for one in seeds[:6]])
             options: Any = {"disks": SHEARED_N, "seeds": seeds, "source": ENSKOG}
             of = f"of sheared disks, {name}, phi = {phi}"
             for component, (a, b) in COMPONENTS.items():

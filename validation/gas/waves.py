@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ... import theory
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...theory.cooling_gas import changes_per_collision
 from ...theory.hydrodynamics import excess, waves
 from ...tools.checked import Array

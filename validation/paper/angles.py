@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...model.coin_table import coins
+from ...model.laws.coin_table import coins
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result

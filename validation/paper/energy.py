@@ -1,4 +1,4 @@
-"""Coefficients that can add energy: a map by simulation, against the inequalities of `ifrdem.model.ifr`."""
+"""Coefficients that can add energy: a map by simulation, against the inequalities of `ifrdem.model.laws.ifr`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from ...model.ifr import EnergyWarning, IFRLaw
+from ...model.laws.ifr import EnergyWarning, IFRLaw
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
@@ -90,7 +90,7 @@ def _compare(result: Result, text: str, found: Map) -> None:
     ):
         quantity, source = (
             f"{words}, of {laws.sum()}, {text}",
-            "necessary and sufficient set, ifrdem/model/ifr.py",
+            "necessary and sufficient set, ifrdem/model/laws/ifr.py",
         )
         result.near(quantity, np.sum(wrong & laws), 0.0, 0.0, "a count", source)
         if not laws.sum() > 0.05 * len(gains):

@@ -3,7 +3,7 @@
 Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions".
 
 A disk 1 with velocity v_o and spin omega_o hits a disk 2 that is at rest. These are the paper's own results,
-written out independently of `ifrdem.model.ifr.collide`, to compare that with them. A function is named after what
+written out independently of `ifrdem.model.laws.ifr.collide`, to compare that with them. A function is named after what
 it gives, in the paper's symbols; `Printed` has the printed forms of those that are wrong. Every function takes an
 `Impact`, whose fields may be arrays, and returns an array.
 
@@ -308,7 +308,7 @@ class Printed:
 
 
 class Table2Row(NamedTuple):
-    """A row of Table II as printed; `psi_transit` in degrees, `coins` by their names in `ifrdem.model.coin_table`."""
+    """A row of Table II as printed; `psi_transit` in degrees, names of `coins` as in `model.laws.coin_table`."""
 
     disks: str
     material: str

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...errors import EngineError
 from ...initial.placement import check_no_overlap
-from ...model import ifr as law_module
 from ...model.box import Box
+from ...model.laws import ifr as law_module
 from ...model.state import Disks, State
 from ...simulation.engine import Engine
 from ...tools.checked import Array, choice

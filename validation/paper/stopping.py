@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...model.box import Box
-from ...model.coin_table import coins
+from ...model.laws.coin_table import coins
 from ...model.state import Disks, State
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array

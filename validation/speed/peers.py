@@ -66,7 +66,7 @@ from ...errors import InputError
 from ...initial import placement
 from ...kernels import runtime
 from ...model.box import Box
-from ...model.ifr import IFRLaw
+from ...model.laws.ifr import IFRLaw
 from ...model.observables import measure
 from ...model.state import Disks, State
 from ...simulation import backend

@@ -16,10 +16,10 @@ from ifrdem.errors import EngineError
 from ifrdem.kernels.language import ti
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion, Piston
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion, Piston
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend, force_steps, snapshot
 from ifrdem.simulation.engine import Engine
 

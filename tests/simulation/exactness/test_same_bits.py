@@ -19,8 +19,8 @@ from ifrdem.kernels.columns import TABLES, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Langevin, RandomKicks, Rescale
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.runner import TileRunner
@@ -238,6 +238,15 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
     np.testing.assert_allclose(found.position[:2], start + flown * velocity, atol=1e-13)
     assert found_bad[0] == bad
     assert engine.statistics.in_order == 0
+
+
+def test_windows_that_no_halo_is_wide_enough_for_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each window, found in tiles first, is run again in the region that is the whole box, from the tiles' lists."""
+    monkeypatch.setattr(TileRunner, "run_until_good", TileRunner._run_whole_box)
+    engine, state = after("phi = 0.6", per_disk=5, order="tiled", tile_disks=250)
+    assert engine.arrays.tiles == 16
+    assert engine.statistics.in_order == engine.statistics.windows > 3
+    assert same(state, in_order("phi = 0.6", 5))
 
 
 def unverified(monkeypatch: pytest.MonkeyPatch, part: float = NARROW) -> None:

@@ -9,9 +9,9 @@ from support.serial_walls import Gas
 
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import sides
+from ifrdem.model.walls.wall import sides
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 

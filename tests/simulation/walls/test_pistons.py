@@ -13,11 +13,11 @@ import ifrdem
 from ifrdem import Device, Rest
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion, Piston, Turn
-from ifrdem.model.walls import Wall, from_json, to_json
+from ifrdem.model.walls.motion import Motion, Piston, Turn
+from ifrdem.model.walls.wall import Wall, from_json, to_json
 from ifrdem.simulation.simulation import Simulation
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)

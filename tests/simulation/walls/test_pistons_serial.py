@@ -11,10 +11,10 @@ from support.gases import COIN, ROLLING
 from support.serial_piston import PistonGas
 
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Piston
-from ifrdem.model.walls import Wall, sides
+from ifrdem.model.walls.motion import Piston
+from ifrdem.model.walls.wall import Wall, sides
 from ifrdem.simulation.simulation import Simulation
 
 BOX = Box((10.0, 14.0), (False, False))

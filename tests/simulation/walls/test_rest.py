@@ -16,10 +16,10 @@ from ifrdem.errors import InputError
 from ifrdem.initial import maxwellian, random_positions
 from ifrdem.kernels.columns import RESTING_BYTES
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import MECHANISMS
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 

@@ -14,9 +14,9 @@ from ifrdem import Rest, RotatingGravity
 from ifrdem.errors import InputError
 from ifrdem.initial import random_positions
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.simulation import Simulation
 
 ROUGH = IFRLaw(e_n=0.6, e_t=-1.0, mu=0.5)

@@ -12,10 +12,10 @@ from ifrdem import Device, VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.initial import maxwellian, random_positions
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion, Turn
-from ifrdem.model.walls import SUMS, Wall
+from ifrdem.model.walls.motion import Motion, Turn
+from ifrdem.model.walls.wall import SUMS, Wall
 from ifrdem.simulation.engine import ORDERS, Engine
 from ifrdem.simulation.simulation import Simulation
 

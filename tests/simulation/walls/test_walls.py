@@ -15,10 +15,10 @@ from ifrdem.errors import InelasticCollapse, InputError
 from ifrdem.initial import maxwellian, random_positions
 from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 

@@ -14,10 +14,10 @@ from support.gases import COIN, ROLLING
 from support.serial_walls import Gas
 
 from ifrdem.model.box import Box
-from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion, Turn
-from ifrdem.model.walls import Wall, sides
+from ifrdem.model.walls.motion import Motion, Turn
+from ifrdem.model.walls.wall import Wall, sides
 from ifrdem.simulation.simulation import Simulation
 
 SIDE = 20.0

@@ -228,6 +228,20 @@ CMP = {
     "hs": ">=",
 }
 
+CALLS = {
+    "fma": ("fma", 1, 2, 3),
+    "sqrt": ("sqrt", 1),
+    "lg2": ("log2", 1),
+    "ex2": ("exp2", 1),
+    "sin": ("sin", 1),
+    "cos": ("cos", 1),
+    "abs": ("fabs", 1),
+    "copysign": ("copysign", 2, 1),
+    "min": ("fmin", 1, 2),
+    "max": ("fmax", 1, 2),
+}
+"""Instructions on floating-point numbers that are a function of C, and their operands."""
+
 
 def compare(cmp, a, b, t):
     if t in ("f32", "f64"):
@@ -491,41 +505,24 @@ def instr(s, c):
         if f[1] == "wide":
             wt = t[0] + str(2 * int(t[1:]))
             return S(f"(({CT[wt]}){A(1)} * ({CT[wt]}){A(2)} + {operand(ops[3], wt, c)})", wt)
-    if o == "fma":
-        return S(f"{'fma' if t == 'f64' else 'fmaf'}({A(1)}, {A(2)}, {A(3)})")
+    if t[0] == "f" and o in CALLS:
+        name, *arguments = CALLS[o]
+        return S(f"{name}{'f' if t == 'f32' else ''}({', '.join(A(i) for i in arguments)})")
     if o == "div":
         if t[0] == "f":
             return S(f"({A(1)} / {A(2)})")
         return S(f"({{ {CT[t]} d_ = {A(2)}; d_ == 0 ? ({CT[t]})-1 : {A(1)} / d_; }})")
     if o == "rem":
         return S(f"({{ {CT[t]} d_ = {A(2)}; d_ == 0 ? {A(1)} : {A(1)} % d_; }})")
-    if o == "sqrt":
-        return S(f"{'sqrt' if t == 'f64' else 'sqrtf'}({A(1)})")
     if o == "rcp":
         return S(f"(1.0{'f' if t == 'f32' else ''} / {A(1)})")
     if o == "rsqrt":
         return S(f"(1.0 / sqrt({A(1)}))")
-    if o == "lg2":
-        return S(f"log2f({A(1)})")
-    if o == "ex2":
-        return S(f"exp2f({A(1)})")
-    if o == "sin":
-        return S(f"sinf({A(1)})")
-    if o == "cos":
-        return S(f"cosf({A(1)})")
     if o == "neg":
         return S(f"(-{A(1)})")
     if o == "abs":
-        return S(
-            f"{'fabs' if t == 'f64' else 'fabsf'}({A(1)})"
-            if t[0] == "f"
-            else f"({A(1)} < 0 ? -{A(1)} : {A(1)})"
-        )
-    if o == "copysign":
-        return S(f"{'copysign' if t == 'f64' else 'copysignf'}({A(2)}, {A(1)})")
+        return S(f"({A(1)} < 0 ? -{A(1)} : {A(1)})")
     if o in ("min", "max"):
-        if t[0] == "f":
-            return S(f"f{o}{'f' if t == 'f32' else ''}({A(1)}, {A(2)})")
         return S(f"({A(1)} {'<' if o == 'min' else '>'} {A(2)} ? {A(1)} : {A(2)})")
     if o == "popc":
         return S(f"__builtin_popcountll({A(1)})", "u32")

@@ -28,8 +28,8 @@ from ifrdem.kernels.columns import KIND, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
-from ifrdem.model.wall_motion import Motion
-from ifrdem.model.walls import Wall
+from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import arrays, ranks, runner, tiling
 from ifrdem.simulation.engine import Engine
 

@@ -1,0 +1,123 @@
+"""Laws as the records of trajectories and checkpoints have them: their names and arguments.
+
+A custom law from a file has the name FILE.py:CLASS, the path of the file, the hash of its text, and its coefficients.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from ...errors import InputError
+from ...tools import checked
+from . import files as law_files
+from .files import LawSource
+from .ifr import EnergyWarning, IFRLaw, rough_disks, smooth_disks
+from .law import CollisionLaw
+from .viscoelastic import Viscoelastic
+from .walton import Walton
+
+_WITH_FRICTION = ("e_t", "mu", "sticking", "rho", "k")
+ARGUMENTS: Mapping[str, tuple[type[CollisionLaw], tuple[str, ...]]] = {
+    "ifr": (IFRLaw, ("e_n", *_WITH_FRICTION)),
+    "walton": (Walton, Walton.coefficients),
+    "viscoelastic": (Viscoelastic, ("A", "Y", *_WITH_FRICTION)),
+}
+"""Classes and names of arguments by the name of a law."""
+
+
+NAMES: Mapping[str, Callable[..., CollisionLaw]] = {
+    **{name: kind for name, (kind, _) in ARGUMENTS.items()}, "rough": rough_disks, "smooth": smooth_disks,
+}  # fmt: skip
+"""Laws by the names that cases have."""
+
+
+def any_law(name: str, law: Any) -> CollisionLaw:
+    """The law, or that of a mapping with its name and coefficients: {"law": "walton", "e_n": ...}; else InputError."""
+    if isinstance(law, CollisionLaw):
+        return law
+    if not isinstance(law, Mapping):
+        raise checked.must_be(
+            name, law, "a law, or a mapping with the name of one, {'law': 'walton', 'e_n': ...}"
+        )
+    given = dict(law)
+    kind = checked.choice(f"{name}['law']", given.pop("law", "ifr"), NAMES)
+    try:
+        return NAMES[kind](**given)
+    except TypeError as error:  # a coefficient that is missing, or unknown
+        raise InputError(f"{name} = {law!r}: {error}") from None
+
+
+AnyLaw = Annotated[CollisionLaw | Mapping[str, Any], any_law]
+
+
+def to_record(law: CollisionLaw) -> dict[str, Any]:
+    """The name of a law and its arguments. InputError for a custom law that is not from a file."""
+    if (source := law_files.source_of(law)) is not None:
+        values = {key: getattr(law, key) for key in law.coefficients}
+        return {"law": source.law, "path": source.path, "sha256": source.sha256, "coefficients": values}
+    for name, (kind, arguments) in ARGUMENTS.items():
+        if type(law) is kind:
+            return {"law": name} | {key: getattr(law, key) for key in arguments}
+    raise InputError(f"law = {law!r}: must be one of {', '.join(ARGUMENTS)}, or from a file, to be stored")
+
+
+def from_record(record: Mapping[str, Any], folder: Path | str = ".") -> CollisionLaw:
+    """The law of a record.
+
+    The file of a custom law is looked for where it was, and in `folder`; its code is executed. InputError if the record
+    is none, its arguments are no law's, or the file is not there or has changed.
+    """
+    name = str(record.get("law"))
+    if is_custom(record):
+        law, wrong = law_files.made(source_of_record(record, folder).kind, record["coefficients"])
+        if law is None:
+            raise InputError(f"law {name}: {'; '.join(filter(None, (': '.join(each) for each in wrong)))}")
+        return law
+    if name not in ARGUMENTS:
+        raise InputError(f"law = {name!r}: must be one of {', '.join(ARGUMENTS)}")
+    kind, arguments = ARGUMENTS[name]
+    given = {key: value for key, value in record.items() if key != "law"}
+    if set(given) != set(arguments):
+        raise InputError(f"law {name}: has {', '.join(given)}: must have {', '.join(arguments)}")
+    with warnings.catch_warnings(action="ignore", category=EnergyWarning):  # the run has said so
+        return kind(**given)
+
+
+def is_custom(record: Mapping[str, Any]) -> bool:
+    """True of the record of a law from a file."""
+    return law_files.is_reference(record.get("law"))
+
+
+def checked_record(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A record of a custom law whose parts are of the right types; ValueError or LookupError if they are not."""
+    values = {str(key): float(value) for key, value in record["coefficients"].items()}
+    texts = {key: str(record[key]) for key in ("law", "path", "sha256")}
+    return {**texts, "coefficients": values}
+
+
+def of_table(table: Iterable[Iterable[Mapping[str, Any] | None]]) -> Iterator[Mapping[str, Any]]:
+    """The records of a table of laws, [material][material]; None in it stands for materials that never meet."""
+    return (one for row in table for one in row if one is not None)
+
+
+def source_of_record(record: Mapping[str, Any], folder: Path | str = ".") -> LawSource:
+    """The source of the custom law of a record, unchanged, from where it was or from `folder`. Nothing is executed.
+
+    InputError if it is in neither place, or has changed.
+    """
+    path, (file, _, name) = Path(record["path"]), str(record["law"]).rpartition(":")
+    changed, places = [], dict.fromkeys((path.parent, Path(folder).resolve()))
+    for place in places:
+        if (place / file).is_file():
+            found = law_files.find(f"{file}:{name}", place)
+            if found.sha256 == record["sha256"]:
+                return found
+            changed.append(f"{found.path} has changed (sha256 {found.sha256[:12]}...)")
+    reason = " and ".join(changed) or f"there is no file {path}"
+    raise InputError(
+        f"law {record['law']}: {reason}: must be the file of the run (sha256 {record['sha256']}), in "
+        f"{' or '.join(map(str, places))}"
+    )

@@ -1,0 +1,48 @@
+"""Panels of the temperatures of species, with kinetic theory."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..analysis.result import Evaluation
+from ..trajectory.reader import Trajectory
+from .series import AXES
+from .style import KINDS, foreground, from_zero, grid, label, legend_above, positive
+
+
+def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: Evaluation) -> None:
+    """T of each species against collisions per disk, and ratios to the first one and theta below."""
+    found = evaluation.result
+    tau = found.collisions_per_disk
+    x = found.time if tau is None else tau
+    for i, name in enumerate(found.names):
+        style = {"color": KINDS[i % len(KINDS)], "lw": 1.2}
+        T, T_rot = found.temperature[:, i], found.rotational_temperature[:, i]
+        upper.plot(x, positive(T), "-", label=f"$T$ of {name}", **style)
+        curves = [(T, T_rot, found.temperature[:, 0], "-")]
+        if found.theory is not None:
+            by_theory, rotational = (each[:, i] for each in found.theory)
+            upper.plot(x, positive(by_theory), "--", **style)
+            curves.append((by_theory, rotational, found.theory[0][:, 0], "--"))
+        for one, spin, first, line in curves:
+            shown = line == "-"
+            with np.errstate(divide="ignore", invalid="ignore"):
+                if i:
+                    text = f"$T$ of {name} / $T$ of {found.names[0]}"
+                    lower.plot(x, one / first, line, label=text if shown else None, **style)
+                if np.any(spin > 0.0):
+                    kept = {**style, "lw": 0.8, "alpha": 0.7}
+                    lower.plot(x, spin / one, line, label=rf"$\theta$ of {name}" if shown else None, **kept)
+    if found.theory is not None:
+        upper.plot([], [], "--", color=foreground(upper), label="kinetic theory")
+    T = found.temperature
+    if np.all(T > 0.0) and T.max() > 10.0 * T.min():
+        upper.set_yscale("log")
+    upper.set_ylabel(label(trajectory, "temperature $T$", "energy"))
+    lower.set_xlabel(label(trajectory, AXES["t"], "time") if tau is None else AXES["tau"])
+    lower.set_ylabel("ratio")
+    from_zero(lower)
+    legend_above(upper)
+    lower.legend(loc="best", frameon=False, fontsize="small")
+    grid(upper, lower)

@@ -1,0 +1,354 @@
+"""Averages in bins: made-up gases of known averages, errors that cover, and collisions of real gases."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, Wall, analysis
+from ifrdem.cli import main as cli
+from ifrdem.errors import InputError
+
+BOX = Box((20.0, 10.0))
+N = 4000
+
+
+def write(path: Path, make, *, frames=10, box=BOX, n=N, **options) -> Path:
+    """Frames at t = 0, 1, ...: `make(rng, disks)` gives positions, velocities and spins."""
+    rng = np.random.default_rng(7)
+    disks = Disks(n, np.where(np.arange(n) % 2 == 0, 1.0, 3.0), 0.1)
+    with TrajectoryWriter(path, disks, box, precision="f8", **options) as file:
+        for time in range(frames):
+            position, velocity, spin = make(rng, disks)
+            file.write(State(position, velocity, spin, time=float(time)))
+    return path
+
+
+def thermal(rng, disks, T_x=4.0, T_y=9.0, T_rot=2.0):
+    v = rng.normal(size=(disks.n, 2)) * np.sqrt([T_x, T_y]) / np.sqrt(disks.mass)[:, None]
+    return v, rng.normal(size=disks.n) * np.sqrt(T_rot / disks.inertia)
+
+
+def within(found: analysis.BinAverages, name: str, expected, errors: float = 5.0) -> None:
+    """A quantity agrees with a number in each bin, within its own standard errors, which are known."""
+    mean, error = (np.asarray(getattr(one, name)) for one in (found.mean, found.error))
+    assert np.all(error > 0.0), name
+    deviation = np.abs(mean - expected) / error
+    assert deviation.max() < errors, f"{name}: {deviation.max():.1f} errors"
+
+
+def test_a_gas_that_flows_has_this_flow_and_temperatures_about_it(tmp_path: Path) -> None:
+    """u = (2 + y / 5, 0): what u varies by in a strip of width w adds m (w / 5)^2 / 12 to T_x."""
+
+    def make(rng, disks):
+        position = rng.random((disks.n, 2)) * BOX.lengths
+        v, spin = thermal(rng, disks)
+        return position, v + np.stack((2.0 + 0.2 * position[:, 1], np.zeros(disks.n)), axis=1), spin
+
+    with Trajectory(write(tmp_path / "a.h5", make, frames=40)) as run:
+        found = analysis.profiles(run, "y", 10, frames=range(40))
+        grid = analysis.mean_fields(run, (4, 5), frames=range(40))
+    (y,) = found.middles
+    within(found, "velocity", np.stack((2.0 + 0.2 * y, np.zeros(10)), axis=1))
+    inside = 2.0 * 0.2**2 / 12.0  # of the mean mass 2
+    within(found, "temperatures", [4.0 + inside, 9.0])
+    within(found, "temperature", 6.5 + 0.5 * inside)
+    within(found, "rotational_temperature", 2.0)
+    within(found, "theta", 2.0 / 6.5)
+    within(found, "number_density", N / 200.0)
+    within(found, "packing_fraction", N * math.pi * 0.01 / 200.0)
+    n = N / 200.0
+    within(found, "stress_kinetic", [[n * (4.0 + inside), 0.0], [0.0, n * 9.0]])
+    within(found, "heat_flux_kinetic", 0.0)
+    assert not found.has_collisions
+    assert np.isnan(found.mean.stress).all()
+    assert found.disks.sum() == 40 * N
+    np.testing.assert_allclose(found.mean.packing_fraction.mean(), N * math.pi * 0.01 / 200.0, rtol=1e-12)
+    assert grid.mean.velocity.shape == (4, 5, 2)
+    within(grid, "velocity", np.stack(np.broadcast_arrays(2.0 + 0.2 * grid.middles[1], 0.0), axis=-1))
+    np.testing.assert_allclose(grid.mean.packing_fraction.mean(), N * math.pi * 0.01 / 200.0, rtol=1e-12)
+
+
+def test_velocities_of_third_moments_carry_heat(tmp_path: Path) -> None:
+    """v_y is 2 or -1, of probabilities 1/3 and 2/3: <v_y^2> = 2, <v_y^3> = 2. v_x is +-1. Spins fast with v_y = 2.
+
+    Of mass 1 and 3, each half: sum m (v_x^2 + v_y^2) v_y / 2 = n <m> (0 + 2) / 2 = 2 n; I w^2 = 3 where v_y is 2, 0
+    elsewhere, carries n (3 * 2 / 3) / 2 = n. The whole drifts by (5, 7).
+    """
+
+    def make(rng, disks):
+        fast = rng.random(disks.n) < 1.0 / 3.0
+        velocity = np.stack((rng.choice([-1.0, 1.0], disks.n), np.where(fast, 2.0, -1.0)), axis=1)
+        spin = np.where(fast, np.sqrt(3.0 / disks.inertia), 0.0)
+        return rng.random((disks.n, 2)) * BOX.lengths, velocity + np.array((5.0, 7.0)), spin
+
+    with Trajectory(write(tmp_path / "a.h5", make, frames=60)) as run:
+        found = analysis.profiles(run, "x", 5, frames=range(60))
+    within(found, "velocity", (5.0, 7.0))
+    within(found, "heat_flux_kinetic", [0.0, 3.0 * N / 200.0])
+
+
+def test_errors_are_those_of_many_independent_gases(tmp_path: Path) -> None:
+    """Deviations over errors of 60 strips have the rms 1, to the scatter of 60 x 20 blocks: 0.8 to 1.25."""
+
+    def make(rng, disks):
+        return (rng.random((disks.n, 2)) * BOX.lengths, *thermal(rng, disks))
+
+    with Trajectory(write(tmp_path / "a.h5", make, frames=100)) as run:
+        found = analysis.profiles(run, "x", 60, frames=range(100))
+    n = N / 200.0
+    expected = {
+        "number_density": n, "velocity": 0.0, "temperatures": [4.0, 9.0], "theta": 2.0 / 6.5,
+        "rotational_temperature": 2.0, "stress_kinetic": [[4.0 * n, 0.0], [0.0, 9.0 * n]], "heat_flux_kinetic": 0.0,
+    }  # fmt: skip
+    for name, value in expected.items():
+        pull = (getattr(found.mean, name) - value) / getattr(found.error, name)
+        rms = np.sqrt(np.mean(pull**2, axis=0))
+        assert np.all((rms > 0.8) & (rms < 1.35)), (name, rms)
+
+
+def test_errors_know_that_frames_are_correlated(tmp_path: Path) -> None:
+    """Each frame is there five times: the same mean, and the error of as many independent frames as there are."""
+
+    def gas(rng, disks):
+        return (rng.random((disks.n, 2)) * BOX.lengths, *thermal(rng, disks))
+
+    held: list = []
+
+    def make(rng, disks):
+        if len(held) % 5 == 0:
+            held.append(gas(rng, disks))
+        else:
+            held.append(held[-1])
+        return held[-1]
+
+    with Trajectory(write(tmp_path / "a.h5", make, frames=200, n=1000)) as run:
+        all_ = analysis.profiles(run, "x", 40, frames=range(200))
+        once = analysis.profiles(run, "x", 40, frames=range(0, 200, 5))
+    np.testing.assert_allclose(all_.mean.velocity, once.mean.velocity, rtol=1e-9)
+    ratio = np.sqrt(np.mean(all_.error.velocity**2) / np.mean(once.error.velocity**2))
+    assert ratio == pytest.approx(1.0, abs=0.1)
+
+
+def test_rings_of_a_rotating_gas(tmp_path: Path) -> None:
+    """u = Omega r along the tangent and T_r = T_t; uniform in the free area between a post and a drum."""
+    drum, post, box = (
+        Wall.container((5.0, 5.0), 4.5),
+        Wall.post((5.0, 5.0), 1.0),
+        Box((10.0, 10.0), (False, False)),
+    )
+
+    def make(rng, disks):
+        r = np.sqrt(rng.uniform(1.1**2, 4.4**2, disks.n))
+        angle = rng.uniform(0.0, 2.0 * np.pi, disks.n)
+        away = np.stack((r * np.cos(angle), r * np.sin(angle)), axis=1)
+        v, spin = thermal(rng, disks, 4.0, 4.0)
+        return 5.0 + away, v + 0.5 * away[:, ::-1] * (-1.0, 1.0), spin
+
+    with Trajectory(write(tmp_path / "a.h5", make, box=box, walls=[drum, post], frames=20)) as run:
+        found = analysis.profiles(run, "r", 7, frames=range(20))
+    (r,) = found.middles
+    assert (found.axes, found.directions) == (("r",), ("r", "t"))
+    assert (found.edges[0][0], found.edges[0][-1]) == (1.0, 4.5)
+    inner = slice(1, -1)  # no centre is within a radius of the walls
+    for name, expected in {
+        # u_t is the mean over the ring: Omega (r + w^2 / 12 r), w = 0.5.
+        "velocity": np.stack((0.0 * r, 0.5 * (r + 0.25 / (12.0 * r))), axis=1)[inner],
+        "number_density": np.full(5, N / (math.pi * (4.4**2 - 1.1**2))),
+    }.items():
+        mean, error = (getattr(one, name)[inner] for one in (found.mean, found.error))
+        assert np.abs((mean - expected) / error).max() < 5.0, name
+    np.testing.assert_allclose(found.mean.temperatures[inner], 4.0, rtol=0.06)
+    total = (found.mean.packing_fraction * np.pi * np.diff(found.edges[0] ** 2)).sum()
+    assert total == pytest.approx(N * math.pi * 0.01, rel=1e-12)
+
+
+def test_a_sheared_box_has_its_flow_and_no_heat_of_it_in_the_temperature(tmp_path: Path) -> None:
+    box = Box((20.0, 10.0), shear_rate=3.0)
+
+    def make(rng, disks):
+        position = rng.random((disks.n, 2)) * box.lengths
+        v, spin = thermal(rng, disks)
+        return position, v + box.flow(position), spin
+
+    with Trajectory(write(tmp_path / "a.h5", make, box=box, frames=40)) as run:
+        found = analysis.profiles(run, "y", 5, frames=range(40))
+    within(found, "velocity", np.stack((3.0 * (found.middles[0] - 5.0), np.zeros(5)), axis=1))
+    within(found, "temperatures", [4.0, 9.0])  # with the flow within a strip T_x would be 4 + 6
+
+
+def test_species_have_their_own_averages_by_name(tmp_path: Path) -> None:
+    """Half of the disks, in one half of the box, are three times as hot, and named."""
+    half = N // 2
+
+    def make(rng, disks):
+        position = rng.random((disks.n, 2)) * (10.0, 10.0)
+        position[half:, 0] += 10.0
+        v, spin = thermal(rng, disks, 1.0, 1.0)
+        v[half:] *= math.sqrt(3.0)
+        return position, v, spin
+
+    species = json.dumps([{"name": "cold", "number": half}, {"name": "hot", "number": N - half}])
+    with Trajectory(write(tmp_path / "a.h5", make, parameters={"species": species}, frames=20)) as run:
+        found = analysis.profiles(run, "x", 4, frames=range(20))
+    assert list(found.species) == ["cold", "hot"]
+    cold, hot = found.species.values()
+    np.testing.assert_allclose(cold.mean.temperature[:2], 1.0, rtol=0.05)
+    np.testing.assert_allclose(hot.mean.temperature[2:], 3.0, rtol=0.05)
+    assert np.isnan(hot.mean.temperature[:2]).all()
+    np.testing.assert_array_equal(cold.disks + hot.disks, found.disks)
+    both = cold.mean.packing_fraction + hot.mean.packing_fraction
+    np.testing.assert_allclose(both, found.mean.packing_fraction, rtol=1e-12)
+    data = found.to_xarray()
+    assert list(data.species.values) == ["cold", "hot"]
+    np.testing.assert_array_equal(data.species_temperature[0], cold.mean.temperature)
+    assert data["velocity"].dims == ("x", "component")
+    assert data["stress_kinetic_error"].dims == ("x", "component", "normal")
+    assert "temperature_y [hot] error" in found.columns()
+
+
+# -- real gases --------------------------------------------------------------------------------------------
+
+CASE = """
+[run]
+name = "{name}"
+seed = 1
+t_end = 20.0
+units = "reduced"
+[box]
+lengths = [20.0, 16.0]
+periodic = [true, false]
+material = "a"
+[[material]]
+name = "a"
+e_n = {e_n}
+e_t = {e_t}
+mu = 0.3
+[[species]]
+name = "small"
+number = 120
+material = "a"
+mass = 1.0
+diameter = 0.8
+speed_rms = 1.5
+[[species]]
+name = "large"
+number = 60
+material = "a"
+mass = 2.0
+diameter = 1.2
+speed_rms = 1.0
+[start]
+positions = "random"
+[output]
+frames = 100
+series = 100
+stress = true
+wall_sums = true
+{histories}
+fields = ["position", "velocity", "angular_velocity", "collisions"]
+"""
+
+
+def ran(folder: Path, name: str, histories: str, e_n: float = 1.0, e_t: float = -1.0) -> Path:
+    path = folder / f"{name}.toml"
+    path.write_text(CASE.format(name=name, histories=histories, e_n=e_n, e_t=e_t))
+    assert cli.main(["run", str(path), "--no-picture"]) == 0
+    return folder / f"{name}.h5"
+
+
+def recorded(run: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    """Collisional and kinetic part of the mean pressure tensor in the series, (2, 2)."""
+    step = np.diff(run.series.time)
+    both = [step @ run.series[name][1:] / step.sum() for name in ("stress", "stress_kinetic")]
+    return (both[0] - both[1]).reshape(2, 2), both[1].reshape(2, 2)
+
+
+@pytest.mark.parametrize(("e_n", "e_t"), [(1.0, -1.0), (0.9, -0.5)], ids=["elastic", "rough"])
+def test_collisions_shared_among_bins_add_up_to_the_recorded_stress(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, e_n: float, e_t: float
+) -> None:
+    """The virial that the engine adds up and the pieces of histories: the same to rounding, with walls."""
+    monkeypatch.chdir(tmp_path)
+    with Trajectory(ran(tmp_path, "a", "histories_all = true", e_n, e_t)) as run:
+        every = range(len(run))
+        found = [analysis.profiles(run, axis, 9, frames=every) for axis in ("x", "y")]
+        found.append(analysis.mean_fields(run, (4, 7), frames=every))
+        collisional, kinetic = recorded(run)
+        wall = run.series["walls_momentum_y"][-1]
+    for one in found:
+        part = (one.mean.stress - one.mean.stress_kinetic).reshape(-1, 2, 2)
+        np.testing.assert_allclose(part.mean(axis=0), collisional, rtol=1e-9, atol=1e-12)
+    if e_n == 1.0:  # steady: momentum is balanced, P_yy is the pressure on both walls in every strip
+        flat = found[2].mean.stress_kinetic.reshape(-1, 2, 2).mean(axis=0)
+        np.testing.assert_allclose(flat, kinetic, atol=0.03 * kinetic[0, 0])  # by frames and by rows
+        pressure = (wall[0] - wall[1]) / (2.0 * 20.0 * 20.0)
+        mean, error = found[1].mean.stress[:, 1, 1], found[1].error.stress[:, 1, 1]
+        assert np.abs((mean - pressure) / error).max() < 4.5
+        assert np.abs(mean / pressure - 1.0).max() < 0.08
+
+
+def test_a_sample_of_disks_is_scaled_to_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A third of the disks: the recorded stress within some 5 % of their impulses."""
+    monkeypatch.chdir(tmp_path)
+    with Trajectory(ran(tmp_path, "a", "histories_sample = 90")) as run:
+        found = analysis.profiles(run, "y", 6, frames=range(len(run)))
+        collisional, _ = recorded(run)
+    part = (found.mean.stress - found.mean.stress_kinetic).mean(axis=0)
+    assert np.trace(part) == pytest.approx(np.trace(collisional), rel=0.15)
+    assert np.trace(part) != pytest.approx(np.trace(collisional), rel=1e-9)
+
+
+def test_an_impulse_is_shared_along_the_line_of_centres(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two disks, of diameters 0.8 and 1.2, collide head-on at x = 7: momentum from 6.6 to 7.6, energy as it is lost.
+
+    Elastic, of mass 1 and 2: the small one at velocity 3, the large one at rest. It gives p = 4 and the energy 4; with
+    strips of width 0.5: the part from 6.6 to 7 has 0.4 of p l in [6.5, 7], and so on.
+    """
+    monkeypatch.chdir(tmp_path)
+    start = tmp_path / "start.csv"
+    start.write_text("x,y,v_x,v_y,spin\n2.6,8,3,0,0\n7.6,8,0,0,0\n")
+    text = CASE.format(name="a", histories="histories_all = true", e_n=1.0, e_t=-1.0)
+    text = text.replace("number = 120", "number = 1").replace("number = 60", "number = 1")
+    text = text.replace('positions = "random"', 'file = "start.csv"').replace("speed_rms = 1.5\n", "")
+    text = text.replace("speed_rms = 1.0\n", "").replace("t_end = 20.0", "t_end = 2.0")
+    (tmp_path / "a.toml").write_text(text)
+    assert cli.main(["run", "a.toml", "--no-picture"]) == 0
+    with Trajectory("a.h5") as run:
+        assert run.series["collisions"][-1] == 1
+        found = analysis.profiles(run, "x", 40, frames=range(len(run)))
+    area_time = 0.5 * 16.0 * 2.0
+    momentum = (found.mean.stress - found.mean.stress_kinetic)[:, 0, 0] * area_time
+    expected = np.zeros(40)
+    expected[13], expected[14], expected[15] = 4.0 * 0.4, 4.0 * 0.5, 4.0 * 0.1
+    np.testing.assert_allclose(momentum, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"axis": "z"}, "axis = 'z': must be"),
+        ({"bins": 0}, "bins = 0: must be"),
+        ({"bins": 2.5}, r"bins = 2\.5: must be"),
+        ({"axis": "r"}, "axis = r: must have circular walls"),
+        ({"frames": [99]}, "frame 99 of"),
+        ({"frames": []}, r"frames has shape \(0,\): must be an array of integers, 1 or more"),
+        ({"frames": 3}, r"frames has shape \(\): must be an array of integers"),
+        ({"span": (3.0, 2.0)}, r"span = \(3, 2\): must be two finite numbers"),
+    ],
+)
+def test_bad_input_is_refused(tmp_path: Path, given: dict, message: str) -> None:
+    def make(rng, disks):
+        return (rng.random((disks.n, 2)) * BOX.lengths, *thermal(rng, disks))
+
+    with (
+        Trajectory(write(tmp_path / "a.h5", make, frames=2, n=10)) as run,
+        pytest.raises(InputError, match=message),
+    ):
+        analysis.profiles(run, **given)

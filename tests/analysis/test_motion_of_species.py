@@ -1,0 +1,159 @@
+"""Displacements, autocorrelations and g(r) of species, and of cooling gases in their own time, with known answers."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ifrdem
+from ifrdem import analysis, theory
+from ifrdem.analysis import catalogue, motion
+
+BOX = ifrdem.Box((50.0, 50.0))
+
+
+def walk(path: Path, *, cools: bool = False) -> ifrdem.Trajectory:
+    """Random walks of 300 disks with steps of +-1 and of 300 with +-3 along x and y, a step a collision.
+
+    If it cools, the n-th step takes 1.1^n, with velocities and sqrt(T) as 1.1^-n.
+    """
+    rng, n = np.random.default_rng(4), 600
+    step = np.repeat([1.0, 3.0], 300)[:, None]
+    disks = ifrdem.Disks(n, mass=np.repeat([1.0, 2.0], 300), radius=0.1)
+    species = json.dumps([{"name": "slow", "number": 300}, {"name": "fast", "number": 300}])
+    x, time = rng.uniform(0.0, 50.0, (n, 2)), 0.0
+    with ifrdem.TrajectoryWriter(path, disks, BOX, precision="f8", parameters={"species": species}) as file:
+        for i in range(60):
+            slower = 1.1**-i if cools else 1.0
+            way = step * rng.choice([-1.0, 1.0], (n, 2))
+            state = ifrdem.State(
+                BOX.wrap(x, 0.0), way * slower, np.zeros(n), time, image=np.floor(x / 50.0).astype(int)
+            )
+            file.write(state, {"temperature": slower**2, "collisions": i * n // 2})
+            x, time = x + way, time + 1.0 / slower
+    return ifrdem.Trajectory(path)
+
+
+def test_diffusion_of_each_species(tmp_path: Path) -> None:
+    """<|x|^2> = 2 s^2 t of steps +-s along two directions: D = s^2 / 2, 0.5 and 4.5; none of both together."""
+    with walk(tmp_path / "a.h5") as run:
+        found = motion.of_msd(run, None)
+        rows = {row.name: row for row in found.rows}
+        for name, D in (("slow", 0.5), ("fast", 4.5)):
+            assert rows[f"D of {name}"].value == pytest.approx(D, abs=4.0 * rows[f"D of {name}"].error)
+            assert rows[f"D of {name}"].error < 0.1 * D
+        assert "D" not in rows
+        assert found.tables[""]["msd [fast]"][1] == pytest.approx(18.0, rel=1e-12)
+        vacf = motion.of_vacf(run, None)
+        assert {row.name: row.value for row in vacf.rows}["<v^2> of fast"] == pytest.approx(18.0)
+
+
+def test_cooling_gas_diffuses_in_its_own_time(tmp_path: Path) -> None:
+    """Steps per collision do not change: D / nu = s^2 / 2 whatever the time between them.
+
+    Speeds are the step over its time, so that the way at the thermal speed in a step, s times (ln u / w) / (1 - w / u)
+    of Haff's law, w = u / 1.1, is known; c is not correlated from step to step.
+    """
+    with walk(tmp_path / "b.h5", cools=True) as run:
+        found = motion.of_msd(run, None)
+        rows = {row.name: row for row in found.rows}
+        assert not any("not stationary" in warning for warning in found.warnings)
+        per_step = math.log(1.1) / 0.1
+        for name, s in (("slow", 1.0), ("fast", 3.0)):
+            row = rows[f"D / nu of {name}"]
+            assert row.value == pytest.approx(0.5 * s**2, abs=4.0 * row.error)
+            reduced = rows[f"D m nu / T of {name}"].value
+            assert reduced == pytest.approx(row.value / (s * per_step) ** 2, rel=1e-6)
+            lengths = found.result[name].free_path / (math.sqrt(0.5 * math.pi) * s)
+            assert lengths == pytest.approx(per_step, rel=1e-6)
+        vacf = motion.of_vacf(run, None).tables[""]
+        assert vacf["vacf [fast]"][0] == pytest.approx(1.0, rel=1e-12)
+        assert abs(vacf["vacf [fast]"][1]) < 4.0 * vacf["error [fast]"][1]
+
+
+def test_self_diffusion_is_that_of_the_rate_of_momentum() -> None:
+    """nu_D - zeta / 2 by quadrature of the collision integral of a shifted Maxwellian, over nu.
+
+    With T = m = n sigma g = 1, g_n along a normal at angle a to the shift u e_x is Gaussian of mean u cos a and
+    variance 2. Momentum changes by -(1 + e) / 2 g_n per collision, at the rate g_n.
+    """
+    e, u = 0.7, 1e-4
+    angle = (np.arange(400) + 0.5) * 2.0 * np.pi / 400
+    g, dg = np.linspace(0.0, 14.0, 20001, retstep=True)
+
+    def mean(power: int, shift: float) -> np.ndarray:
+        density = np.exp(-((g - shift * np.cos(angle)[:, None]) ** 2) / 4.0) / math.sqrt(4.0 * np.pi)
+        return np.sum(density * g**power, axis=1) * dg
+
+    weight = 2.0 * np.pi / 400
+    nu = weight * np.sum(mean(1, 0.0))
+    nu_D = weight * np.sum(0.5 * (1.0 + e) * mean(2, u) * np.cos(angle)) / u
+    zeta = weight * np.sum(0.25 * (1.0 - e**2) * mean(3, 0.0)) / 2.0
+    assert theory.self_diffusion(e) == pytest.approx(nu / (nu_D - 0.5 * zeta), rel=1e-4)
+
+
+def test_pairs_of_two_species_on_a_lattice() -> None:
+    """Centres b are each 1 to the right of one a of a square lattice of side 4: one pair at r = 1, none of a alone."""
+    a = 4.0 * np.argwhere(np.ones((10, 10))) + 1.0
+    box = ifrdem.Box((40.0, 40.0))
+    options: dict[str, Any] = {"r_max": 3.0, "bins": 30}
+    found = analysis.pair_correlation(a, box, others=a + np.array([1.0 - 1e-3, 0.0]), **options)
+    assert found.pairs[:12].tolist() == [0.0] * 9 + [100.0] + [0.0] * 2
+    # 100 pairs over 100 (100 / 1600) 2 pi r dr of an ideal gas.
+    assert found.g[9] == pytest.approx(100.0 / (100.0 * 100.0 / 1600.0 * np.pi * (1.0 - 0.81)), rel=1e-9)
+    assert not analysis.pair_correlation(a, box, **options).pairs.any()
+
+
+def test_pairs_of_one_species_split_at_random_are_those_of_all() -> None:
+    """g_ab of labels given at random is g; both orders count the same pairs."""
+    rng = np.random.default_rng(8)
+    position = ifrdem.initial.random_positions(BOX, np.full(1200, 0.5), seed=2)
+    own = rng.permutation(1200)[:600]
+    rest = np.setdiff1d(np.arange(1200), own)
+    options: dict[str, Any] = {"r_max": 5.0, "bins": 20}
+    ab = analysis.pair_correlation(position[own], BOX, others=position[rest], **options)
+    ba = analysis.pair_correlation(position[rest], BOX, others=position[own], **options)
+    np.testing.assert_array_equal(ab.pairs, ba.pairs)
+    whole = analysis.pair_correlation(position, BOX, **options)
+    parts = [analysis.pair_correlation(position[ids], BOX, **options).pairs for ids in (own, rest)]
+    np.testing.assert_array_equal(ab.pairs + parts[0] + parts[1], whole.pairs)
+    assert np.all(np.abs(ab.g - whole.g)[5:] < 5.0 * ab.g_error[5:])
+
+
+def test_contact_value_of_two_species() -> None:
+    """g_ab = 1 / (1 - phi) + (9/16) phi / (1 - phi)^2 <s> s_a s_b / (<s^2> s_ab) of diameters s, 1.0776 at phi = 0.05.
+
+    J. T. Jenkins and F. Mancini, J. Appl. Mech. 54, 27 (1987), doi:10.1115/1.3172990. Disks put down at random have
+    the same to first order in phi.
+    """
+    radius = np.repeat([0.5, 1.0], 15_000)
+    box = ifrdem.Box.from_packing_fraction(radius, 0.05)
+    position = ifrdem.initial.random_positions(box, radius, seed=1)
+    found = analysis.contact_value(
+        position[:15_000], box, radius=0.5, others=position[15_000:], radius_of_others=1.0
+    )
+    assert found.error < 0.15
+    assert found.g == pytest.approx(1.0776, abs=3.0 * found.error)
+
+
+def test_contact_value_that_no_parabola_describes_is_marked(tmp_path: Path) -> None:
+    """Pairs at r = 1 to 1.05 and 1.2 to 1.25 diameters only, as ln g of a parabola is nowhere."""
+    rng, n = np.random.default_rng(1), 6000
+    disks, box = ifrdem.Disks(2 * n, mass=1.0, radius=0.5), ifrdem.Box((600.0, 600.0))
+    first = rng.uniform(0.0, 600.0, (n, 2))
+    r = np.where(rng.random(n) < 0.5, rng.uniform(1.0, 1.05, n), rng.uniform(1.2, 1.25, n))
+    r = np.where(rng.random(n) < 0.2, rng.uniform(1.0, 1.25, n), r)
+    a = rng.uniform(0.0, 2.0 * np.pi, n)
+    second = box.wrap(first + r[:, None] * np.stack((np.cos(a), np.sin(a)), axis=1), 0.0)
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, box, precision="f8") as file:
+        file.write(ifrdem.State(np.concatenate((first, second)), np.zeros((2 * n, 2)), np.zeros(2 * n)))
+    with ifrdem.Trajectory(tmp_path / "a.h5") as run:
+        found = catalogue.of_pairs(run, None)
+    assert any(warning.startswith("g at contact: chi^2 = ") for warning in found.warnings)
+    row = next(row for row in found.rows if row.name == "g at contact")
+    assert math.isnan(row.error)

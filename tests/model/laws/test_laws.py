@@ -1,0 +1,286 @@
+"""Laws by name: Walton's, viscoelastic spheres, rough and smooth disks, in one collision, in gases and in theory."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import ifrdem
+from ifrdem import InputError, laws, theory
+from ifrdem.model.custom_code import FromKernels
+
+VISCOELASTIC = laws.Viscoelastic.of_restitution(0.9, g_n=1.0, mass=1.0, radius=0.5, e_t=-0.9, mu=0.2)
+WALTON = laws.Walton(e_n=0.9, beta_0=0.4, mu=0.2)
+EACH = pytest.mark.parametrize("law", [WALTON, VISCOELASTIC], ids=lambda law: type(law).__name__)
+
+
+def impulses(law: laws.CollisionLaw, **pair: float) -> Any:
+    named = SimpleNamespace(**dict(zip(law.coefficients, law.table_row(), strict=True)))
+    given = {"g_n": 1.0, "g_t": 0.0, "m_n": 0.5, "m_t": 0.5 / 3.0, "radius_i": 0.5, "radius_j": 0.5}
+    return law.collide(SimpleNamespace(**(given | pair)), named)
+
+
+def test_walton_reverses_the_slip_up_to_coulomb_s_limit() -> None:
+    """g_t' = g_t - P_t / m_t is -beta_0 g_t while |P_t| <= mu P_n = 0.2 x 1.9 x 0.5 = 0.19."""
+    P_n, P_t, T = impulses(WALTON, g_t=-0.3)
+    assert P_n == pytest.approx(0.95)
+    assert -0.3 - P_t * 6.0 == pytest.approx(0.4 * 0.3)
+    assert T == 0.0
+    assert impulses(WALTON, g_t=5.0)[1] == pytest.approx(0.19)
+
+
+def overlap(b: float) -> float:
+    """e_n from the equation of motion of viscoelastic spheres, in units in which K / m_n = 1 and g_n = 1.
+
+    xi'' = -xi^(3/2) - (3/2) A sqrt(xi) xi', b = (3/2) A, until the force would be attractive.
+    """
+
+    def force(xi: float, v: float) -> float:
+        root = math.sqrt(max(xi, 0.0))
+        return root * (xi + b * v)
+
+    def separation(t: float, y: Any) -> float:
+        return force(*y) if t > 1e-3 else 1.0
+
+    separation.terminal, separation.direction = True, -1.0  # type: ignore[attr-defined]
+    motion = solve_ivp(
+        lambda _, y: [y[1], -force(*y)],
+        (0.0, 100.0),
+        [1e-12, 1.0],
+        events=separation,
+        rtol=1e-10,
+        atol=1e-12,
+        max_step=0.05,
+    )
+    return -float(motion.y[1, -1])
+
+
+@pytest.mark.parametrize(
+    ("b", "within"), [(0.01, 1e-6), (0.06, 1.5e-5), (0.3, 1e-3), (1.0, 5e-3), (3.0, 9e-3), (7.0, 7e-3)]
+)
+def test_viscoelastic_restitution_is_that_of_the_equation_of_motion(b: float, within: float) -> None:
+    """K / m_n = 2 Y sqrt(R) / (3 m_n) = 1 with Y = 3/4, R = 1/4, m_n = 1/4, of two disks of mass 1/2, radius 1/2."""
+    law = laws.Viscoelastic(A=b / 1.5, Y=0.75)
+    assert law.restitution(1.0, mass=0.5, radius=0.5) == pytest.approx(overlap(b), abs=within)
+
+
+HEAVY = {"A": 1e40, "Y": 1.0}  # e_n of 1e-60 or so at any speed
+
+
+def test_laws_outside_of_the_range_of_their_series_are_refused_before_any_work() -> None:
+    disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
+    start = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
+    law, box = laws.Viscoelastic(**HEAVY), ifrdem.Box((10.0, 10.0))
+    message = r"A = 1e\+40, Y = 1: e_n = .*e-\d\d at the approach speed 0.8862: must be at least 0.05"
+    with pytest.raises(InputError, match=message):  # sqrt(pi / 2) of the rms speed, sqrt(1 / 2)
+        ifrdem.Simulation(disks, box, law, start)
+    with pytest.raises(InputError, match=r"must be at least 0\.05"):
+        ifrdem.DSMC(disks, law, 0.1, [[1.0, 0.0], [0.0, 0.0]], seed=1)
+    gas = ifrdem.Simulation(disks, box, VISCOELASTIC, start)
+    with pytest.raises(InputError, match=r"must be at least 0\.05"):
+        gas.set_law(law)
+    assert gas._laws.table[0][0] == VISCOELASTIC
+    resting = ifrdem.State(start.position, np.zeros((2, 2)), start.spin)
+    ifrdem.Simulation(disks, box, law, resting)  # without a speed no e_n is known
+
+
+COIN = {"normal": [1.0, 0.0], "mass": [1.0, 1.0], "radius": [0.5, 0.5], "k": [2.0, 2.0], "spin": [0.0, 0.0]}
+
+
+@EACH
+def test_collide_takes_any_law_and_is_the_engine_s(law: laws.CollisionLaw) -> None:
+    """Two disks of mass 1 that meet along x, with slips that stick and slide; then the same by the engine."""
+    for slip, regime in ((0.01, ifrdem.Regime.STICKING), (0.9, ifrdem.Regime.SLIDING)):
+        after = ifrdem.collide(law, velocity=[[1.0, slip], [0.0, 0.0]], **COIN)
+        assert after.regime == regime
+        np.testing.assert_allclose(after.velocity.sum(axis=0), [1.0, slip], atol=1e-15)
+        P_n, P_t, _ = impulses(law, g_n=1.0, g_t=slip)
+        assert (after.P_n, after.P_t) == (P_n, P_t)
+        disks, box = ifrdem.Disks(2, mass=1.0, radius=0.5), ifrdem.Box((10.0, 10.0))
+        start = ifrdem.State([[3.0, 5.0], [4.5, 5.0 + 0.5 * slip]], [[1.0, slip], [0.0, 0.0]], [0.0, 0.0])
+        gas = ifrdem.Simulation(disks, box, law, start)
+        gas.run(t_end=1.0)
+        np.testing.assert_allclose(gas.state.velocity, after.velocity, atol=1e-13)
+        np.testing.assert_allclose(gas.state.spin, after.spin, atol=1e-13)
+    apart = ifrdem.collide(law, velocity=[[-1.0, 0.3], [0.0, 0.0]], **COIN)
+    assert (apart.regime, float(apart.P_n), float(apart.P_t)) == (0, 0.0, 0.0)
+
+
+def test_collide_takes_laws_by_name_and_custom_ones() -> None:
+    velocity = np.array([[[1.0, 0.2], [0.0, 0.0]], [[1.0, 2.0], [0.0, 0.0]]])
+    named = ifrdem.collide({"law": "walton", "e_n": 0.9, "beta_0": 0.4, "mu": 0.2}, velocity=velocity, **COIN)
+    np.testing.assert_array_equal(named.spin, ifrdem.collide(WALTON, velocity=velocity, **COIN).spin)
+
+    class Own(ifrdem.CollisionLaw):
+        coefficients = ("e_n",)
+
+        @staticmethod
+        def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
+            return (1.0 + law.e_n) * pair.m_n * pair.g_n, 0.0, 0.0
+
+    own = ifrdem.collide(Own(e_n=0.5), velocity=velocity, **COIN)
+    np.testing.assert_allclose(own.velocity[:, 0, 0], 0.25)  # (1 - e_n) / 2 of the speed of approach
+    assert own.regime.tolist() == [-1, -1]
+    for law, message in (
+        ({"law": "wlton"}, "must be one of 'ifr', 'walton'.*did you mean 'walton'"),
+        ({"law": "walton", "e_n": 0.9}, "coefficient 'beta_0' is missing"),
+        ("walton", r"law = 'walton': must be a law, or a mapping"),
+    ):
+        with pytest.raises(InputError, match=message):
+            ifrdem.collide(law, velocity=velocity, **COIN)
+
+
+def test_histories_have_the_regimes_that_the_ledger_counts() -> None:
+    disks = ifrdem.Disks(50, mass=1.0, radius=0.5)
+    box = ifrdem.Box.from_packing_fraction(disks.radius, 0.2)
+    position = ifrdem.initial.random_positions(box, disks.radius, seed=1)
+    velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
+    start = ifrdem.State(position, velocity, np.zeros(50))
+    gas = ifrdem.Simulation(disks, box, WALTON, start, tracked=range(50), record=["energy"])
+    gas.run(collisions_per_disk=4)
+    regime, counted = gas.take_events().regime, gas.measure().regimes
+    assert counted is not None
+    for name, column in ((ifrdem.Regime.SLIDING, 0), (ifrdem.Regime.STICKING, 1)):
+        assert np.count_nonzero(regime == name) == 2 * counted[column] > 0
+
+
+@pytest.mark.parametrize("g_n", [1e-9, 1e-3, 1.0, 1e4])
+def test_kernel_and_numpy_have_one_restitution(g_n: float) -> None:
+    P_n, _, _ = impulses(VISCOELASTIC, g_n=g_n)
+    e_n = P_n / (0.5 * g_n) - 1.0
+    assert e_n == pytest.approx(VISCOELASTIC.restitution(g_n, mass=1.0, radius=0.5), abs=1e-12)
+
+
+def test_restitution_at_a_speed_is_the_given_one() -> None:
+    for e_n in (0.05, 0.5, 0.99, 1.0):
+        law = laws.Viscoelastic.of_restitution(e_n, g_n=3.0, mass=2e-3, radius=0.01, Y=1e7)
+        assert law.restitution(3.0, mass=2e-3, radius=0.01) == pytest.approx(e_n, abs=1e-12)
+
+
+@EACH
+def test_ledger_closes_and_no_collision_adds_energy(law: laws.CollisionLaw) -> None:
+    """Kinetic energy at the start less that at the end is what the mechanisms took."""
+    n, rng = 200, np.random.default_rng(3)
+    position = np.stack(np.meshgrid(np.arange(20) + 0.5, np.arange(10) + 0.5), -1).reshape(-1, 2) * 1.5
+    disks = ifrdem.Disks(n, mass=1.0, radius=0.5)
+    start = ifrdem.State(position, rng.normal(size=(n, 2)), rng.normal(size=n))
+    gas = ifrdem.Simulation(disks, ifrdem.Box((30.0, 15.0)), law, start, record=("energy",))
+    before = gas.measure()
+    energies = [before.energy]
+    for _ in range(5):
+        gas.run_for(collisions_per_disk=2)
+        energies.append(gas.measure().energy)
+    assert np.all(np.diff(energies) < 0.0)
+    by_mechanism = gas.measure().dissipated
+    assert by_mechanism is not None
+    assert by_mechanism.sum() == pytest.approx(energies[0] - energies[-1], rel=1e-10)
+    assert by_mechanism[:3].min() > 0.0  # normal, tangential restitution, friction
+
+
+@EACH
+def test_cooling_by_theory_is_that_of_the_monte_carlo_of_its_equation(law: laws.CollisionLaw) -> None:
+    """Velocities are Gaussian until disks have collided: changes agree within the noise of 400,000 disks, about 1 %."""
+    n = 400_000
+    disks = ifrdem.Disks(n, mass=1.0, radius=0.5)
+    velocity, spin = (
+        ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=5),
+        np.random.default_rng(6).normal(size=n),
+    )
+    gas = ifrdem.DSMC(disks, law, 0.1, velocity, 2.0 * spin, seed=5)  # I = m R^2 / 2 = 1/8: T_rot = 1/2
+    found = gas.run(collisions_per_disk=0.4, samples=1)
+    expected = theory.prediction(
+        disks, law, 0.1, found.temperature[0], found.rotational_temperature[0], found.time
+    )
+    for one, other in zip(
+        (found.temperature, found.rotational_temperature),
+        (expected.temperature, expected.rotational_temperature),
+        strict=True,
+    ):
+        assert one[1] - one[0] == pytest.approx(other[1] - other[0], rel=0.025)
+
+
+def test_walton_that_stops_the_slip_is_ifr_with_its_contact_point() -> None:
+    """Of beta_0 = 0 and e_t = -1 P_t = min(mu P_n, m_t |g_t|), in kernels and theory."""
+    ifr = laws.IFRLaw(e_n=0.8, e_t=-1.0, mu=0.3, sticking="contact_point")
+    walton = laws.Walton(e_n=0.8, beta_0=0.0, mu=0.3)
+    for g_t in (0.1, 0.7, 3.0):
+        assert impulses(walton, g_t=g_t) == pytest.approx(impulses(ifr, g_t=g_t))
+    at = np.array([0.3, 1.0, 2.0])
+    for a, b in zip(
+        theory.changes_per_collision(at, ifr, 2.0), theory.changes_per_collision(at, walton, 2.0), strict=True
+    ):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+def test_viscoelastic_gas_cools_with_the_power_five_thirds() -> None:
+    """dT/dt ~ -T^(3/2) (1 - e_n^2) with 1 - e_n ~ T^(1/10): T ~ t^(-5/3)."""
+    law = laws.Viscoelastic.of_restitution(0.95, g_n=1.0, mass=1.0, radius=0.5)
+    late = theory.prediction(
+        ifrdem.Disks(2, mass=1.0, radius=0.5), law, 0.1, 1.0, 0.0, [1e7, 1e9]
+    ).temperature
+    assert math.log(late[1] / late[0]) / math.log(1e2) == pytest.approx(-5.0 / 3.0, abs=3e-3)
+
+
+def test_small_dissipation_cools_at_the_first_order_in_b() -> None:
+    """(1 - e_n^2) y^2 averaged with y exp(-y^2/2): 2 x 1.15345 b_1 2^1.1 Gamma(2.1), where b = b_1 y^(1/5).
+
+    A collision takes m_n V <(1 - e_n^2) y^2> / 2 from a pair, half of it from either disk: with V = 2 T / m, T/4 of it.
+    """
+    law = laws.Viscoelastic(A=1e-6, Y=1.0)
+    b_1 = 1.5e-6 * (2.0 * 0.5 / (3.0 * 0.5)) ** 0.4 * math.sqrt(2.0) ** 0.2
+    loss = 0.25 * 2.0 * 1.15345 * b_1 * 2.0**1.1 * math.gamma(2.1)
+    mixture = theory.Mixture([1.0], [0.5], law, 0.1)
+    rate = float(mixture.collision_rates([1.0])[0, 0])
+    assert theory.mixture_cooling_rates(mixture, 1.0, 0.0)[0][0] == pytest.approx(-rate * loss, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: laws.Walton(e_n=0.9, beta_0=1.1, mu=0.1), r"beta_0 = 1\.1: must be"),
+        (lambda: laws.Walton(e_n=0.9, beta=0.1, mu=0.1), r"'beta' \(did you mean 'beta_0'"),
+        (lambda: laws.Viscoelastic(A=-1.0, Y=1.0), r"A = -1\.0: must be"),
+        (lambda: laws.Viscoelastic(A=0.1, Y=1.0, e_t=0.5, mu=0.3), "would add energy"),
+        (lambda: theory.cooling_ratio(VISCOELASTIC, 2.0, 0.0), "must be a law whose e_n is a constant"),
+    ],
+)
+def test_impossible_laws_are_refused_by_key_and_value(make: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def test_law_whose_collide_replaces_another_does_not_inherit_its_ledger() -> None:
+    from ifrdem.model.laws.law import compiled
+
+    class Elastic(laws.Walton):
+        @staticmethod
+        def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
+            return 2.0 * pair.m_n * pair.g_n, 0.0, 0.0
+
+    assert isinstance(vars(laws.Walton)["parts"], FromKernels)
+    assert compiled(Elastic).parts is None
+    assert compiled(laws.Walton).parts is not None
+
+
+def test_coefficients_are_attributes_and_equal_laws_are_equal() -> None:
+    assert WALTON.beta_0 == 0.4
+    assert laws.Walton(e_n=0.9, beta_0=0.4, mu=0.2) == WALTON
+    assert laws.rough_disks(0.9, beta=0.5) == laws.IFRLaw(e_n=0.9, e_t=0.5, mu=0.0)
+    assert laws.smooth_disks(0.9).contact_point == 0.0
+    with pytest.raises(AttributeError, match="did you mean 'beta_0'"):
+        WALTON.beta  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "law", [laws.smooth_disks(0.9), laws.Viscoelastic(A=1e-3, Y=1.0)], ids=["ifr", "viscoelastic"]
+)
+def test_along_walls_without_friction_a_drift_is_no_heat(law: laws.CollisionLaw) -> None:
+    """Two disks of mass 1 whose mean velocity along the channel is 1/2: 1/4 of energy is their drift's."""
+    disks, channel = ifrdem.Disks(2, mass=1.0, radius=0.5), ifrdem.Box((10.0, 10.0), (True, False))
+    start = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
+    assert ifrdem.Simulation(disks, channel, law, start).measure().drift_energy == 0.25

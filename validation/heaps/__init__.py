@@ -1,0 +1,1 @@
+"""Heaps and drums of resting disks, measured by this program, by LAMMPS and by Chipmunk."""
