@@ -231,12 +231,11 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         self._stopping = False
         self._pinches_checked = False
         self._external_energy = 0.0  # from changes between runs
-        species = () if species is None else species
         with backend.sole_use():
             self._engine = Engine(
                 disks, box, begin, self._laws.coefficients, law=self._laws.kind, walls=walls, gravity=gravity,
-                forces=forces, collapse=collapse, device=device, record=record, species=species, seed=seed,
-                tracking=self._tracking, comm=comm,
+                forces=forces, collapse=collapse, device=device, record=record,
+                species=() if species is None else species, seed=seed, tracking=self._tracking, comm=comm,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             known = box.shear_rate == 0.0 and (comm.size == 1 or comm.is_distributed)
