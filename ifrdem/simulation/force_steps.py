@@ -208,7 +208,7 @@ class ForceSteps:
         """True if forces act within windows."""
         return bool(self._within)
 
-    def settle(self, moment: float | None) -> None:
+    def begin_window(self, moment: float | None) -> None:
         """Drop what is planned: a window begins at a moment of the present one, or where this begins, without one."""
         clock = self.arrays.clock
         if moment is not None:  # as where one window follows another (`kernels/planner.py`)

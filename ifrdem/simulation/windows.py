@@ -199,7 +199,7 @@ class Windows:
     def _begin_at(self, time: float) -> None:
         """Begin a window at a time [time]; its end is not planned yet."""
         if self.forces is not None:
-            self.forces.settle(self.moment)
+            self.forces.begin_window(self.moment)
         self.now = self.arrays.clock.begin = self.arrays.clock.end = time
         self._times = None
         self._completed = self._ready = self._paused = False
