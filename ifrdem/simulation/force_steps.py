@@ -30,7 +30,6 @@ from ..kernels.language import CompilationError, declared
 from ..model.custom_code import check_constants, check_signature, why_not_compiled
 from ..model.forces import OF_DISK, OF_STEP, Force
 from ..model.state import Disks
-from . import checks
 from .arrays import DeviceArrays
 from .schedule import first_after, reached, time_of
 
@@ -64,14 +63,12 @@ def acts_within(force: Force, arrays: DeviceArrays) -> bool:
 class ForceSteps:
     """The forces of one engine, in the order in which they act at a time at which several do.
 
-    What was to act until the present `time` [time] has acted. InputError if a force is none, or cannot act on these
-    disks.
+    What was to act until the present `time` [time] has acted. InputError if a force cannot act on these disks.
     """
 
     def __init__(
         self, forces: Sequence[Force], arrays: DeviceArrays, disks: Disks, seed: int, time: float
     ) -> None:
-        checks.check_forces(forces)
         self.forces: tuple[Force, ...] = tuple(forces)
         for i, force in enumerate(self.forces):
             if force.totals and type(force).measure is Force.measure:

@@ -223,7 +223,6 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             _check_slices(comm.allgather(disks.n))
         kinds: Disks = comm.result_of_holders(lambda: DiskKinds.of(disks))
         kinds = disks if comm.has_all else kinds
-        comm.run_on_all(lambda: checks.check_forces(forces))
         materials = [wall.material for wall in [*walls, *sides(box)]]
         self._laws = comm.run_on_all(lambda: PairLaws.of(law, kinds, materials, device.precision))
         comm.result_of_holders(lambda: check_no_overlap(box, disks.radius, begin.position, time=begin.time))
