@@ -35,7 +35,7 @@ from ..trajectory.file import TrajectoryError
 
 PerFrame = Literal["velocity", "rdf", "structure-factor", "fields", "clusters", "psi6"]
 """Analyses of single frames, at chosen places of a run."""
-OverTime = Literal["msd", "vacf", "pressure", "stress", "cooling", "impact"]
+OverTime = Literal["msd", "vacf", "profiles", "pressure", "stress", "cooling", "impact"]
 OVER_TIME: tuple[str, ...] = get_args(OverTime)
 """Analyses of a whole run."""
 AT = "at"
