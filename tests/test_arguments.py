@@ -318,7 +318,8 @@ OTHERS: dict[ModuleType, set[str]] = {
     theory: {"CoolingRatio", "MixtureTemperatures", "Prediction", "ShearModes"},
     analysis: {"BinAverages", "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
                "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients",
-               "StructureFactor", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "mean_fields", "profiles"},
+               "StructureFactor", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "mean_fields",
+               "profiles"},
     ifrdem.forces: {"normals", "uniforms"},
     ifrdem.observables: {"Measure", "Stress"},
     # Functions of fits, files and gases are below.
