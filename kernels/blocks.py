@@ -43,8 +43,10 @@ from .layout import (
     NEAR_WORDS,
     NO_PARTNER,
     PAIRS,
+    TOO_MANY,
 )
 from .particle import largest_square, radius_of, round_products, upper_half
+from .planner import pull_of
 from .records import From, InColumns, Split
 from .signature import Arrays, kernel
 from .sums import sum_tiles
@@ -55,12 +57,16 @@ from .tiles import (
     gather_tile,
     load,
     position_in_tile,
-    reserve,
+    reserve_ghosts,
+    reserve_list,
     sides_of,
     slot_of,
     write,
 )
-from .windows import WINDOW, begin_window, tile_of
+from .walls.cells import earlier_wall, may_touch
+from .walls.collision import hit_wall
+from .walls.motion import wall_phases
+from .windows import WINDOW, begin_window, tile_of, verify_tiles
 
 THREADS = 256  # of a block
 MOST_NEAR = 4 * NEAR_WORDS - 1  # places of a list
@@ -72,13 +78,15 @@ TICKS = 1073741824.0  # keys in a window
 FASTER, FASTEST_OF_ALL = 1.35, 1.15
 MARGIN = 1.5  # beyond contact that lists have at least, in largest diameters
 ATTEMPTS = 3
+MOST_BLOCKS = 1024  # of a GPU
 MOST_ROUNDS = 20_000
 # What threads note for one another.
-GATHERED, OWN, COPIES, MARK, SPEED, QUEUED, LEAST, TILE, ROOM, FIRST_SUM = range(10)
+GATHERED, OWN, COPIES, MARK, SPEED, EXTENT, IMAGES, QUEUED, LEAST, TILE, ROOM, FIRST_SUM = range(12)
 NOTES = FIRST_SUM + THREADS // 32
 # Why a tile has to be run again: a list has no place left, the order of events is not certain, a disk is too fast for
-# the lists, there are too many disks, rounds without end, or no room for ghost records.
-LIST_FULL, UNCERTAIN, TOO_FAST, TOO_MANY, ENDLESS, NO_ROOM = 1, 2, 4, 8, 16, 32
+# the lists, there are too many disks (TOO_MANY), rounds without end, no room for ghost records, or too many disks for
+# any block.
+LIST_FULL, UNCERTAIN, TOO_FAST, ENDLESS, NO_ROOM, NO_BLOCK = 1, 2, 4, 16, 32, 64
 FLIGHT = ("x", "y", "vx", "vy", "tau")
 
 
@@ -97,6 +105,7 @@ def block_of(gas: Any, number: Any, slots: int) -> Any:
             else:
                 given[name] = InColumns(flat, columns, begin_at, slots)
     given["near"] = From(gas.near, first * NEAR_WORDS)
+    given["image_list"], given["near_image"] = From(gas.image_list, first), From(gas.near_image, first)
     given["order"] = From(gas.block_integers, first * BLOCK_INTEGERS.width)  # before there are events
     given["key"], given["low"] = shared(slots, ti.i32), shared(slots, ti.i32)
     given["head"] = given["low"]  # before there are events
@@ -257,13 +266,18 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
             k = block.head[first_cell - 1]
         while k < end:
             rx, ry = block.motion[k].x - x, block.motion[k].y - y
+            faster = 0.0 * x
+            if ti.static(block.uses.sheared):
+                rows = block.event_info[k].shear_row - block.event_info[i].shear_row
+                rx += rows * block.scale.aside
+                faster = rows * block.scale.drift
             sigma = block.scale.widest
             if ti.static(block.uses.mixed):
                 sigma = radius_of(i, block) + radius_of(k, block)
             reach = sigma + margin
             if k != i and rx * rx + ry * ry < reach * reach:
                 if k < i:
-                    ux, uy = block.motion[k].vx - vx, block.motion[k].vy - vy
+                    ux, uy = block.motion[k].vx - vx + faster, block.motion[k].vy - vy
                     if contact_signs(rx, ry, ux, uy, sigma, block.scale.window) < 0:
                         meet = (meet << ti.u64(16)) | ti.cast(k, ti.u64)
                         n_meet += 1
@@ -320,6 +334,65 @@ def first_meeting(i, n_meet, meet, best, partner, region: ti.template(), block: 
 
 
 @ti.func
+def list_images(me, way, region: ti.template(), block: ti.template()):
+    """List the images of walls that disks of the region may touch in the window if each moves by `way` at most.
+
+    By the first warp, in the order of their numbers. EXTENT is the upper half of the square of the largest distance of
+    a disk from the region's centre.
+    """
+    if me < 32:
+        extent = ti.cast(
+            ti.sqrt(ti.bit_cast(ti.cast(block.note[EXTENT], ti.i64) << ti.i64(32), ti.f64)), float
+        )
+        x = region.x + 0.5 * region.nx * region.side_x
+        y = region.y + 0.5 * region.ny * region.side_y
+        many, image, images = 0, me, 9 * block.grid.walls
+        while image - me < images:
+            near = 0
+            if image < images:
+                near = may_touch(image, x, y, extent + way, region, block)
+            votes = ti.cast(ti.simt.warp.ballot(near), ti.u32)
+            earlier = votes & ((ti.u32(1) << ti.cast(me, ti.u32)) - ti.u32(1))
+            at = many + ti.cast(ti.math.popcnt(earlier), ti.i32)
+            if near == 1 and at < block.slots:
+                block.image_list[at] = image
+            many += ti.cast(ti.math.popcnt(votes), ti.i32)
+            image += 32
+        if me == 0:
+            block.note[IMAGES] = ti.min(many, block.slots)
+            if many > block.slots:
+                block.note[MARK] = TOO_MANY
+
+
+@ti.func
+def list_walls(i, way, region: ti.template(), block: ti.template()):
+    """List the images of walls that the disk in slot i may touch in the window: their number, and places of three."""
+    many, word = 0, ti.u64(0)
+    for m in range(block.note[IMAGES]):
+        if may_touch(block.image_list[m], block.motion[i].x, block.motion[i].y, way, region, block) == 1:
+            many += 1
+            if many < 4:
+                word |= ti.cast(m, ti.u64) << ti.cast(16 * many, ti.u64)
+    block.near_image[i] = word | ti.cast(many, ti.u64)
+
+
+@ti.func
+def first_wall(i, best, partner, region: ti.template(), block: ti.template()):
+    """As `walls.cells.first_wall`, by the list of `list_walls`, or all images near the tile if that is too short."""
+    word = block.near_image[i]
+    many = ti.cast(word & ti.u64(0xFFFF), ti.i32)
+    end = many
+    if many > 3:
+        end = block.note[IMAGES]
+    for m in range(end):
+        at = m
+        if many <= 3:
+            at = ti.cast((word >> ti.cast(16 * (m + 1), ti.u64)) & ti.u64(0xFFFF), ti.i32)
+        best, partner = earlier_wall(i, block.image_list[at], best, partner, region, block)
+    return best, partner
+
+
+@ti.func
 def look_around(i, first, t, best, partner, region: ti.template(), block: ti.template()):
     """The earliest meeting of the disk in slot i with those of its list: time, partner; 1 if the order is not certain.
 
@@ -341,7 +414,13 @@ def look_around(i, first, t, best, partner, region: ti.template(), block: ti.tem
         if ahead > 0.0:
             dx = block.motion[j].x - (x + vx * (t - tau))
             dy = block.motion[j].y - (y + vy * (t - tau))
-            fastest = ti.max(vx * vx + vy * vy, ti.cast(largest_square(j, block), float))
+            square = ti.cast(largest_square(j, block), float)
+            if ti.static(block.uses.sheared):  # in the frame of the disk that looks
+                rows = block.event_info[j].shear_row - info.shear_row
+                dx += rows * (block.scale.aside + block.scale.drift * block.motion[j].tau)
+                top = ti.sqrt(square) + ti.abs(rows * block.scale.drift)
+                square = top * top
+            fastest = ti.max(vx * vx + vy * vy, square)
             margin = ti.static(1.00001 if is_single_precision() else 1.000001)
             way = sigma + margin * ti.sqrt(fastest) * ahead
             if dx * dx + dy * dy < way * way:
@@ -398,6 +477,16 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     bound = block.clock.fastest * ti.max(faster / FASTER * FASTEST_OF_ALL, FASTEST_OF_ALL)
     square = ti.min(square, bound * bound)
     way = 2.0 * ti.cast(ti.sqrt(square), float) * block.scale.window
+    if ti.static(block.uses.sheared):  # rows of tiles move against each other
+        drift = ti.abs(ti.cast(block.scale.drift, ti.f64))
+        speed = ti.sqrt(square) + drift
+        square = speed * speed
+        way = 2.0 * ti.cast(speed + drift, float) * block.scale.window
+    if ti.static(block.uses.walled):  # which make disks faster; gravity does in the lab
+        push = block.clock.wall_speed + pull_of(block) * ti.cast(block.scale.window, ti.f64)
+        speed = ti.sqrt(square) + 2.0 * push * (faster / FASTER)
+        square = speed * speed
+        way = 2.0 * ti.cast(speed, float) * block.scale.window
     margin = ti.max(way, wider * ti.max(way, MARGIN * block.scale.widest))
     if n > block.slots:
         n = 0
@@ -415,8 +504,15 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     i = me
     while i < n:
         load(block.order[i], i, tile, region, block)
+        if ti.static(block.uses.walled):
+            x = block.motion[i].x - (region.x + 0.5 * region.nx * region.side_x)
+            y = block.motion[i].y - (region.y + 0.5 * region.ny * region.side_y)
+            ti.atomic_max(block.note[EXTENT], upper_half(1.000001 * ti.cast(x * x + y * y, ti.f64)))
         i += THREADS
     ti.simt.block.sync()
+    if ti.static(block.uses.walled):
+        list_images(me, 0.5 * way, region, block)
+        ti.simt.block.sync()
     i = me
     while i < n:
         full, n_meet, meet = list_neighbors(i, margin, region, block)
@@ -424,6 +520,9 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
             ti.atomic_or(block.note[MARK], LIST_FULL)
         best, partner = block.scale.window, NO_PARTNER
         best, partner = first_meeting(i, n_meet, meet, best, partner, region, block)
+        if ti.static(block.uses.walled):
+            list_walls(i, 0.5 * way, region, block)
+            best, partner = first_wall(i, best, partner, region, block)
         block.motion[i].t_leave = FAR  # cells have no part in events
         keep_event(i, best, partner, FAR + 0.0 * margin, block)
         i += THREADS
@@ -438,7 +537,9 @@ def is_first(i, block: ti.template()):
     key = block.key[i]
     if key < NONE and block.low[i] == key:
         p = partner_of(i, block)
-        if block.low[p] == key:
+        if p < 0:
+            first = 1
+        elif block.low[p] == key:
             # Where both have stored it, the smaller slot counts.
             first = ti.cast(block.key[p] > key or i < p or partner_of(p, block) != i, ti.i32)
     return first
@@ -460,7 +561,7 @@ def queue_events(n, me, block: ti.template()):
             j = i - lane + leader
             p = partner_of(j, block)
             key = block.key[j]
-            a = ti.select(lane < 16, j, p)
+            a = ti.select(lane < 16 or p < 0, j, p)
             late, m, end = 0, 1 + lane % 16, entry_of(a, 0, block)
             while m <= end:
                 k = entry_of(a, m, block)
@@ -507,7 +608,10 @@ def queue_least(n, me, block: ti.template()):
         key = block.key[i]
         if key < NONE and key == block.note[LEAST]:
             p = partner_of(i, block)
-            if block.key[p] > key or i < p or partner_of(p, block) != i:  # not stored by both
+            counts = p < 0
+            if p >= 0:
+                counts = block.key[p] > key or i < p or partner_of(p, block) != i  # not stored by both
+            if counts:
                 if ti.atomic_add(block.note[QUEUED], 1) == 0:
                     block.queue[0] = ti.cast(i, ti.u16)
         i += THREADS
@@ -524,7 +628,13 @@ def collide_queue(tile, me, region: ti.template(), block: ti.template()):
         i = ti.cast(block.queue[q], ti.i32)
         p = partner_of(i, block)
         block.key[i] = STALE
-        if ti.cast(block.event_info[p].number, ti.i16) == ti.cast(block.event_info[i].partner_number, ti.i16):
+        if p < 0:
+            block.key[i] = MET
+            if ti.static(block.uses.walled):
+                hit_wall(i, block.motion[i].t_hit, tile, region, block)
+        elif ti.cast(block.event_info[p].number, ti.i16) == ti.cast(
+            block.event_info[i].partner_number, ti.i16
+        ):
             block.key[i] = MET
             collide(i, p, block.motion[i].t_hit, tile, region, block)
         q += THREADS
@@ -541,10 +651,10 @@ def predict_queue(me, limit, fastest, region: ti.template(), block: ti.template(
     while q < many:
         i = ti.cast(block.queue[q], ti.i32)
         p, t = partner_of(i, block), block.motion[i].t_hit
-        meets = block.key[i] == MET
-        a = ti.select(half == 0, i, p)
+        looks = half == 0 or (block.key[i] == MET and p >= 0)
+        a = ti.select(half == 0 or p < 0, i, p)
         first = place % ABREAST + 1
-        if not meets and half == 1:
+        if not looks:
             first = MOST_NEAR + 1  # at none
         best, partner = block.scale.window, NO_PARTNER
         best, partner, wrong = look_around(a, first, t, best, partner, region, block)
@@ -559,7 +669,9 @@ def predict_queue(me, limit, fastest, region: ti.template(), block: ti.template(
         ti.simt.warp.sync(mask)
         if wrong == 1:
             ti.atomic_or(block.note[MARK], UNCERTAIN)
-        if place % ABREAST == 0 and (meets or half == 0):
+        if place % ABREAST == 0 and looks:
+            if ti.static(block.uses.walled):
+                best, partner = first_wall(a, best, partner, region, block)
             if block.event_info[a].max_speed_sq > fastest:
                 ti.atomic_or(block.note[MARK], TOO_FAST)
             keep_event(a, best, partner, limit, block)
@@ -593,7 +705,9 @@ def run_rounds(
             if key < NONE:
                 pending = 1
                 ti.atomic_min(block.low[i], key)
-                ti.atomic_min(block.low[partner_of(i, block)], key)
+                p = partner_of(i, block)
+                if p >= 0:
+                    ti.atomic_min(block.low[p], key)
             i += THREADS
         if me == 0:
             block.note[QUEUED], block.note[LEAST] = 0, NONE
@@ -648,11 +762,14 @@ def run_stages(n, tile, me, fastest, serial, region: ti.template(), block: ti.te
 @ti.func
 def write_block(n, tile, me, region: ti.template(), block: ti.template()):
     """Write the own disks at the window's end, and the bounds and sums of them all."""
-    fastest, squares, excursion, farthest, overhang = write(n, tile, AT_END, me, THREADS, region, block)
+    fastest, squares, event_squares, excursion, farthest, overhang = write(
+        n, tile, AT_END, me, THREADS, region, block
+    )
     warp = ti.u32(0xFFFFFFFF)  # all its threads
     for step in ti.static((16, 8, 4, 2, 1)):
         fastest = ti.max(fastest, shuffled(fastest, step, warp))
         squares += shuffled_f64(squares, step, warp)
+        event_squares += shuffled_f64(event_squares, step, warp)
         excursion = ti.max(excursion, shuffled(excursion, step, warp))
         farthest = ti.max(farthest, shuffled(farthest, step, warp))
         overhang = ti.max(overhang, shuffled(overhang, step, warp))
@@ -661,7 +778,9 @@ def write_block(n, tile, me, region: ti.template(), block: ti.template()):
         row = me // 32
         block.motion[row].x, block.motion[row].y = fastest, excursion
         block.motion[row].vx, block.motion[row].vy = farthest, overhang
-        ti.atomic_add(block.tally[tile, AT_END].squares, squares)  # whole numbers: exact in any order
+        # Whole numbers: exact in any order.
+        ti.atomic_add(block.tally[tile, AT_END].squares, squares)
+        ti.atomic_add(block.tally[tile, AT_END].event_squares, event_squares)
     ti.simt.block.sync()
     if me == 0:
         for row in range(THREADS // 32):
@@ -685,12 +804,14 @@ def run_tile_by_block(tile, me, block: ti.template()):
     while attempt < ATTEMPTS:
         n, fastest = prepare_block(tile, me, wider, ti.cast(faster, ti.f64), region, block)
         if attempt == 0 and me == 0:
+            block.tile[tile].gathered = n
+            block.tile[tile].count.other[block.grid.part] = block.note[OWN]
+            block.tile[tile].n_ghosts = block.note[COPIES]
+            if ti.static(block.slots == BLOCK_SLOTS):  # whichever block runs it
+                reserve_list(tile, block)
             block.note[ROOM] = 1
-            if block.note[MARK] != TOO_MANY or block.slots > BLOCK_SLOTS:
-                block.tile[tile].gathered = n
-                block.tile[tile].count.other[block.grid.part] = block.note[OWN]
-                block.tile[tile].n_ghosts = block.note[COPIES]
-                reserve(tile, block)
+            if (block.note[MARK] & TOO_MANY) == 0:
+                reserve_ghosts(tile, block)
                 block.note[ROOM] = ti.cast((block.counter.full & FULL_GHOSTS) == 0, ti.i32)
         ti.simt.block.sync()
         if block.note[MARK] == 0 and block.note[ROOM] == 1:
@@ -717,12 +838,23 @@ def run_tile_by_block(tile, me, block: ti.template()):
         mark = NO_ROOM
     if mark == 0:
         write_block(n, tile, me, region, block)
-    elif me == 0:
-        if mark == TOO_MANY and ti.static(block.slots == BLOCK_SLOTS):
-            block.dense[ti.atomic_add(block.counter.n_dense, 1)] = tile
-        else:
-            block.tile[tile].mark, block.tile[tile].n_ghosts = mark, 0
+    if me == 0:
+        block.tile[tile].mark = mark
+        if mark > 0:
+            block.tile[tile].n_ghosts = 0
+        if (mark & TOO_MANY) > 0:
+            if ti.static(block.slots == BLOCK_SLOTS):
+                postpone(tile, block)
+            else:
+                block.tile[tile].mark = NO_BLOCK
     ti.simt.block.sync()
+
+
+@ti.func
+def postpone(tile, block: ti.template()):
+    """Leave a tile to `run_dense_tiles`."""
+    block.tile[tile].mark = TOO_MANY
+    block.dense[ti.atomic_add(block.counter.n_dense, 1)] = tile
 
 
 @ti.func
@@ -734,7 +866,7 @@ def start_tile(tile, me, block: ti.template()):
     if block.counter.again == 0:
         run_tile_by_block(tile, me, block)
     elif me == 0:
-        block.dense[ti.atomic_add(block.counter.n_dense, 1)] = tile
+        postpone(tile, block)
 
 
 @ti.func
@@ -747,53 +879,69 @@ def take_tile(n_tiles, me, block: ti.template()):
     return block.note[TILE]
 
 
-BLOCKS = Arrays(" ".join((*WINDOW.names, "near", "dense block_integers block_reals block_sums")))
+BLOCKS = Arrays(
+    " ".join((*WINDOW.names, "near near_image image_list dense block_integers block_reals block_sums"))
+)
+
+
+@ti.func
+def end_window(ends: ti.template(), gas: ti.template()):
+    """Add up the sums of all tiles and verify them, if the window `ends`; on ranks it does later."""
+    sum_tiles(gas)
+    if ti.static(not gas.uses.shared):
+        verify_tiles(ends, gas)
 
 
 @kernel
-def run_windows_by_blocks(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, gas: BLOCKS):
-    """As `windows.run_windows_on_gpu`, a tile by a block of threads; tiles that it marks have to be run again.
+def run_windows_by_blocks(n_listed: ti.i32, ends: ti.i32, gas: BLOCKS):
+    """As `windows.run_windows_on_gpu`, a tile by a block of threads, and `windows.verify`, if the window `ends`.
 
-    `run_dense_tiles` has to follow: it runs those that have more disks than fit.
+    Else `run_dense_tiles` has to follow: it runs those that have more disks than fit, and those that are run again,
+    which have wider halos. Tiles that both mark have to be run by `run_windows_on_gpu`.
     """
     for _ in range(1):
         round_products(gas)
         begin_window(gas)
-        gas.counter.next_tile = first
-        gas.counter.n_dense = 0
+        if ti.static(gas.uses.walled):
+            wall_phases(gas)
+        gas.counter.next_tile = 0
+        if gas.counter.halted == 0:
+            gas.counter.n_dense = 0
     ti.loop_config(block_dim=THREADS)
-    for item in range(gas.grid.blocks * THREADS):
+    for item in range(MOST_BLOCKS * THREADS):
         round_products(gas)
         me = item % THREADS
         number = item // THREADS
         block = ti.static(block_of(gas, number, BLOCK_SLOTS))
-        k = take_tile(n_listed, me, block)
-        while k >= 0:
-            ti.simt.block.sync()
-            start_tile(tile_of(k, block), me, block)
+        if number < gas.grid.blocks:
             k = take_tile(n_listed, me, block)
+            while k >= 0:
+                ti.simt.block.sync()
+                start_tile(tile_of(k, block), me, block)
+                k = take_tile(n_listed, me, block)
         ti.simt.block.sync()  # another item of the loop may follow
+    end_window(ends, gas)
 
 
 @kernel
 def run_dense_tiles(gas: BLOCKS):
-    """Run the tiles of the window that need blocks with room for DENSE_SLOTS, and add up the sums of all tiles.
+    """Run the tiles of the window that need blocks with room for DENSE_SLOTS, and end the window.
 
-    Those with more disks than fit into the others, and those that are run again, which have wider halos. A kernel of
-    its own: Taichi gives shared arrays of several loops of a kernel the same names, and then one size.
+    A kernel of its own: Taichi gives shared arrays of several loops of a kernel the same names, and then one size.
     """
     for _ in range(1):
         gas.counter.next_tile = 0
     ti.loop_config(block_dim=THREADS)
-    for item in range(gas.grid.blocks * BLOCK_SLOTS // DENSE_SLOTS * THREADS):
+    for item in range(MOST_BLOCKS * BLOCK_SLOTS // DENSE_SLOTS * THREADS):
         round_products(gas)
         me = item % THREADS
         number = item // THREADS
         block = ti.static(block_of(gas, number, DENSE_SLOTS))
-        k = take_tile(gas.counter.n_dense, me, block)
-        while k >= 0:
-            ti.simt.block.sync()
-            run_tile_by_block(block.dense[k], me, block)
+        if number < gas.grid.blocks * BLOCK_SLOTS // DENSE_SLOTS:
             k = take_tile(gas.counter.n_dense, me, block)
+            while k >= 0:
+                ti.simt.block.sync()
+                run_tile_by_block(block.dense[k], me, block)
+                k = take_tile(gas.counter.n_dense, me, block)
         ti.simt.block.sync()  # another item of the loop may follow
-    sum_tiles(gas)
+    end_window(1, gas)

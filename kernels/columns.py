@@ -169,7 +169,7 @@ REACH = Columns(**columns("halo", "excursion", "max_displacement", "overhang", "
 # followed by those that only some gases have: the virial, heat of thermal walls, sums of each wall, states of pistons.
 TALLY = Columns(
     collisions=None, wall_collisions=None, elastics=None, regimes=5, losses=MECHANISM,
-    **columns("wall_work", "flow_work", "fastest", "squares", "sleepers"),
+    **columns("wall_work", "flow_work", "fastest", "squares", "sleepers", "event_squares"),
 )  # fmt: skip
 # Collisional part of the pressure tensor times area and time (`stress.py`): component of the momentum, then direction.
 VIRIAL = Columns(**columns("xx", "xy", "yx", "yy"))
@@ -247,10 +247,12 @@ COUNTER = Columns(**columns(
 # length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
 # the box, collisions in a window of that; root mean square of speeds at the beginning; the longest window that may be;
 # when gravity last turned; number of disks; at the window's beginning the largest speed, and how far disks are beyond
-# the sides of the tiles that list them.
+# the sides of the tiles that list them; collisions that a disk may
+# have in a window where most happen (`planner.path_from`).
 CLOCK = Columns(**columns(
     "begin", "end", "stop", "wanted", "pause", "pause_after", "kick", "path", "tile_side", "wall_speed",
     "square_unit", "free_path", "in_window", "speed", "longest", "turned", "n", "fastest", "overhang",
+    "local_collisions",
 ))  # fmt: skip
 # Disks; tiles; lanes; slots, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
 # seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small
@@ -433,7 +435,8 @@ TYPES: dict[str, str] = {
     "ghost_position": REAL, "motion": REAL, "event_info": I32, "image_info": I32, "start_position": REAL,
     "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
     "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
-    "near": U64, "dense": I32, "block_integers": I32, "block_reals": REAL, "block_sums": F64,
+    "near": U64, "near_image": U64, "image_list": I32, "dense": I32, "block_integers": I32, "block_reals": REAL,
+    "block_sums": F64,
     "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32,
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""

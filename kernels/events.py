@@ -712,9 +712,11 @@ def write_here(
         if writing != AT_END:
             write(n, tile, writing, 0, 1, region, gas)
     else:
-        fastest, squares, excursion, farthest, overhang = write(n, tile, writing, 0, 1, region, gas)
+        fastest, squares, event_squares, excursion, farthest, overhang = write(
+            n, tile, writing, 0, 1, region, gas
+        )
         if writing == AT_END:
-            note_extremes(tile, fastest, squares, excursion, farthest, overhang, gas)
+            note_extremes(tile, fastest, squares, event_squares, excursion, farthest, overhang, gas)
 
 
 @ti.func

@@ -42,6 +42,8 @@ block_integers, ...    (blocks        the scratch space of a block: column after
                        slots,)
 near                   (blocks slots  slots of the disks near each, four in a word
                        NEAR_WORDS,)
+image_list, near_image (blocks        images of walls near the tile of a block; those near each disk, three in a word
+                       slots,)
 contact                (...)          contacts of disks that may rest, and the forces there (`rest.py`)
 held, cached_force     (rows,), ...   forces at contacts of a disk, as last solved for (`rest.py`)
 =====================  =============  =================================================================================
@@ -60,7 +62,9 @@ BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
 PAIRS, TRACKED = 1, 2  # what is written down: the collisions of all pairs, and all that happens to some disks
 TEAM = 32  # threads of a GPU that share a tile
 BLOCK_SLOTS = 864  # disks of a tile and its halo that a block of a GPU has room for (`blocks.py`)
+TOO_MANY = 8  # as `tile.mark`: the tile needs a block that runs dense tiles
 DENSE_SLOTS = 4096  # the same of blocks that run what does not fit
+MOST_BLOCK_WALLS = 3600  # of a gas that blocks run: nine images of each, as partners in 16 bits
 NEAR_WORDS = 16  # of four entries each of the list of a disk: how many disks are near it, and which
 BLOCK_HALO_DECAY = 0.9  # as HALO_DECAY, where blocks run tiles: wide halos need dense ones
 HALO_DECAY = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
@@ -116,7 +120,7 @@ class Uses:
     @property
     def blockwise(self) -> bool:
         """True if blocks of threads of a GPU run the tiles of a gas with these features (`blocks.py`)."""
-        return not (self.walled or self.rests or self.sheared or self.layered)
+        return not (self.pistons or self.rests or self.layered)
 
     def replace(self, **given: Any) -> "Uses":
         """A copy with other values of the given features."""

@@ -37,15 +37,21 @@ def usual_halo(chain_halo, fastest, pull, wall_speed, window):
 
 
 @ti.func
-def path_from(path, free_path, in_window, distance, collisions):
+def path_from(path, free_path, in_window, most, distance, collisions, events, squares):
     """Path for the next window, after one in which disks moved a `distance` at `path`, with so many collisions.
 
     That of a gas that fills the box (`free_path`), or a shorter one where disks are in clusters and collide more often,
-    so that as many as that gas has `in_window` happen.
+    so that as many as that gas has `in_window` happen; and so that those that collide do not collide more than `most`
+    times on average. `events` is the sum of the numbers of events of all disks, `squares` that of their squares: if
+    numbers have Poisson's distribution about a mean that differs from place to place, the mean at the place of an event
+    is squares / events - 1.
     """
-    found = free_path
+    found, least = free_path, ti.f64(LEAST_PATH) * free_path
     if collisions > in_window:
-        found = ti.max(distance * in_window / collisions, ti.f64(LEAST_PATH) * free_path)
+        found = ti.max(distance * in_window / collisions, least)
+    local = squares - events
+    if 2.0 * local > most * events:
+        found = ti.min(found, ti.max(distance * most * events / local, least))
     return ti.min(ti.min(found, free_path), 2.0 * path)
 
 
@@ -76,9 +82,12 @@ def commit(gas: ti.template()):
     for column in range(gas.tally.shape[2]):
         gas.sums[column] = gas.sums[column] + total_of(column, gas)
     distance = gas.clock.speed * (gas.clock.end - gas.clock.begin)
+    collisions = total_of(TALLY.collisions, gas)
+    events = 2.0 * collisions + total_of(TALLY.wall_collisions, gas)
     gas.clock.path = path_from(
-        gas.clock.path, gas.clock.free_path, gas.clock.in_window, distance, total_of(TALLY.collisions, gas)
-    )
+        gas.clock.path, gas.clock.free_path, gas.clock.in_window, gas.clock.local_collisions, distance, collisions,
+        events, total_of(TALLY.event_squares, gas),
+    )  # fmt: skip
     gas.clock.begin = gas.clock.end
     gas.clock.overhang = gas.total.overhang
     gas.grid.part = 1 - gas.grid.part

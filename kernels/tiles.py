@@ -30,6 +30,7 @@ from .layout import (
     ASLEEP,
     AT_END,
     AT_MOMENT,
+    BLOCK_HALO_DECAY,
     FIRST_WALL,
     FULL_GHOSTS,
     HALO_DECAY,
@@ -245,13 +246,11 @@ def begin(tile, gas: ti.template()):
     for k in range(tile, last + 1):
         clear(k, gas)
     if gas.counter.again == 0:
-        decay = ti.static(
-            0.0 if on_gpu() and gas.uses.blockwise else HALO_DECAY
-        )  # blocks have no room for more
+        decay = ti.static(BLOCK_HALO_DECAY if on_gpu() and gas.uses.blockwise else HALO_DECAY)
         gas.reach[tile].halo_factor = ti.max(decay * gas.reach[tile].halo_factor, 1.0)
     gas.reach[tile].halo = ti.min(gas.scale.usual_halo * gas.reach[tile].halo_factor, gas.scale.most_halo)
     gas.tile[tile].count[part], gas.tile[tile].gathered, gas.tile[tile].n_ghosts = 0, 0, 0
-    gas.tile[tile].mark = 0
+    gas.tile[tile].mark, gas.tile[tile].bad = 0, 0
 
 
 @ti.func
@@ -342,6 +341,13 @@ def order(tile, thread, region: ti.template(), gas: ti.template()):
 @ti.func
 def reserve(tile, gas: ti.template()):
     """Choose where the tile's list and its ghost records begin: their lengths are known."""
+    reserve_list(tile, gas)
+    reserve_ghosts(tile, gas)
+
+
+@ti.func
+def reserve_list(tile, gas: ti.template()):
+    """Choose where the tile's list begins, unless that was done before, when the window was run first."""
     part = 1 - gas.grid.part
     if gas.counter.again == 0:
         if gas.grid.single_tile == 1:
@@ -350,6 +356,11 @@ def reserve(tile, gas: ti.template()):
                 gas.tile[other].count[part] = gas.tile[other].count.other[part]
         else:
             gas.tile[tile].start[part] = ti.atomic_add(gas.counter.n_slots, gas.tile[tile].count[part])
+
+
+@ti.func
+def reserve_ghosts(tile, gas: ti.template()):
+    """Choose where the ghost records of a tile begin."""
     ghosts = gas.tile[tile].n_ghosts
     if ghosts > 0:
         g = ti.atomic_add(gas.counter.n_ghosts, ghosts)
@@ -565,7 +576,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
         write_pistons(tile, when, time, gas)
     fall_x, fall_y = gas.scale.gx * time, gas.scale.gy * time
     excursion, max_displacement = -ENDLESS + 0.0 * time, 0.0 * time
-    fastest, squares = 0.0 * time, ti.cast(0.0, ti.f64)
+    fastest, squares, event_squares = 0.0 * time, ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
     in_place = gas.grid.single_tile == 1 and gas.grid.tiles_x * gas.grid.tiles_y > 1
     overhang = 0.0 * time
     i = offset + thread
@@ -604,6 +615,8 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 speed2 = vx * vx + vy * vy
                 fastest = ti.max(fastest, speed2)
                 squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock.square_unit)
+                events = ti.cast(gas.event_info[i].number, ti.f64)
+                event_squares += events * events
                 if ti.static(gas.uses.remembers):
                     gas.past[row].latest = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
         elif when == AT_END:
@@ -617,14 +630,18 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
             position.x, position.y = gas.start_position[i].x, gas.start_position[i].y
             position.displacement = (largest_speed(i, gas) + faster) * time
         i += team
-    return fastest, squares, excursion, max_displacement, overhang
+    return fastest, squares, event_squares, excursion, max_displacement, overhang
 
 
 @ti.func
-def note_extremes(tile, fastest, squares, excursion, max_displacement, overhang, gas: ti.template()):
+def note_extremes(
+    tile, fastest, squares, event_squares, excursion, max_displacement, overhang, gas: ti.template()
+):  # fmt: skip
     """Enter what `write` returns at a window's end into the sums of a tile and its bounds."""
     ti.atomic_max(gas.tally[tile, AT_END].fastest, ti.cast(fastest, ti.f64))
-    ti.atomic_add(gas.tally[tile, AT_END].squares, squares)  # whole numbers: exact in any order
+    # Whole numbers: exact in any order.
+    ti.atomic_add(gas.tally[tile, AT_END].squares, squares)
+    ti.atomic_add(gas.tally[tile, AT_END].event_squares, event_squares)
     ti.atomic_max(gas.reach[tile].excursion, excursion)
     ti.atomic_max(gas.reach[tile].max_displacement, max_displacement)
     ti.atomic_max(gas.reach[tile].overhang, overhang)

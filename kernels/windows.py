@@ -3,7 +3,7 @@
 from .columns import TALLY
 from .events import predict, run_events
 from .language import on_gpu, spread_of_loops, ti
-from .layout import AT_END, BINS_PER_DISK, FULL_CELLS, FULL_SLOTS
+from .layout import AT_END, BINS_PER_DISK, FULL_CELLS, FULL_SLOTS, TOO_MANY
 from .particle import round_products
 from .planner import commit, plan
 from .rest import update_resting
@@ -271,9 +271,42 @@ def run_windows_on_gpu(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, ga
     for item in range((n_listed - first) * team):
         k, region, thread, n = share_of(item, first, gas)
         if n > 0:
-            fastest, squares, excursion, farthest, overhang = write(n, k, AT_END, thread, team, region, gas)
-            note_extremes(k, fastest, squares, excursion, farthest, overhang, gas)
+            fastest, squares, event_squares, excursion, farthest, overhang = write(
+                n, k, AT_END, thread, team, region, gas
+            )
+            note_extremes(k, fastest, squares, event_squares, excursion, farthest, overhang, gas)
     sum_tiles(gas)
+
+
+@ti.func
+def verify_tile(tile, thread, gas: ti.template()):
+    """List a tile as bad if this thread of its team finds that its window may not be exact, and widen its halo."""
+    bad = gas.tile[tile].mark > 0
+    if not bad:
+        bad = is_too_narrow(tile, gas) == 1 or is_wrong(tile, thread, gas) == 1
+    if bad:
+        if ti.atomic_or(gas.tile[tile].bad, 1) == 0:
+            gas.listed[ti.atomic_add(gas.counter.n_bad, 1)] = tile
+            if gas.tile[tile].mark > 0:
+                if gas.tile[tile].mark != TOO_MANY:
+                    ti.atomic_add(gas.counter.n_marked, 1)
+            else:
+                if gas.reach[tile].halo >= gas.scale.most_halo:
+                    ti.atomic_add(gas.counter.stuck, 1)
+                gas.reach[tile].halo_factor = HALO_GROWTH * gas.reach[tile].halo_factor
+
+
+@ti.func
+def verify_tiles(asked: ti.template(), gas: ti.template()):
+    """Find the tiles whose windows may not be exact, into `listed`, if `asked`: a loop of a kernel."""
+    team = ti.static(team_of(gas.uses))
+    spread = ti.static(spread_of_loops())
+    for item in range(spread * team * gas.grid.tiles_x * gas.grid.tiles_y):
+        round_products(gas)
+        if item % spread == 0:
+            k = item // (spread * team)
+            if asked == 1 and is_active(gas) and is_owned(k, gas) == 1:
+                verify_tile(k, item // spread - k * team, gas)
 
 
 @kernel
@@ -283,29 +316,5 @@ def verify(
         "ghost ghost_position"
     ),
 ):
-    """Find the tiles whose windows may not be exact: into `listed`, `counter.n_bad` of them; widen their halos."""
-    team = ti.static(team_of(gas.uses))
-    spread = ti.static(spread_of_loops())
-    for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
-        round_products(gas)
-        if item % spread == 0 and is_active(gas) and is_owned(item // spread, gas) == 1:
-            gas.tile[item // spread].bad = is_too_narrow(item // spread, gas)
-            if gas.tile[item // spread].mark > 0:
-                gas.tile[item // spread].bad = 1
-    for item in range(spread * team * gas.grid.tiles_x * gas.grid.tiles_y):
-        round_products(gas)
-        if item % spread == 0:
-            k = item // (spread * team)
-            if is_active(gas) and is_owned(k, gas) == 1 and gas.tile[k].bad == 0:
-                if is_wrong(k, item // spread - k * team, gas) == 1:
-                    gas.tile[k].bad = 1
-    for k in range(gas.grid.tiles_x * gas.grid.tiles_y):
-        round_products(gas)
-        if is_active(gas) and gas.tile[k].bad == 1:
-            gas.listed[ti.atomic_add(gas.counter.n_bad, 1)] = k
-            if gas.tile[k].mark > 0:
-                ti.atomic_add(gas.counter.n_marked, 1)
-            else:
-                if gas.reach[k].halo >= gas.scale.most_halo:
-                    ti.atomic_add(gas.counter.stuck, 1)
-                gas.reach[k].halo_factor = HALO_GROWTH * gas.reach[k].halo_factor
+    """Find the tiles whose windows may not be exact, into `listed`, `counter.n_bad` of them; widen their halos."""
+    verify_tiles(1, gas)

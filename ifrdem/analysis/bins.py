@@ -30,7 +30,7 @@ class Overlaps(NamedTuple):
     area: Array
 
 
-class Pieces(NamedTuple):
+class LinePieces(NamedTuple):
     """Parts of lines in bins: number of the line, of the bin, share of its length (p,), and middle [length], (p, 2)."""
 
     line: Indices
@@ -95,8 +95,8 @@ class Bins(Brief, ABC):
         found = self.shared(moved, radius[which])
         return found._replace(disk=which[found.disk])
 
-    def pieces(self, start: Array, vector: Array, time: float = 0.0) -> Pieces:
-        """Pieces of the lines from `start` to `start + vector` [length], (n, 2), in bins."""
+    def pieces(self, start: Array, vector: Array, time: float = 0.0) -> LinePieces:
+        """Pieces of the lines from `start` to `start + vector` [length], (n, 2), which have a length, in bins."""
         low, high = np.minimum(vector, 0.0), np.maximum(vector, 0.0)
         which, moved = self._copies(start, low, high, time)
         step = vector[which]
@@ -107,7 +107,7 @@ class Bins(Brief, ABC):
         middle = moved[line] + between[line, column, None] * step[line]
         bins = self.of(middle)
         inside = bins >= 0
-        return Pieces(which[line][inside], bins[inside], share[line, column][inside], middle[inside])
+        return LinePieces(which[line][inside], bins[inside], share[line, column][inside], middle[inside])
 
     def _copies(self, position: Array, low: Array, high: Array, time: float) -> tuple[Indices, Array]:
         """Numbers and positions of things that reach from position + low to position + high, (n, 2), and of copies.
@@ -312,7 +312,7 @@ class Rings(_Along):
         away = start - self.center
         square = np.sum(vector**2, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            nearest = np.clip(-np.sum(away * vector, axis=1) / square, 0.0, 1.0)
+            nearest = np.nan_to_num(np.clip(-np.sum(away * vector, axis=1) / square, 0.0, 1.0))
             low = np.hypot(*(away + nearest[:, None] * vector).T)
             high = np.maximum(np.hypot(*away.T), np.hypot(*(away + vector).T))
             middle = -np.sum(away * vector, axis=1) / square

@@ -269,7 +269,7 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
             yield Problem("output.stress", "true", text)
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:
-            text = "it is there already; each may be given once"
+            text = "given twice: each may be given once"
             yield Problem(f"output.{key}", json.dumps(twice[0]), text)
     if beyond := [each for each in output.histories or () if each >= n]:
         yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")

@@ -299,7 +299,7 @@ def _header(
         names.append(name)
         factors.append(factor or 1.0)
     problems += [
-        f"line {line}: column '{name}' stands twice"
+        f"line {line}: column '{name}' is given twice"
         for name in dict.fromkeys(names)
         if name and names.count(name) > 1
     ]

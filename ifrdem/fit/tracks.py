@@ -116,7 +116,7 @@ def read(path: Path | str, *, fps: float | None = None, form: TableFormat = Tabl
         rows = np.flatnonzero(whole & (ids == one))
         rows = rows[np.argsort(times[rows], kind="stable")]
         twice = np.flatnonzero(np.diff(times[rows]) <= 0.0)
-        found += [f"line {table.line[rows[i + 1]]}: disk {one:g} stands twice at one time" for i in twice]
+        found += [f"line {table.line[rows[i + 1]]}: disk {one:g} has two rows at one time" for i in twice]
         time[int(one)] = times[rows]
         position[int(one)] = np.stack([columns["x"][rows], columns["y"][rows]], axis=-1)
         if "angle" in columns:

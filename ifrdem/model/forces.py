@@ -165,7 +165,7 @@ class Force(ReadOnlyAttributes):
         p : struct
             The force's parameters, by name.
         """
-        # Abstract: `ForceSteps` refuses a force without its own, by name, before anything is compiled.
+        # Abstract: `check_forces` refuses a force without its own, by name, before anything is compiled.
         raise NotImplementedError
 
     @staticmethod

@@ -208,6 +208,109 @@ def device_of(case: CaseSections) -> str:
     return f"{device.name}: {device.description}"
 
 
+class RootOutput:
+    """What the root writes during a run: frames, rows of the series, status, progress, checkpoints."""
+
+    def __init__(self, running: Run, stops: Stops) -> None:
+        gas, plan = running.file.gas, running.plan
+        case, run = gas.case, gas.case.run
+        named = wall_names(gas.free_area.all_walls, gas.box)
+        walls = zip(named, gas.free_area.all_walls, strict=True)
+        self.running, self.stops = running, stops
+        self.recorder = Recorder(
+            running.writer, running.ledger, running.simulation.take_events if case.output.tracks else None,
+            running.pending, walls=named, pistons=[name for name, wall in walls if wall.piston is not None],
+            species=[each.name for each in gas.species],
+        )  # fmt: skip
+        self.status = Status(
+            running.outputs.trajectory, name=run.name, t_end=run.t_end,
+            collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),
+        )  # fmt: skip
+        self.progress = Progress(
+            gas.n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk,
+            begin=(plan.begin.time, int(plan.begin.collisions)),
+            unit=UNITS[run.units]["time"] if run.units == "SI" else "", kernels=backend.kernels,
+        )  # fmt: skip
+
+    def follow(self) -> None:
+        """Run to the end, and write all that is given to the trajectory."""
+        running = self.running
+        with self.recorder:
+            running.simulation.follow(
+                running.plan, frame_callbacks=[self.frame], series_callbacks=[self.row], progress=self.report,
+                between=self.between, stored=_stored(running.file.case),
+            )  # fmt: skip
+        # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
+        running.writer.flush()
+
+    def frame(self, rows: FrameRows, measure: Measure) -> None:
+        """Give a frame to the trajectory."""
+        self.recorder.frame(_as_written(self.running.simulation, self.running.writer, rows), measure)
+
+    def row(self, measure: Measure) -> None:
+        """Give a row to the series, and its values to the status."""
+        self.recorder.row(measure)
+        ledger = self.running.ledger
+        self.status.update(
+            temperature=measure.temperature, rotational_temperature=measure.rotational_temperature,
+            energy=measure.energy, dissipated_energy=ledger.dissipated(measure),
+            ledger_residual=ledger.relative_residual(measure),
+        )  # fmt: skip
+
+    def report(self, time: float, collisions: int) -> None:
+        """Show the progress, also in the status."""
+        progress, writer = self.progress, self.running.writer
+        progress(time, collisions)
+        self.status.update(
+            time=time, collisions=collisions,
+            collisions_per_disk=2.0 * collisions / max(self.running.file.gas.n, 1), fraction=progress.fraction,
+            collisions_per_second=progress.collisions_per_second, eta_seconds=progress.seconds_left,
+            frames=len(writer), series_rows=writer.series_rows,
+        )  # fmt: skip
+
+    def between(self) -> None:
+        """Commit what is written, end the run if it has to, and write a checkpoint that is due."""
+        running, simulation = self.running, self.running.simulation
+        _check_stop_on_all(simulation, self.stops, lambda: self.recorder.between(simulation.time))
+        running.writer.commit()
+        if simulation.comm.bcast(self.stops.checkpoint_due):
+            save(running, self.recorder)
+            self.stops.stored()
+
+    def count(self) -> None:
+        """Write the numbers of stored frames and rows to the status."""
+        writer = self.running.writer
+        self.status.update(frames=len(writer), series_rows=writer.series_rows)
+
+    def stop(self, reason: str) -> str:
+        """Write a checkpoint and the status of a run that is stopped; the text says what remains."""
+        save(self.running, self.recorder)
+        text = _remains(self.running, reason)
+        self.finish("interrupted", text)
+        return text
+
+    def interrupt(self) -> str:
+        """Write the status of a run that is interrupted, or remove its files if nothing is stored; the text says so."""
+        running = self.running
+        if (
+            isinstance(running.writer, AsyncWriter) or running.simulation.comm.size == 1
+        ):  # else it takes all ranks
+            with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is reported
+                running.writer.flush()
+        text = _remains(running, "interrupted")
+        if len(running.writer):
+            self.finish("interrupted", text)
+        else:
+            self.status.path.unlink(missing_ok=True)
+            checkpoint.remove(running.outputs.checkpoint)
+        return text
+
+    def finish(self, state: str, text: str = "") -> None:
+        """Write the last status."""
+        self.count()
+        self.status.finish(state, _one_line(text))
+
+
 def run_root(
     running: Run,
     started: float,
@@ -222,102 +325,28 @@ def run_root(
 
     Raises Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run`.
     """
-    gas, simulation = running.file.gas, running.simulation
-    case, run = gas.case, gas.case.run
-    take = simulation.take_events if case.output.tracks else None
-    named = wall_names(gas.free_area.all_walls, gas.box)
-    walls = zip(named, gas.free_area.all_walls, strict=True)
-    pistons = [name for name, wall in walls if wall.piston is not None]
-    recorder = Recorder(
-        running.writer, running.ledger, take, running.pending, walls=named, pistons=pistons,
-        species=[each.name for each in gas.species],
-    )  # fmt: skip
-    status = Status(
-        running.outputs.trajectory, name=run.name, t_end=run.t_end,
-        collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),
-    )  # fmt: skip
     stops = Stops(
-        max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, elapsed=time.perf_counter() - started,
-        warn=warn,
+        max_hours=max_hours, every_minutes=running.file.case.output.checkpoint_minutes,
+        elapsed=time.perf_counter() - started, warn=warn,
     )  # fmt: skip
-    n, unit = gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
-    progress = Progress(
-        n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk,
-        begin=(running.plan.begin.time, int(running.plan.begin.collisions)), unit=unit, kernels=backend.kernels,
-    )  # fmt: skip
-
-    def report(time: float, collisions: int) -> None:
-        progress(time, collisions)
-        status.update(
-            time=time, collisions=collisions, collisions_per_disk=2.0 * collisions / max(n, 1),
-            fraction=progress.fraction, collisions_per_second=progress.collisions_per_second,
-            eta_seconds=progress.seconds_left, frames=len(running.writer), series_rows=running.writer.series_rows,
-        )  # fmt: skip
-
-    def frame(rows: FrameRows, measure: Measure) -> None:
-        recorder.frame(_as_written(simulation, running.writer, rows), measure)
-
-    def row(measure: Measure) -> None:
-        recorder.row(measure)
-        ledger = running.ledger
-        status.update(
-            temperature=measure.temperature, rotational_temperature=measure.rotational_temperature,
-            energy=measure.energy, dissipated_energy=ledger.dissipated(measure),
-            ledger_residual=ledger.relative_residual(measure),
-        )  # fmt: skip
-
-    def between() -> None:
-        _check_stop_on_all(simulation, stops, lambda: recorder.between(simulation.time))
-        running.writer.commit()
-        if simulation.comm.bcast(stops.checkpoint_due):
-            save(running, recorder)
-            stops.stored()
-
-    def count() -> None:
-        """Write the numbers of stored frames and rows to the status."""
-        status.update(frames=len(running.writer), series_rows=running.writer.series_rows)
-
+    output = RootOutput(running, stops)
     worked = time.process_time()
     log(f"compiling kernels: {check.COMPILING}")
     try:
-        with stops, progress:
-            with recorder:
-                simulation.follow(
-                    running.plan, frame_callbacks=[frame], series_callbacks=[row], progress=report, between=between,
-                    stored=_stored(case),
-                )  # fmt: skip
-            # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
-            running.writer.flush()
+        with stops, output.progress:
+            output.follow()
     except Stopped as stop:
-        save(running, recorder)
-        text = _remains(running, str(stop))
-        count()
-        status.finish("interrupted", _one_line(text))
-        raise Stopped(text, stop.status) from None
+        raise Stopped(output.stop(str(stop)), stop.status) from None
     except KeyboardInterrupt:
-        with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is reported
-            if (
-                isinstance(running.writer, AsyncWriter) or simulation.comm.size == 1
-            ):  # else it takes all ranks
-                running.writer.flush()
-        text = _remains(running, "interrupted")
-        if len(running.writer):
-            count()
-            status.finish("interrupted", _one_line(text))
-        else:
-            status.path.unlink(missing_ok=True)
-            checkpoint.remove(running.outputs.checkpoint)
-        raise KeyboardInterrupt(text) from None
+        raise KeyboardInterrupt(output.interrupt()) from None
     except Exception as error:  # raised again below; without this the status file says that the run continues
         known = isinstance(error, EngineError | TrajectoryError | InputError)
-        count()
-        status.finish("failed", _one_line(str(error) if known else repr(error)))
+        output.finish("failed", str(error) if known else repr(error))
         raise
     checkpoint.remove(running.outputs.checkpoint)
-    count()
-    status.finish("done")
-    running.output_share = (recorder.seconds + running.writer.seconds) / (time.process_time() - worked)
-    return progress.collisions_per_second
+    output.finish("done")
+    running.output_share = (output.recorder.seconds + running.writer.seconds) / (time.process_time() - worked)
+    return output.progress.collisions_per_second
 
 
 def run_worker(

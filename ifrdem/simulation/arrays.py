@@ -386,6 +386,7 @@ class DeviceArrays:
         self.clock.tile_side = window_side
         self.clock.path = self.clock.free_path = tiling.path * shorter
         self.clock.in_window = 0.5 * self.n * (tiling.collisions * shorter)
+        self.clock.local_collisions = tiling.local_collisions
         self._plan_launches()
         self._make_lanes(float(np.prod(np.maximum((high - low) / tiling.cell_side, 1.0))))
         self.load_state(state)
@@ -393,7 +394,8 @@ class DeviceArrays:
     def _plan_launches(self) -> None:
         """Set how many lanes, tiles and windows one launch has."""
         lanes = 1 if self.single_tile else min(backend.lanes(), self.tiles)
-        self.blockwise: bool = self.on_gpu and not self.single_tile and self.uses.blockwise
+        fits = self.uses.blockwise and int(self.grid.walls) <= k.MOST_BLOCK_WALLS
+        self.blockwise: bool = self.on_gpu and not self.single_tile and fits
         if self.blockwise:
             lanes = min(BLOCK_LANES, self.tiles)  # of the few tiles that no block can run
             self._make_blocks(min(backend.gpu_blocks(), self.tiles))
@@ -420,6 +422,8 @@ class DeviceArrays:
         self.make("block_reals", rows * BLOCK_REALS.width)
         self.make("block_sums", rows * BLOCK_SUMS.width if summed else 1)
         self.make("near", rows * k.NEAR_WORDS)
+        self.make("near_image", rows if self.uses.walled else 1)
+        self.make("image_list", rows if self.uses.walled else 1)
 
     def _make_lanes(self, cells_of_all: float) -> None:
         """Make scratch space for the lanes, unless there is enough; the whole region has so many cells."""

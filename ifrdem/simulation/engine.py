@@ -234,6 +234,7 @@ class Engine:
         self.precision: str = given.device.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
+        comm.run_on_all(lambda: checks.check_forces(forces))
         counts = StartCounts.of(comm, disks, state)
         materials = len(self._law_table)
         comm.run_on_holders(
@@ -463,12 +464,7 @@ class Engine:
             self.box.shear_rate,
         ]
         compared += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
-        # What is none, `ForceSteps` refuses.
-        given = forces if isinstance(forces, (list, tuple)) else [forces]
-        compared += [
-            (type(force).__name__, getattr(force, "values", None), getattr(force, "step", None))
-            for force in given
-        ]
+        compared += [(type(force).__name__, force.values, force.step) for force in forces]
         self.comm.require_equal(repr(compared), "box, law, walls, forces or options")
 
     def _check_collapse(
@@ -508,6 +504,7 @@ class Engine:
         self.check_valid()
 
         def checked() -> ForceSteps:
+            checks.check_forces(forces)
             steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
             checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
             hottest = checks.hottest(self.walls, steps.forces)

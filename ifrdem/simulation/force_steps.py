@@ -23,7 +23,6 @@ from ..kernels.language import CompilationError
 from ..model.custom_code import check_constants, check_signature, why_not_compiled
 from ..model.forces import OF_DISK, OF_STEP, Force
 from ..model.state import Disks
-from . import checks
 from .arrays import DeviceArrays
 from .schedule import first_after, reached, time_of
 
@@ -33,8 +32,7 @@ _kernels = functools.cache(kernels_of)  # compiled once for all objects of a cla
 class ForceSteps:
     """The forces of one engine, in the order in which they act at a time at which several do.
 
-    What was to act until the present `time` [time] has acted. InputError if a force is none, or cannot act on these
-    disks.
+    What was to act until the present `time` [time] has acted. InputError if a force cannot act on these disks.
 
     Attributes
     ----------
@@ -47,7 +45,6 @@ class ForceSteps:
     def __init__(
         self, forces: Sequence[Force], arrays: DeviceArrays, disks: Disks, seed: int, time: float
     ) -> None:
-        checks.check_forces(forces)
         self.forces: tuple[Force, ...] = tuple(forces)
         for i, force in enumerate(self.forces):
             if force.totals and type(force).measure is Force.measure:

@@ -56,6 +56,7 @@ class TileRunner:
         self.rests: bool = False
         self._n_ghosts = 0  # ghost records of the tiles that ran last
         self.n_marked = 0
+        self._dense = False  # some tiles have more disks than most blocks have room for
 
     # ------------------------------------------------------------------ which tiles run
 
@@ -211,17 +212,21 @@ class TileRunner:
         a = self.arrays
         alone = bool(a.grid.single_tile)
         kernel: Callable[..., Any] = run_windows_on_gpu if a.on_gpu else run_windows
+        self._dense |= bool(a.counter.again)
         by_blocks = a.blockwise and not (alone or (a.counter.again and self.n_marked))
         with a.sent() as launch:
             for _ in range(1 if alone else most):
                 if by_blocks:
-                    launch(run_windows_by_blocks, 0, tiles, most)
-                    launch(run_dense_tiles)
-                else:
-                    for first in range(0, tiles, a.batch):
-                        launch(kernel, first, min(first + a.batch, tiles), most)
+                    launch(run_windows_by_blocks, tiles, int(not self._dense))
+                    if self._dense:
+                        launch(run_dense_tiles)
+                    continue
+                for first in range(0, tiles, a.batch):
+                    launch(kernel, first, min(first + a.batch, tiles), most)
                 if not (alone or a.uses.shared):
                     launch(verify)
+        if by_blocks and not a.counter.again:
+            self._dense = a.counter.n_dense > 0
 
     def _check_progress(self) -> None:
         """Raise the error of a window in which a disk is too fast, or collisions pile up."""

@@ -223,7 +223,6 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             _check_slices(comm.allgather(disks.n))
         kinds: Disks = comm.result_of_holders(lambda: DiskKinds.of(disks))
         kinds = disks if comm.has_all else kinds
-        comm.run_on_all(lambda: checks.check_forces(forces))
         materials = [wall.material for wall in [*walls, *sides(box)]]
         self._laws = comm.run_on_all(lambda: PairLaws.of(law, kinds, materials, device.precision))
         comm.result_of_holders(lambda: check_no_overlap(box, disks.radius, begin.position, time=begin.time))
@@ -231,12 +230,11 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         self._stopping = False
         self._pinches_checked = False
         self._external_energy = 0.0  # from changes between runs
-        species = () if species is None else species
         with backend.sole_use():
             self._engine = Engine(
                 disks, box, begin, self._laws.coefficients, law=self._laws.kind, walls=walls, gravity=gravity,
-                forces=forces, collapse=collapse, device=device, record=record, species=species, seed=seed,
-                tracking=self._tracking, comm=comm,
+                forces=forces, collapse=collapse, device=device, record=record,
+                species=() if species is None else species, seed=seed, tracking=self._tracking, comm=comm,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             known = box.shear_rate == 0.0 and (comm.size == 1 or comm.is_distributed)
@@ -610,7 +608,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         comm, n = self.comm, self.disks.n
         comm.run_on_root(lambda: checkpoint.check_extra(path, extra, arrays))
         found = snapshot.take(self._engine)
-        state = self._engine.state_here()  # settles
+        state = self._engine.state_here()  # ends the window
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
         found["state_pistons"] = self.pistons
         found |= {f"disks_{name}": getattr(self.disks_here, name) for name in COLUMNS}
@@ -661,6 +659,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 raise InputError(
                     f"{path}: the checkpoint of another gas: it differs in {', '.join(different)}"
                 )
+        if self.comm.is_root:
+            checkpoint.report_runtime(meta, path)
         snapshot.restore(self._engine, found)
         self._first, self._external_energy = float(meta["first"]), float(meta["given"])
 
@@ -1092,7 +1092,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def measure(self) -> Measure:
         """Totals and averages of the present state: `observables.measure`, without copying it from the device."""
-        totals = self._engine.totals()  # settles
+        totals = self._engine.totals()  # ends the window
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()

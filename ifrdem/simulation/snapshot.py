@@ -21,7 +21,7 @@ from .tracking import Statistics
 if TYPE_CHECKING:
     from .engine import Engine
 
-_LENGTHS = ("path", "tile_side", "free_path", "in_window", "speed")
+_LENGTHS = ("path", "tile_side", "free_path", "in_window", "speed", "local_collisions")
 Snapshot = dict[str, NDArray[Any]]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError
 from ..kernels.columns import MOST_DISKS, SINGLE_TILE
-from ..kernels.layout import BLOCK_SLOTS, MAX_TRAVEL
+from ..kernels.layout import BLOCK_SLOTS, FAR, MAX_TRAVEL
 from ..model.box import Box
 from ..model.density import henderson, packing_fraction, path_in_collisions
 from ..model.state import Disks, State
@@ -29,6 +29,7 @@ LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, a
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
 CHAINS, GPU_CHAINS = 4.0, 4.0  # halo for disks that hit one another in chains, in largest diameters
 GPU_COLLISIONS, GPU_TILE = 0.4, 64  # collisions of a disk in a window, and disks of a tile, for a GPU
+LOCAL_COLLISIONS = 2.0  # of a disk in a window where most happen, over those of the mean, for blocks of a GPU
 BLOCK_DEVIATIONS = 4.5  # of the number of disks around a tile, for which a block of a GPU has room too
 DENSEST = 0.85  # packing fraction beyond which tiles and windows stay the same
 DENSEST_FLUID = 0.8  # packing fraction beyond which the estimate of collision rates stays the same: a crystal
@@ -118,6 +119,8 @@ class Tiling:
         Of a tile, of which a disk may cross a part in a window [length].
     collisions : float
         Of a disk in a window.
+    local_collisions : float
+        Of a disk where most happen, in a window at most; FAR: any number.
     path : float
         What a disk covers between so many collisions at the rms speed [length].
     chain_halo : float
@@ -130,6 +133,7 @@ class Tiling:
     coarse: int
     window_side: float
     collisions: float
+    local_collisions: float
     path: float
     chain_halo: float
 
@@ -186,4 +190,6 @@ class Tiling:
                 way = min(path * math.sqrt(math.log(n) + 2.0), MAX_TRAVEL * window_side)
                 side = max(block_side(phi, free, chain_halo + 2.0 * way), least_tile)
                 tiles = math.ceil(sides[0] / side), math.ceil(sides[1] / side)
-        return cls(tiles, single_tile, cell_side, coarse, window_side, collisions, path, chain_halo)
+        # Long chains of collisions in clusters would need halos that blocks of a GPU have no room for.
+        local = LOCAL_COLLISIONS * collisions if uses.blockwise and (on_gpu or given is not None) else FAR
+        return cls(tiles, single_tile, cell_side, coarse, window_side, collisions, local, path, chain_halo)

@@ -96,7 +96,7 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
         title = ", ".join(f"{dim} = {_value(results, dim, i)}" for dim, i in fixed.items())
         axes.set_title(title, fontsize="medium")
     first = grid.ravel()[0]
-    _scales(grid.ravel()[: len(panels_at)])
+    _scales(list(grid.ravel()[: len(panels_at)]))
     _legend(
         first, f"{name}_theory" in results.variables, f"{name}_error" in results.variables, x not in swept
     )

@@ -318,7 +318,7 @@ def axis_of(text: str) -> dict[str, Any]:
             such = "such as material[0].e_n=0.7,0.8,0.9 or material[0].mu=0.1:0.5:5"
             raise InputError(f"{option_name('--vary', 'vary:')} {text}: must be KEY=VALUES, {such}")
         if key in found:
-            raise InputError(f"{option_name('--vary', 'vary:')} {text}: {key} is there twice")
+            raise InputError(f"{option_name('--vary', 'vary:')} {text}: {key} is given twice")
         number = r"[-+\d.eE_]+"
         if match := re.fullmatch(rf"({number}):({number}):(\d+)(?::(linear|log))?", values):
             start, to = (_toml(each, each) for each in match.group(1, 2))
@@ -352,7 +352,7 @@ def _values(key: str, given: Any) -> list[Any]:
     if not values:
         raise InputError(f"{key}: must have one value or more")
     if twice := [each for i, each in enumerate(texts) if each in texts[:i]]:
-        raise InputError(f"{key}: {twice[0]} is there twice")
+        raise InputError(f"{key}: {twice[0]} is given twice")
     return values
 
 

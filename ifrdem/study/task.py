@@ -37,7 +37,7 @@ PerFrame = Literal[
     "velocity", "rdf", "structure-factor", "fields", "clusters", "psi6", "velocity-correlation", "vorticity"
 ]
 """Analyses of single frames, at chosen places of a run."""
-OverTime = Literal["msd", "vacf", "pressure", "stress", "cooling", "species", "impact"]
+OverTime = Literal["msd", "vacf", "profiles", "pressure", "stress", "cooling", "species", "impact"]
 OVER_TIME: tuple[str, ...] = get_args(OverTime)
 """Analyses of a whole run."""
 AT = "at"

@@ -50,21 +50,61 @@ def place_walls(region: ti.template(), gas: ti.template()):
 @ti.func
 def place_wall(w, entering, region: ti.template(), gas: ti.template()):
     """Count the images of wall w at the cells that it may be touched in, and enter them if `entering` is 1."""
+    s, angle = wall_position(w, gas)
+    reach = 1.001 * wall_reach(w, gas)
+    boxes_x, boxes_y = boxes_around(w, gas)
+    for box_x in range(-boxes_x, boxes_x + 1):
+        for box_y in range(-boxes_y, boxes_y + 1):
+            place_image(w, box_x, box_y, s, angle, reach, entering, region, gas)
+
+
+@ti.func
+def wall_position(w, gas: ti.template()):
+    """Displacement of wall w along its direction, and its angle, as the window begins."""
     begin = 0.0 * gas.scale.window
     s, _speed, _bound, _until = wall_motion(w, begin, gas)
     angle = begin
     if ti.static(gas.uses.turning):
         angle, _spin, _most, _turn_bound = wall_turn(w, begin, gas)
-    reach = 1.001 * wall_reach(w, gas)
+    return s, angle
+
+
+@ti.func
+def boxes_around(w, gas: ti.template()):
+    """How many boxes away images of wall w are, along x and y: 1 or 0; -1 along x if it is gone."""
     boxes_x, boxes_y = gas.grid.periodic_x, gas.grid.periodic_y
     if repeats(w, gas) == 0:
         boxes_x, boxes_y = 0, 0
     if ti.static(gas.uses.timed):
         if ti.cast(gas.walls[w].kind, ti.i32) == GONE:
             boxes_x = -1
-    for box_x in range(-boxes_x, boxes_x + 1):
-        for box_y in range(-boxes_y, boxes_y + 1):
-            place_image(w, box_x, box_y, s, angle, reach, entering, region, gas)
+    return boxes_x, boxes_y
+
+
+@ti.func
+def distance_from(w, x, y, s, angle, gas: ti.template()):
+    """Distance of a position from the face of wall w, which is displaced by s and turned by an angle."""
+    if ti.static(gas.uses.turning):
+        x, y = turned_back(w, x, y, s, angle, gas)
+    nx, ny, distance = wall_vector(w, x, y, s, gas)
+    return face_distance(w, nx, ny, distance, gas)
+
+
+@ti.func
+def may_touch(image, x, y, way, region: ti.template(), gas: ti.template()):
+    """1 if a disk may touch an image of a wall in the window: one that is within `way` of a position of the region."""
+    w = wall_of(image)
+    box_x, box_y = boxes_of(image)
+    boxes_x, boxes_y = boxes_around(w, gas)
+    found = 0
+    if ti.abs(box_x) <= boxes_x and ti.abs(box_y) <= boxes_y:
+        s, angle = wall_position(w, gas)
+        at_x = region.corner_x + x - box_x * gas.scale.length_x
+        at_y = region.corner_y + y - box_y * gas.scale.length_y
+        found = ti.cast(
+            distance_from(w, at_x, at_y, s, angle, gas) <= 1.001 * (wall_reach(w, gas) + way), ti.i32
+        )
+    return found
 
 
 @ti.func
@@ -92,10 +132,7 @@ def place_image(w, box_x, box_y, s, angle, reach, entering, region: ti.template(
         for cy in range(first_y, last_y + 1):
             x = region.x + (cx + 0.5) * region.side_x - off_x
             y = region.y + (cy + 0.5) * region.side_y - off_y
-            if ti.static(gas.uses.turning):
-                x, y = turned_back(w, x, y, s, angle, gas)
-            nx, ny, distance = wall_vector(w, x, y, s, gas)
-            if face_distance(w, nx, ny, distance, gas) <= around:
+            if distance_from(w, x, y, s, angle, gas) <= around:
                 c = starts + cx * region.ny + cy
                 if entering == 1:
                     item = gas.wall_start[c]
@@ -114,19 +151,26 @@ def cell_of(i, region: ti.template(), gas: ti.template()):
 @ti.func
 def first_wall(i, best, partner, region: ti.template(), gas: ti.template()):
     """The earlier of the meeting at `best` with `partner` and the first one with a wall near the disk in slot i."""
-    info, motion = gas.event_info[i], gas.motion[i]
     cell = cell_of(i, region, gas)
     for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
         image = gas.wall_item[region.lane * gas.grid.items + item]
-        x, y = position_at(i, image, region, gas)
-        t, resting = wall_time(
-            wall_of(image), x, y, motion.vx, motion.vy, motion.tau, radius_of(i, gas), best, gas
-        )
-        if resting == 1 and info.own_rank > 0:
-            gas.counter.resting = 1
-        if t < best:
-            best = t
-            partner = as_partner(image)
+        best, partner = earlier_wall(i, image, best, partner, region, gas)
+    return best, partner
+
+
+@ti.func
+def earlier_wall(i, image, best, partner, region: ti.template(), gas: ti.template()):
+    """The meeting of the disk in slot i with an image of a wall, if that is before the one at `best` with `partner`."""
+    motion = gas.motion[i]
+    x, y = position_at(i, image, region, gas)
+    t, resting = wall_time(
+        wall_of(image), x, y, motion.vx, motion.vy, motion.tau, radius_of(i, gas), best, gas
+    )
+    if resting == 1 and gas.event_info[i].own_rank > 0:
+        gas.counter.resting = 1
+    if t < best:
+        best = t
+        partner = as_partner(image)
     return best, partner
 
 

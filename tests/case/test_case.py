@@ -612,7 +612,7 @@ def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_pat
         ("x,z\n1.0,1.0\n3.0,3.0\n", "unknown column 'z'.*there are x, y, vx, vy, spin"),
         ("x,vx\n1.0,1.0\n3.0,3.0\n", "missing column y, vy, spin"),
         ("x,y,spn\n", r"unknown column 'spn' \(did you mean 'spin'\?\)"),
-        ("x,y,x\n1,1,1\n", "column 'x' stands twice"),
+        ("x,y,x\n1,1,1\n", "column 'x' is given twice"),
         ("", "is empty"),
         ("x,y\n1_0,1\n3.0,3.0\n", "line 2: x = 1_0: must be a number"),
         ("x,y\n1.0,nan\n3.0,abc\n", "line 2: y = nan: must be a finite number"),

@@ -83,7 +83,7 @@ def test_bounce_off_a_wall_is_found(tmp_path: Path) -> None:
         ("t,id,x\n0,1,2\n", [], "missing column y"),
         ("frame,id,x,y\n0,1,2,3\n", [], "a column frame requires --fps"),
         ("t,id,x,y\n0,1.5,2,3\n", [], "line 2: id = 1.5: must be an integer"),
-        ("t,id,x,y\n0,1,2,3\n0,1,2,3\n", [], "line 3: disk 1 stands twice at one time"),
+        ("t,id,x,y\n0,1,2,3\n0,1,2,3\n", [], "line 3: disk 1 has two rows at one time"),
         ("t,id,x,y\n0,1,2,3\n", ["--disk", "1"], "--disk 1: must be MASS,RADIUS"),
         ("t,id,x,y\n0,1,2,3\n", ["--wall", "1,2"], "--wall 1,2: must be X1,Y1,X2,Y2"),
         ("t,id,x,y\n0,1,2,3\n", [], "no impact was found"),

@@ -220,7 +220,7 @@ def bad(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
             "e_n = 1.2: material[0].e_n = 1.2: must be less than or equal to 1",
         ),
         (["--vary", "run.seed=1,2"], "cannot be swept: the seeds of the study"),
-        (["--vary", "material[0].mu=0.1,0.1"], "0.1 is there twice"),
+        (["--vary", "material[0].mu=0.1,0.1"], "0.1 is given twice"),
         (["--vary", "material[0].mu=0.1,0.2;material[0].e_n=0.7"], "as many values each"),
         (["--vary", "nonsense"], "must be KEY=VALUES"),
         (["--seeds", "0"], "a number of seeds"),

@@ -15,17 +15,18 @@ import numpy as np
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.device import Device
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import RunPoint
 
 COIN = (0.87, -0.88, 0.21, 0.0, 0.0)
-COMPARED = ("time", "position", "velocity", "spin", "collisions", "image")
+COMPARED = ("time", "position", "velocity", "spin", "collisions", "wall_collisions", "image")
 WINDOW = 0.4  # collisions of a disk in a window
 
 
 class Gas(NamedTuple):
-    """A gas of coins at a packing fraction of 0.3, the disks of a tile, and where the gas is looked at."""
+    """Some n coins at a packing fraction of 0.25, the disks of a tile, and where the gas is looked at."""
 
     n: int
     tile_disks: int
@@ -47,18 +48,24 @@ GASES = {
 
 
 def engine_of(gas: Gas, device: Literal["cpu", "cuda"], **options: Any) -> Engine:
-    """The engine of a gas at its start."""
-    disks = Disks(gas.n, mass=1.0, radius=0.5)
-    box = Box.from_packing_fraction(disks.radius, 0.3)
-    position = placement.random_positions(box, disks.radius, seed=1)
+    """The engine of a gas at its start: between a floor and a lid, around a post, under gravity."""
+    radius = np.full(gas.n, 0.5)
+    box = Box(Box.from_packing_fraction(radius, 0.25).lengths, periodic=(True, False))
+    position = placement.random_positions(box, radius, seed=1)
+    middle = np.array(box.lengths) / 2.0
+    free = np.linalg.norm(position - middle, axis=1) > 2.5
+    free &= np.abs(position[:, 1] - middle[1]) < middle[1] - 0.5
+    disks = Disks(int(free.sum()), mass=1.0, radius=0.5)
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=2)
-    state = State(position, velocity, placement.gaussian_spins(gas.n, spin_rms=1.0, seed=3))
+    state = State(position[free], velocity, placement.gaussian_spins(disks.n, spin_rms=1.0, seed=3))
     return Engine(
         disks,
         box,
         state,
         np.array([[COIN]]),
         device=Device(device, window_collisions=WINDOW),
+        walls=[Wall.post((middle[0], middle[1]), 2.0)],
+        gravity=(0.0, -0.1),
         record=["energy"],
         **options,
     )
@@ -98,6 +105,7 @@ def main() -> None:
         report[name] |= {
             "points": len(pairs),
             "collisions": int(on_cpu[-1][0].collisions.sum()) // 2,
+            "wall collisions": int(on_cpu[-1][0].wall_collisions.sum()),
             "differing": sorted({each for (a, *_), (b, *_) in pairs for each in bits_that_differ(a, b)}),
             "regimes": all(np.array_equal(a[2], b[2]) for a, b in pairs),
             # Sums of some hundred terms in another order.

@@ -34,6 +34,9 @@ SEEN = ("position", "velocity", "spin", "image", "collisions", "wall_collisions"
 WINDOW = 0.4  # collisions of a disk in a window, on both devices
 COIN = coins["1 pta"].law.table_row()
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.7, mu=0.2, rho=0.01).table_row()
+CLUSTERS, LONGER = "clusters", 6  # the gas that is followed so much longer than others
+# Disks of a tile: also more than most blocks of threads have room for (`kernels/blocks.py`).
+TILES = (30, 250, 900)
 BITS = "the same engine on the CPU"
 Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
 
@@ -50,6 +53,17 @@ def _gas(n: int, packing_fraction: float, law: tuple[float, ...], radius: Any = 
 def thin(n: int) -> Gas:
     """Coins at a packing fraction of 0.1."""
     return _gas(n, 0.1, COIN)
+
+
+def clusters(n: int) -> Gas:
+    """Smooth disks that lose so much energy that they gather in clusters."""
+    return _gas(n, 0.3, IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0).table_row())
+
+
+def sheared(n: int) -> Gas:
+    """Coins in a sheared box. Its tiles have frames of their own, so that bits depend on tiles."""
+    disks, box, state, law, more = _gas(n, 0.3, COIN)
+    return disks, Box(box.lengths, (True, True), shear_rate=0.1), state, law, more
 
 
 def walled(n: int) -> Gas:
@@ -78,6 +92,7 @@ EXACT: dict[str, Callable[[int], Gas]] = {
     "rolling friction at 0.5": lambda n: _gas(n, 0.5, ROLLING),
     "two sizes": lambda n: _gas(n, 0.4, COIN, np.where(np.arange(n) % 2, 0.5, 0.75)),
     "walls and gravity": walled,
+    CLUSTERS: clusters,
     # Their energy is set, from a sum over all of them.
     "rescaled": lambda n: (*_gas(n, 0.3, COIN)[:4], {"forces": [Rescale(0.05, energy=1.0)]}),
 }
@@ -112,17 +127,17 @@ def run(quick: bool, device: Literal["cpu", "cuda"] = "cuda") -> Result:
     absence = backend.cuda_absence() if device == "cuda" else None
     if absence is not None:
         raise Skip(f"no GPU: {absence}")
-    n, per_disk = (2_000, 6.0) if quick else (20_000, 10.0)
+    n, most = (2_000, 6.0) if quick else (20_000, 10.0)
     result = Result()
     for name, make in EXACT.items():
-        gas = make(n)
+        gas, per_disk = make(n), most * (LONGER if name == CLUSTERS else 1)
         engine = after(gas, per_disk, device)
         state = engine.state()
         what = f"numbers that differ after {per_disk:g} collisions of each of {engine.n} disks, {name}"
         result.near(
             f"{what}, run twice", differing(state, after(gas, per_disk, device).state()), 0, 0.0, "bits", BITS
         )
-        for tile in (30, 250):
+        for tile in TILES:
             other = after(gas, per_disk, device, order="tiled", tile_disks=tile).state()
             result.near(f"{what}, tiles of {tile}", differing(state, other), 0, 0.0, "bits", BITS)
         if "forces" not in gas[-1]:
@@ -130,6 +145,9 @@ def run(quick: bool, device: Literal["cpu", "cuda"] = "cuda") -> Result:
         # Taichi runs on one device at a time: the engine ends with the next line
         cpu = after(gas, per_disk, "cpu").state()
         result.near(f"{what}, CPU", differing(state, cpu), 0, 0.0, "bits", BITS)
+    ends = [after(sheared(n), most, each, order="tiled", tile_disks=250).state() for each in (device, "cpu")]
+    what = f"numbers that differ after {most:g} collisions of each of {n} disks, sheared, tiles of 250, CPU"
+    result.near(what, differing(*ends), 0, 0.0, "bits", BITS)
     gas = shaken(n)
     states = [after(gas, 2.0, each).state() for each in (device, "cpu")]
     reason = "last bits of sines, grown tenfold by each collision of a disk, of which some had ten"

@@ -66,6 +66,7 @@ def test_blocks_have_the_bits_of_the_cpu(
     assert found["points"] == points
     assert found["windows"] > 1
     assert found["collisions"] >= 500
+    assert found["wall collisions"] >= 20
     assert found["differing"] == []
     assert found["regimes"]
     assert found["losses"]
