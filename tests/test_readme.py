@@ -334,6 +334,25 @@ def test_from_file_to_figure_runs_as_shown(
     assert (tmp_path / "velocities.png").is_file()
 
 
+def test_profiles_and_fields_run_as_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for command in block("profiles").splitlines():
+        words = command.replace("run.t_end=600", "run.t_end=40").split()[1:]
+        small = ["--set", "output.frames=160", "--no-picture"] if words[0] == "run" else []
+        assert cli.main([*words, *small]) == 0
+    assert (tmp_path / "thermal_walls-profiles.png").is_file()
+    for name, rows in (("profiles", 25), ("fields", 400)):
+        text = (tmp_path / "thermal_walls-analysis" / f"thermal_walls-{name}.csv").read_text()
+        assert text.count("\n") == rows + 1
+    capsys.readouterr()
+    exec(compile(block("profiles-python"), "analysis.md", "exec"), {})
+    temperature, error, _ = (float(one) for one in capsys.readouterr().out.split())
+    assert 0.0 < error < 0.3
+    assert temperature == pytest.approx(2.3, abs=0.5)  # between the walls' 4 and 1
+
+
 def test_table_of_analyses_lists_what_there_is() -> None:
     shown = re.search(r"\| `ifrdem.analysis` \| finds \|\n(.*?)\n\n", page("analysis.md"), flags=re.DOTALL)
     assert shown is not None
