@@ -56,7 +56,7 @@ SECONDS = {
     "gas_stress": (450.0, 60.0), "gas_profiles": (200.0, 45.0), "gas_equilibrium": (260.0, 20.0),
     "gas_rough": (100.0, 21.0),
     "gas_driven": (150.0, 56.0), "gas_piston": (180.0, 26.0), "gas_collapse": (5.0, 5.0), "gas_clusters": (180.0, 13.0),
-    "gas_shaken": (250.0, 45.0), "gas_hopper": (300.0, 90.0), "gas_laws": (115.0, 40.0), 
+    "gas_shaken": (250.0, 45.0), "gas_hopper": (300.0, 90.0), "gas_laws": (115.0, 40.0),
     "gas_species": (60.0, 15.0), "gas_cases": (500.0, 20.0),
 }  # fmt: skip
 """Processor time of cases, in full and quick, with compiled kernels [s]; of others a second or so."""
