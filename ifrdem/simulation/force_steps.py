@@ -222,7 +222,8 @@ class ForceSteps:
         if not self._within or until == self._until:
             return
         self._fold(self._windows.moment)
-        a, rows = self.arrays, []
+        a = self.arrays
+        rows: list[tuple[float, ...]] = []
         totals = max(self.forces[i].totals for i in self._within)
         for number, i in enumerate(self._within):
             step = self._steps[i]

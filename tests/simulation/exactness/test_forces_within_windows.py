@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def gas(
     disks: Disks, forces: list[Force], law: Any = ROLLING, box: Box | None = None, **options: Any
 ) -> Engine:
     filled, state = start(disks, 0.3)
-    options = {"device": ONE, "seed": 3, "record": ALL_SUMS} | options
+    options = dict[str, Any](device=ONE, seed=3, record=ALL_SUMS) | options
     return Engine(disks, box or filled, state, np.array([[law]]), forces=forces, **options)
 
 
@@ -51,7 +51,7 @@ def bounded(**options: Any) -> Engine:
         Wall.line((0.0, 0.4), (0.0, 1.0), motion=Motion("sine", amplitude=0.3, frequency=0.7)),
         Wall.line((0.0, 33.0), (0.0, -1.0), temperature=2.0),
     ]
-    options = {"record": [*ALL_SUMS, "wall"], "device": ONE, "seed": 3} | options
+    options = dict[str, Any](record=[*ALL_SUMS, "wall"], device=ONE, seed=3) | options
     return Engine(disks, box, state, np.array([[COIN]]), walls=walls, gravity=(0.0, -0.5), **options)
 
 
@@ -190,7 +190,8 @@ def test_strong_kicks_are_exact_in_tiles(power: float) -> None:
 
 def test_the_energy_of_a_gas_between_walls_is_what_was_put_in() -> None:
     """Under gravity, and in both precisions: kinetic and potential energy, work, heat and losses close."""
-    for precision, close in (("f64", 1e-11), ("f32", 2e-5)):
+    precisions: list[tuple[Literal["f64", "f32"], float]] = [("f64", 1e-11), ("f32", 2e-5)]
+    for precision, close in precisions:
         engine = bounded(
             forces=[Langevin(0.05, temperature=3.0, rate=0.5), SpinKicks(0.05, power=1.0)],
             device=Device(threads=1, precision=precision),
@@ -213,7 +214,7 @@ def test_parameters_set_between_runs_act_from_then_on() -> None:
     for order in (500, 400):
         simulation = gas_of(equal_disks(order), 0.3, smooth, forces=[Push(0.05, acceleration=2.0)])
         simulation.run(t_end=0.52)  # 10 steps
-        simulation.forces[0].acceleration = -1.0  # type: ignore[attr-defined]
+        simulation.forces[0].acceleration = -1.0
         simulation.run(t_end=0.98)  # 10 more
         start_velocity = start(equal_disks(order), 0.3)[1].velocity.mean(axis=0)
         change = simulation.state.velocity.mean(axis=0) - start_velocity
@@ -252,7 +253,7 @@ class Diverging(Force):
     parameters = ("at",)
 
     @staticmethod
-    def act(disk, step, p):  # type: ignore[no-untyped-def]
+    def act(disk, step, p):
         vx = disk.vx
         if step.time > p.at:
             vx = vx / (0.0 * vx)
@@ -266,11 +267,11 @@ class Lying(Force):
     totals_ahead = True
 
     @staticmethod
-    def act(disk, step, p):  # type: ignore[no-untyped-def]
+    def act(disk, step, p):
         return disk.vx + 0.0 * step.totals[0], disk.vy, disk.spin
 
     @staticmethod
-    def measure(disk, step, p):  # type: ignore[no-untyped-def]
+    def measure(disk, step, p):
         return ti.Vector([disk.vx])
 
 
