@@ -346,8 +346,8 @@ def free_range(trajectory: Trajectory, axis: str, used: Sequence[int]) -> tuple[
         walls = [wall for wall in trajectory.walls if wall.shape in ("container", "post")]
         low = max((wall.radius for wall in walls if wall.shape == "post"), default=0.0)
         inner = [wall.radius for wall in walls if wall.shape == "container"]
-        sides = [] if trajectory.box.is_open else [*center, *(trajectory.box.lengths - center)]
-        high = float(min([*inner, *sides], default=math.inf)) if not inner else min(inner)
+        high = float(min(inner or [*center, *(trajectory.box.lengths - center)]))
+        high = math.inf if trajectory.box.is_open and not inner else high
     else:
         k = "xy".index(axis)
         bounds = [_free_area(trajectory[i]).bounds() for i in _sampled(trajectory, used)]
@@ -369,9 +369,10 @@ def _sampled(trajectory: Trajectory, used: Sequence[int]) -> list[int]:
 
 
 def _free_area(frame: Frame) -> FreeArea:
-    """The area that walls leave in a frame; gates count as open."""
-    fixed = tuple(wall for wall in frame.walls if not wall.gated)
-    return FreeArea(frame.trajectory.box, fixed, frame.time)
+    """The area that walls leave in a frame; gates count as open. In an open box walls take nothing."""
+    box = frame.trajectory.box
+    fixed = () if box.is_open else tuple(wall for wall in frame.walls if not wall.gated)
+    return FreeArea(box, fixed, frame.time)
 
 
 def _blocks(used: Sequence[int]) -> list[Any]:

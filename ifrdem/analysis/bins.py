@@ -306,6 +306,8 @@ class Rings(_Along):
         return area_within(coordinate, radius, edge)
 
     def areas(self, free_area: FreeArea) -> Array:
+        if self.box.is_open:
+            return np.asarray(np.pi * np.diff(self.edges[0] ** 2))
         return free_area.rings(self.center, self.edges[0])
 
     def cuts(self, start: Array, vector: Array) -> Iterator[Array]:

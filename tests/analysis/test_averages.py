@@ -183,6 +183,25 @@ def test_a_sheared_box_has_its_flow_and_no_heat_of_it_in_the_temperature(tmp_pat
     within(found, "temperatures", [4.0, 9.0])  # with the flow within a strip T_x would be 4 + 6
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_open_box_has_temperatures_and_cells_but_no_area_of_strips(tmp_path: Path) -> None:
+    def make(rng, disks):
+        return (rng.random((disks.n, 2)) * (20.0, 10.0) - (0.0, 5.0), *thermal(rng, disks))
+
+    floor = Wall.line((0.0, -6.0), (0.0, 1.0))
+    post = Wall.post((50.0, 50.0), 1.0)
+    with Trajectory(write(tmp_path / "a.h5", make, box=Box.open(), walls=[floor, post])) as run:
+        found = analysis.profiles(run, "y", 5, frames=range(10))
+        grid = analysis.mean_fields(run, (4, 2), frames=range(10))
+        rings = analysis.profiles(run, "r", 5, frames=range(10))
+    np.testing.assert_allclose(found.edges[0][[0, -1]], [-5.1, 5.1], atol=0.01)  # what the disks reach
+    within(found, "temperatures", [4.0, 9.0])
+    assert np.isnan(found.mean.number_density).all()
+    np.testing.assert_allclose(grid.mean.number_density, N / 200.0, rtol=0.1)
+    assert found.disks.sum() == grid.disks.sum() == rings.disks.sum() == 10 * N
+    assert 80.0 > rings.edges[0][-1] > 70.0
+
+
 def test_species_have_their_own_averages_by_name(tmp_path: Path) -> None:
     """Half of the disks, in one half of the box, are three times as hot, and named."""
     half = N // 2
