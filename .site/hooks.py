@@ -7,27 +7,15 @@ import os
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-import ifrdem
+from ifrdem.case import keys
+from ifrdem.cli import api
 
 sys.path.insert(0, str(Path(__file__).parent))
 import notebooks  # beside this file
-
-FACES = [
-    ("ifrdem", ifrdem),
-    ("ifrdem.initial", ifrdem.initial),
-    ("ifrdem.initial.radii", ifrdem.initial.radii),
-    ("ifrdem.forces", ifrdem.forces),
-    ("ifrdem.observables", ifrdem.observables),
-    ("ifrdem.theory", ifrdem.theory),
-    ("ifrdem.analysis", ifrdem.analysis),
-    ("ifrdem.fit", ifrdem.fit),
-    ("ifrdem.plots", ifrdem.plots),
-    ("ifrdem.bullet", ifrdem.bullet),
-]
 
 
 def command_help(name: str) -> str:
@@ -49,27 +37,15 @@ def commands(markdown: str) -> str:
     return "\n\n".join(f"## ifrdem {name}\n\n```text\n{command_help(name)}\n```" for name in names)
 
 
-def public_names(face: ModuleType) -> dict[str, str]:
-    """Classes and functions of a module by name, and the module that defines each."""
-    listed = getattr(face, "__all__", None) or [
-        name for name, value in vars(face).items() if getattr(value, "__module__", "") == face.__name__
-    ]
-    found = {name: getattr(face, name) for name in sorted(listed) if not name.startswith("_")}
-    return {
-        name: value.__module__
-        for name, value in found.items()
-        if inspect.isclass(value) or inspect.isfunction(value)
-    }
-
-
-def api() -> str:
-    """A heading for each face and a mkdocstrings directive for each of its public names."""
+def python() -> str:
+    """A heading for each public module and a mkdocstrings directive for each of its public names."""
     lines = []
-    for label, face in FACES:
-        lines += [f"## {label}", "", inspect.getdoc(face) or "", ""]
-        for name, module in public_names(face).items():
+    for label in api.MODULES:
+        module = import_module(label)
+        lines += [f"## {label}", "", inspect.getdoc(module) or "", ""]
+        for name, value in api.public_names(module).items():
             lines += [
-                f"::: {module}.{name}",
+                f"::: {value.__module__}.{name}",
                 "    options:",
                 f"      heading: {label}.{name}",
                 f"      toc_label: {name}",
@@ -92,5 +68,7 @@ def on_page_markdown(markdown: str, page: Any, **_options: Any) -> str:
     if page.file.src_uri == "cli.md":
         return markdown.replace("<!-- help of every command -->", commands(markdown))
     if page.file.src_uri == "api.md":
-        return markdown.replace("<!-- docstrings of every public name -->", api())
+        return markdown.replace("<!-- docstrings of every public name -->", python())
+    if page.file.src_uri == "case.md":
+        return markdown.replace("<!-- every key -->", keys.reference().replace("<", "&lt;"))
     return markdown

@@ -175,6 +175,8 @@ TALLY = Columns(
 VIRIAL = Columns(**columns("xx", "xy", "yx", "yy"))
 WALL_SUM = Columns(**columns("momentum_x", "momentum_y", "torque", "work", "heat", "hits"))
 PISTON_STATE = Columns(**columns("displacement", "speed"))
+# Parts of which each is a sum that does not depend on the order of its terms (`forces.py`).
+LEVELS = 3
 # Of all tiles, or of BLOCK_OF_TILES: the largest square of a speed, and maxima of `reach`; then sums of the tally to
 # the end of the window, and to each moment.
 TOTAL = Columns(**columns("max_speed_sq", "excursion", "max_displacement", "overhang"))
@@ -248,11 +250,15 @@ COUNTER = Columns(**columns(
 # the box, collisions in a window of that; root mean square of speeds at the beginning; the longest window that may be;
 # when gravity last turned; number of disks; at the window's beginning the largest speed, and how far disks are beyond
 # the sides of the tiles that list them; collisions that a disk may
-# have in a window where most happen (`planner.path_from`).
+# have in a window where most happen (`planner.path_from`). Of forces that act within windows: rows of `kicks` that
+# acted before the window; the next row of a gas in one tile that has paused; length of the latest windows; the
+# shortest step; what rounds energies that they give to a first part, over the unit of squares of speeds, and for the
+# next part over that.
 CLOCK = Columns(**columns(
     "begin", "end", "stop", "wanted", "pause", "pause_after", "kick", "path", "tile_side", "wall_speed",
     "square_unit", "free_path", "in_window", "speed", "longest", "turned", "n", "fastest", "overhang",
     "local_collisions",
+    "acted", "next_kick", "recent", "shortest_step", "gain_unit", "gain_step",
 ))  # fmt: skip
 # Disks; tiles; lanes; slots, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
 # seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small
@@ -394,6 +400,11 @@ TRIAL_TABLES: dict[str, Columns] = {
 
 # Time and length of the step; 1 for x and y where the whole gas can drift (`model.walls.wall.free_directions`), else 0.
 WHEN = Columns(**columns("time", "dt", "free_x", "free_y"))
+# A step of a force within a window: when it acts; number of the force among those that act so, and among all; number
+# and length of the step; totals, at least one.
+KICK = Columns(**columns("time", "force", "index", "number", "dt"), totals=1)
+# 1 for x and y where the whole gas can drift, else 0; behind them the parameters of the forces.
+FORCE_VALUES = Columns(**columns("free_x", "free_y"))
 # Number of the step (low, high word), index of the force, seed (low, high word).
 COUNTER_WORDS = Columns(**columns("step_low", "step_high", "index", "seed_low", "seed_high"))
 
@@ -425,7 +436,7 @@ TABLES: dict[str, Columns] = {
     "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT, "pair": PAIR,
     "counter": COUNTER, "clock": CLOCK, "grid": GRID, "scale": SCALE, "sums": TALLY, "total": TOTAL,
     "walls": WALL, "law": LAW,
-    "totals": READOUT, "when": WHEN, "counter_words": COUNTER_WORDS,
+    "totals": READOUT, "when": WHEN, "counter_words": COUNTER_WORDS, "kicks": KICK, "force_values": FORCE_VALUES,
 }  # fmt: skip
 """Tables of the columns of arrays, by the names that kernels give them; others have numbers."""
 TYPES: dict[str, str] = {
@@ -437,12 +448,12 @@ TYPES: dict[str, str] = {
     "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
     "near": U64, "near_image": U64, "image_list": I32, "dense": I32, "block_integers": I32, "block_reals": REAL,
     "block_sums": F64,
-    "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32,
+    "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32, "kicks": F64, "force_values": F64,
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""
 AXES = {
     "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2,
-    "species_totals": 2, "todo": 2, "pairs": 2,
+    "species_totals": 2, "todo": 2, "pairs": 2, "kicks": 2,
 }  # fmt: skip
 """Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
 SINGLE = (
@@ -454,6 +465,7 @@ SINGLE = (
     "total",
     "when",
     "counter_words",
+    "force_values",
     "key",
     "contact_value",
     "factors",

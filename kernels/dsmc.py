@@ -9,7 +9,7 @@ from .columns import BODY, DSMC_TABLES
 from .contact import collided
 from .language import spread_of_loops, ti
 from .layout import BLOCK
-from .random import DRAWS, normals, unit, words
+from .random import DRAWS, library_normals, unit, words
 from .signature import Arrays, kernel
 
 NONE = 1 << 30  # later than any candidate
@@ -143,7 +143,7 @@ def kick(gas: Arrays("disk key factors gains", DSMC_TABLES)):
             for d in range(b * BLOCK, ti.min(gas.disk.shape[0], (b + 1) * BLOCK)):
                 body = gas.disk[d]
                 stream = stream_of(d, KICKS, gas)
-                along, turn = normals(stream, 0), normals(stream, 1)
+                along, turn = library_normals(stream, 0), library_normals(stream, 1)
                 mass = 1.0 / body.inverse_mass
                 inertia = mass * body.radius * body.radius / body.k
                 spread = ti.sqrt(ti.cast(gas.factors.energy, float) / mass)

@@ -15,6 +15,7 @@ histories depend neither on the cells nor on the region, only on the disks in it
 
 from .columns import MECHANISM, TALLY
 from .contact import ELASTIC, ROLLS, STICKS, collided
+from .force_events import act_on_all, kick_time
 from .flights import bits_of, contact_delay, contact_signs, real_of, rounding
 from .language import on_gpu, ti
 from .layout import (
@@ -119,6 +120,22 @@ def leaving(i, region: ti.template(), gas: ti.template()):
     side = ti.select(to_y < to_x, 3 + up, 1 + right)
     earliest = real_of(ti.max(ti.min(to_x, to_y), 0 * never))
     return motion.tau + earliest, side
+
+
+@ti.func
+def stays(i, horizon, region: ti.template(), gas: ti.template()):
+    """True if the disk in slot i does not leave its cell until a `horizon`; without the divisions of `leaving`."""
+    motion, info = gas.motion[i], gas.event_info[i]
+    _nx, _ny, factor = scale_of(layer_of(i, gas), region, gas)
+    dt = horizon - motion.tau
+    x, y = motion.x + motion.vx * dt - region.x, motion.y + motion.vy * dt - region.y
+    if ti.static(gas.uses.sheared):
+        x += info.shear_row * (gas.scale.aside + gas.scale.drift * horizon)
+    cx, cy = (
+        x - (info.cell >> 16) * (factor * region.side_x),
+        y - (info.cell & 0xFFFF) * (factor * region.side_y),
+    )
+    return (cx > 0.0) & (cx < factor * region.side_x) & (cy > 0.0) & (cy < factor * region.side_y)
 
 
 @ti.func
@@ -633,12 +650,14 @@ def around(own_x, own_y, x_low, x_high, y_low, y_high, half, region: ti.template
 
 @ti.func
 def predict(
-    i, x_low, x_high, y_low, y_high, half, keeps, region: ti.template(), gas: ti.template()
+    i, x_low, x_high, y_low, y_high, half, keeps, horizon, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
-    """Find the next event of the disk in slot i in the cells of `find`, or keep the present one (`keeps`); its time."""
+    """Find the next event of the disk in slot i in the cells of `find`, or keep the present one (`keeps`); its time.
+
+    Collisions are found up to a `horizon`.
+    """
     motion, info = gas.motion[i], gas.event_info[i]
-    window = gas.scale.window
-    best, partner = window, NO_PARTNER
+    best, partner = horizon, NO_PARTNER
     if keeps == 1:
         if info.partner != NO_PARTNER:
             best, partner = motion.t_hit, info.partner
@@ -650,12 +669,17 @@ def predict(
         if not sleeps(i, gas):
             best, partner = first_wall(i, best, partner, region, gas)
     if partner == NO_PARTNER:
-        best = FAR + 0.0 * window
+        best = FAR + 0.0 * horizon
     elif partner >= 0 and partner != before:
         info.partner_number = gas.event_info[partner].number
     motion.t_hit = best
     info.partner = partner
-    leaves, side = leaving(i, region, gas)
+    leaves, side = FAR + 0.0 * horizon, 0
+    if ti.static(gas.uses.forced):
+        if not stays(i, horizon, region, gas):
+            leaves, side = leaving(i, region, gas)
+    else:
+        leaves, side = leaving(i, region, gas)
     if ti.static(gas.uses.rests):
         if sleeps(i, gas):
             leaves = FAR
@@ -665,11 +689,12 @@ def predict(
 
 @ti.func
 def earliest_event(
-    i: ti.template(), t: ti.template(), present: ti.template(), bins: ti.template(), n_bins: ti.template(),
+    i: ti.template(), t: ti.template(), present: ti.template(), bins: ti.template(), last: ti.template(),
     gas: ti.template(),
 ):  # fmt: skip
-    """Set i to the slot of the disk whose event comes next, and t to its time; i stays EMPTY if there is none."""
-    while i < 0 and present < n_bins:
+    """Set i to the slot of the disk whose event comes next, and t to its time; i stays EMPTY if no bin before `last`
+    has one."""
+    while i < 0 and present < last:
         i = gas.bin[bins + present]
         if i < 0:
             present += 1
@@ -805,6 +830,37 @@ def begin_queue(
 
 
 @ti.func
+def expect_forces(
+    row: ti.template(), acts: ti.template(), horizon: ti.template(), last: ti.template(), rate: ti.template(),
+    n_bins: ti.template(), window: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Set when forces act next, by row `row` of `kicks`: nothing is predicted beyond that `horizon`, or binned."""
+    acts = kick_time(row, gas)
+    horizon = ti.min(acts, window)
+    last = ti.min(ti.cast(horizon * rate, ti.i32) + 1, n_bins)
+
+
+@ti.func
+def apply_forces(
+    i: ti.template(), t: ti.template(), n: ti.template(), tile: ti.template(), row: ti.template(), acts: ti.template(),
+    horizon: ti.template(), last: ti.template(), present: ti.template(), fresh: ti.template(), kicked: ti.template(),
+    moment: ti.template(), rate: ti.template(), n_bins: ti.template(), window: ti.template(), region: ti.template(),
+    gas: ti.template(),
+):  # fmt: skip
+    """Have forces act on all disks if that comes before the event of disk i at t: then all look around again."""
+    if acts <= window and (i < 0 or t > acts) and acts <= moment:
+        kicked = 1
+        end = row + 1
+        while kick_time(end, gas) == acts:
+            end += 1
+        act_on_all(n, row, end, acts, tile, region, gas)
+        if acts < window:
+            present, fresh = ti.min(ti.cast(acts * rate, ti.i32), n_bins - 1), 0
+        row = end
+        expect_forces(row, acts, horizon, last, rate, n_bins, window, gas)
+
+
+@ti.func
 def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
     """All events of a window in a region of n disks at places from `places` on, which are prepared.
 
@@ -827,6 +883,12 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     patience = MANY_EVENTS + 20 * n
     rate = n_bins / window
     begin_queue(n, n_bins, offset, bins, rate, fresh, gas)
+    row, acts, horizon, last_bin = 0, FAR + 0.0 * window, window, n_bins
+    if ti.static(gas.uses.forced):
+        row = ti.cast(gas.clock.acted, ti.i32)
+        if resuming == 1:
+            row = ti.cast(gas.clock.next_kick, ti.i32)
+        expect_forces(row, acts, horizon, last_bin, rate, n_bins, window, gas)
     while active == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
         n_searching, first, second, half = 0, 0, 0, 0
@@ -839,16 +901,24 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         else:
             i = EMPTY
             t = window
-            earliest_event(i, t, present, bins, n_bins, gas)
+            earliest_event(i, t, present, bins, last_bin, gas)
             if ti.static(gas.uses.pistons):
                 stop, stopped = next_stop(gas)
                 if stop < t:
                     i, t = offset, stop
                 else:
                     stopped = -1
-            writing = -1
-            check_moment(i, t, moment, written, writing, active, pausing, pauses, gas)
-            if writing >= 0:
+            writing, kicked = -1, 0
+            if ti.static(gas.uses.forced):
+                apply_forces(
+                    i, t, n, tile, row, acts, horizon, last_bin, present, fresh, kicked, moment, rate, n_bins, window,
+                    region, gas,
+                )  # fmt: skip
+            if kicked == 0:
+                check_moment(i, t, moment, written, writing, active, pausing, pauses, gas)
+            if kicked == 1:
+                pass
+            elif writing >= 0:
                 write_here(n, tile, writing, region, gas)
             elif stopped >= 0:
                 events += 1
@@ -881,6 +951,13 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 i = second
             if ti.static(gas.uses.pistons):
                 look_for_pistons(i, q, offset, bins, all_search, x_low, x_high, keeps, gas)
-            t = predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
-            insert_event(i, t, present, bins, n_bins, rate, gas)
+            t = predict(i, x_low, x_high, y_low, y_high, half, keeps, horizon, region, gas)
+            if ti.static(gas.uses.forced):
+                if t <= horizon:
+                    insert_event(i, t, present, bins, n_bins, rate, gas)
+            else:
+                insert_event(i, t, present, bins, n_bins, rate, gas)
+    if ti.static(gas.uses.forced):
+        if pausing == 1:
+            gas.clock.next_kick = ti.cast(row, ti.f64)
     ti.atomic_add(gas.counter.n_events, events)

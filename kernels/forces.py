@@ -1,20 +1,23 @@
-"""The kernels that apply a force to every disk: one pair of them for each class of forces."""
+"""The kernels that apply a force to every disk at a window's beginning: some for each class of forces.
 
-from typing import Any
+`force_events.py` applies forces within windows.
+"""
 
-from .language import Rows, Table, declared, spread_of_loops, ti
+from typing import Any, NamedTuple
+
+from .columns import LEVELS
+from .force_events import energy, step_of
+from .language import Cube, Rows, Table, declared, spread_of_loops, ti
 from .particle import listed_kind, round_products
 from .random import DRAWS
 from .readout import placed
 from .records import NamedNumbers
 from .shear import flow_at
 from .signature import Arrays, kernel
-from .windows import is_owned
+from .sums import is_owned
 
 OF_DISKS = "uses grid scale clock disk kind kinds meta tile edge_x edge_y when counter_words"
 """Arrays from which a force gets the disks, a step and random numbers."""
-LEVELS = 3
-"""Parts that a term of a sum is divided into (`sum_totals`)."""
 
 
 @ti.func
@@ -39,6 +42,19 @@ def particle_view(s, tile, time, gas: ti.template()):
 
 
 @ti.func
+def motionless(s, gas: ti.template()):
+    """Quantities of a listed disk, without its motion: NaN, so that a force that reads it is seen."""
+    kind = listed_kind(s, gas)
+    mass = 1.0 / gas.kinds[kind].inverse_mass
+    radius = gas.kinds[kind].radius
+    nan = ti.sqrt(-mass)
+    return ti.Struct(
+        x=nan, y=nan, vx=nan, vy=nan, spin=nan, mass=mass, radius=radius, k=gas.kinds[kind].k,
+        inertia=mass * radius * radius / gas.kinds[kind].k,
+    )  # fmt: skip
+
+
+@ti.func
 def stream_of(s, gas: ti.template()):
     """The stream of random numbers of a listed disk in this step (`random.py`)."""
     return ti.Vector([
@@ -53,28 +69,77 @@ def free_of(gas: ti.template()):
     return ti.Vector([ti.cast(gas.when.free_x, float), ti.cast(gas.when.free_y, float)])
 
 
-@ti.func
-def energy(mass, inertia, vx, vy, spin):
-    """Kinetic energy of a disk, in double precision whatever the run computes in."""
-    vx_, vy_, spin_ = ti.cast(vx, ti.f64), ti.cast(vy, ti.f64), ti.cast(spin, ti.f64)
-    return 0.5 * (mass * (vx_ * vx_ + vy_ * vy_) + inertia * (spin_ * spin_))
+class ForceKernels(NamedTuple):
+    """Kernels of a class of forces: sum its totals, at a moment and of steps ahead; apply it; try it on one disk."""
+
+    sum_totals: Any
+    sum_ahead: Any
+    apply_force: Any
+    sample_force: Any
 
 
-def step_of(time: Any, dt: Any, free: Any, random: Any, totals: list[Any]) -> tuple[Any]:
-    """Quantities of a step, as forces get them, for `ti.static`; `totals` only if the force has some."""
-    given = {"totals": ti.Vector(totals)} if totals else {}
-    return (ti.Struct(time=time, dt=dt, free=free, random=random, **given),)
-
-
-def kernels_of(force: Any) -> tuple[Any, Any, Any]:
-    """Kernels of a class of forces: sum its totals (None without totals), apply it, compile it for one disk."""
+def kernels_of(force: Any) -> ForceKernels:
+    """Kernels of a class of forces; for sums they are compiled only if it has totals."""
     act, measure = declared(force.act), declared(force.measure)
     names = tuple(force.parameters)
-    return (
-        _sum_totals_of(measure, force.totals, names) if force.totals else None,
+    return ForceKernels(
+        _sum_totals_of(measure, force.totals, names),
+        _sum_ahead_of(measure, force.totals, names),
         _apply_force_of(act, force.totals, names),
         _sample_force_of(act, measure, force.totals, names),
     )
+
+
+@ti.func
+def add_term(found: ti.template(), terms: ti.template(), rounders: ti.template(), n_totals: ti.template()):
+    """Add the terms of a disk to the largest sizes of terms, and parts of them to sums: see `_sum_totals_of`."""
+    for j in ti.static(range(n_totals)):
+        rest = ti.cast(terms[j], ti.f64)
+        found[j] = ti.max(found[j], ti.abs(rest))
+        for level in ti.static(range(LEVELS)):
+            part = (rest + rounders[level, j]) - rounders[level, j]
+            found[n_totals * (1 + level) + j] += part
+            rest -= part
+
+
+def _sum_ahead_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+    """Kernel that sums the terms of a force in many steps, which do not depend on the motion.
+
+    `tile_sums` gets for each tile and step what that of `_sum_totals_of` gets for a tile.
+    """
+
+    @kernel
+    def sum_ahead(
+        gas: Arrays(OF_DISKS),
+        parameters: Rows, steps: Rows, tile_sums: Cube, rounders: Table,
+    ):  # fmt: skip
+        """Sum the force's terms over the disks of each tile, in steps with these numbers."""
+        given = ti.static((NamedNumbers(parameters, names),))[0]
+        spread = ti.static(spread_of_loops())
+        for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y * steps.shape[0]):
+            round_products(gas)
+            b = item // (spread * steps.shape[0])
+            m = item // spread - b * steps.shape[0]
+            if item % spread == 0 and is_owned(b, gas) == 1:
+                found = ti.Vector([ti.cast(0.0, ti.f64) for _ in ti.static(range(n_totals * (1 + LEVELS)))])
+                rounder = ti.Matrix([
+                    [rounders[level, j] for j in ti.static(range(n_totals))] for level in ti.static(range(LEVELS))
+                ])  # fmt: skip
+                number = ti.cast(steps[m], ti.i64)
+                first = gas.grid.part * gas.grid.room + gas.tile[b].start[gas.grid.part]
+                for s in range(first, first + gas.tile[b].count[gas.grid.part]):
+                    stream = stream_of(s, gas)
+                    stream[1], stream[2] = ti.cast(number, ti.u32), ti.cast(number >> ti.i64(32), ti.u32)
+                    step = ti.static(step_of(
+                        ti.cast((steps[m] + 0.5) * gas.when.dt, float), ti.cast(gas.when.dt, float), free_of(gas),
+                        stream, [],
+                    ))[0]  # fmt: skip
+                    terms = measure(motionless(s, gas), step, given)
+                    add_term(found, terms, rounder, n_totals)
+                for j in ti.static(range(n_totals * (1 + LEVELS))):
+                    tile_sums[b, m, j] = found[j]
+
+    return sum_ahead
 
 
 def _sum_totals_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
@@ -110,13 +175,7 @@ def _sum_totals_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
                         ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float), free_of(gas), stream_of(s, gas), [],
                     ))[0]  # fmt: skip
                     terms = measure(particle_view(s, b, gas.when.time, gas), step, given)
-                    for j in ti.static(range(n_totals)):
-                        rest = ti.cast(terms[j], ti.f64)
-                        found[j] = ti.max(found[j], ti.abs(rest))
-                        for level in ti.static(range(LEVELS)):
-                            part = (rest + rounder[level, j]) - rounder[level, j]
-                            found[n_totals * (1 + level) + j] += part
-                            rest -= part
+                    add_term(found, terms, rounder, n_totals)
                 for j in ti.static(range(n_totals * (1 + LEVELS))):
                     tile_sums[b, j] = found[j]
 

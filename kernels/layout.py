@@ -42,6 +42,8 @@ block_integers, ...    (blocks        the scratch space of a block: column after
                        slots,)
 near                   (blocks slots  slots of the disks near each, four in a word
                        NEAR_WORDS,)
+kicks                  (steps, ...)   steps of forces that act within windows, in order; the last one never comes
+force_values           (...)          directions along which the gas can drift, and parameters of these forces
 image_list, near_image (blocks        images of walls near the tile of a block; those near each disk, three in a word
                        slots,)
 contact                (...)          contacts of disks that may rest, and the forces there (`rest.py`)
@@ -49,7 +51,10 @@ held, cached_force     (rows,), ...   forces at contacts of a disk, as last solv
 =====================  =============  =================================================================================
 """
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
+
+from .columns import LEVELS
 
 SNAPSHOT = 2  # the part that holds the first requested moment
 BLOCK_OF_TILES = 128
@@ -58,6 +63,7 @@ AT_END, AT_MOMENT = range(2)  # times of the tally: end of the window, first of 
 AWAKE, ASLEEP, WOKEN, ASLEEP_UNVERIFIED = range(4)  # ASLEEP_UNVERIFIED: given by a state
 BY_COUNT = 2  # a gas in one tile has paused for the number of collisions
 FULL_SLOTS, FULL_CELLS, FULL_GHOSTS, FULL_WALLS, FULL_WATCHED, FULL_PAIRS = 1, 2, 4, 8, 16, 32
+KICKED = -1  # in place of a partner, in rows of tracked disks: a force changed the motion
 BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
 PAIRS, TRACKED = 1, 2  # what is written down: the collisions of all pairs, and all that happens to some disks
 TEAM = 32  # threads of a GPU that share a tile
@@ -74,6 +80,9 @@ BLOCK = 1024
 FAR = 1.0e30  # a time later than any event
 FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w
 NO_PARTNER = -1
+# The latest partner where a force has acted since: VOID_WALL plus a wall, or VOID_DISK minus a slot.
+VOID_WALL, VOID_DISK = -1_000_000, -2_000_000
+NOT_FINITE = 3  # plus the row of `kicks`, as `counter.stalled`: a force made a velocity that is not finite
 
 
 class CompiledLaw(NamedTuple):
@@ -82,6 +91,17 @@ class CompiledLaw(NamedTuple):
     impulses: Any
     names: tuple[str, ...]  # one or more
     parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that divide P_t
+
+
+@dataclass(frozen=True)
+class CompiledForce:
+    """The compiled part of a force that acts within windows."""
+
+    act: Any
+    n_totals: int
+    names: tuple[str, ...]  # of its parameters
+    number: int  # among these forces
+    first: int  # of its parameters, in `force_values`
 
 
 class Uses:
@@ -111,6 +131,7 @@ class Uses:
     rests: bool = False  # disks fall asleep
     shared: bool = False  # several ranks have a part of the tiles each
     collision_law: Any = None  # a `CompiledLaw`
+    forces: tuple[CompiledForce, ...] = ()  # that act within windows
 
     def __init__(self, **given: Any) -> None:
         if unknown := given.keys() - Uses.__annotations__.keys():
@@ -121,6 +142,16 @@ class Uses:
     def blockwise(self) -> bool:
         """True if blocks of threads of a GPU run the tiles of a gas with these features (`blocks.py`)."""
         return not (self.pistons or self.rests or self.layered)
+
+    @property
+    def forced(self) -> bool:
+        """True if forces act within windows."""
+        return bool(self.forces)
+
+    @property
+    def gains(self) -> int:
+        """Columns of the tally, the last ones, for energies that forces within windows give."""
+        return LEVELS * len(self.forces)
 
     def replace(self, **given: Any) -> "Uses":
         """A copy with other values of the given features."""

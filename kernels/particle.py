@@ -2,7 +2,7 @@
 
 from .flights import on_grid
 from .language import is_single_precision, on_gpu, round_products_by, ti
-from .layout import AT_END, FULL_WATCHED, TRACKED
+from .layout import AT_END, FIRST_WALL, FULL_WATCHED, NO_PARTNER, TRACKED, VOID_DISK, VOID_WALL
 
 
 @ti.func
@@ -98,8 +98,33 @@ def just_collided(i, t, gas: ti.template()):
 
 
 @ti.func
-def advance_to(i, t, gas: ti.template()):
-    """Fly the disk in slot i to its collision at time t."""
+def void_latest_partner(i, gas: ti.template()):
+    """Note that the disk in slot i may meet its latest partner at once: a force has acted."""
+    info = gas.event_info[i]
+    if ti.static(gas.uses.partnered):  # who it was is still asked for
+        if info.last >= 0:
+            info.last = VOID_DISK - info.last
+        elif info.last <= FIRST_WALL and info.last > VOID_WALL:
+            info.last = info.last + VOID_WALL
+    else:
+        info.last = NO_PARTNER
+
+
+@ti.func
+def latest_partner(i, gas: ti.template()):
+    """Latest partner of the disk in slot i in the window: a slot, a wall (FIRST_WALL - w), or none."""
+    last = gas.event_info[i].last
+    if ti.static(gas.uses.forced):
+        if last <= VOID_DISK:
+            last = VOID_DISK - last
+        elif last < VOID_WALL:
+            last -= VOID_WALL
+    return last
+
+
+@ti.func
+def fly_to(i, t, gas: ti.template()):
+    """Fly the disk in slot i to time t, where its motion changes."""
     motion = gas.motion[i]
     dt = t - motion.tau
     motion.x = motion.x + on_grid(motion.vx * dt, gas)
@@ -107,6 +132,12 @@ def advance_to(i, t, gas: ti.template()):
     if ti.static(gas.uses.turned):
         gas.turn[i] = gas.turn[i] + ti.cast(motion.spin, ti.f64) * ti.cast(dt, ti.f64)
     motion.tau = t
+
+
+@ti.func
+def advance_to(i, t, gas: ti.template()):
+    """Fly the disk in slot i to its collision at time t."""
+    fly_to(i, t, gas)
     gas.event_info[i].number = gas.event_info[i].number + 1
 
 

@@ -5,6 +5,7 @@ positions and velocities are rounded. The host says where a run stops or pauses 
 """
 
 from .columns import MOST_MOMENTS, TALLY
+from .force_events import kick_time
 from .language import spread_of_loops, ti
 from .layout import AT_END, FAR, MAX_TRAVEL
 from .particle import round_products
@@ -88,6 +89,12 @@ def commit(gas: ti.template()):
         gas.clock.path, gas.clock.free_path, gas.clock.in_window, gas.clock.local_collisions, distance, collisions,
         events, total_of(TALLY.event_squares, gas),
     )  # fmt: skip
+    if ti.static(gas.uses.forced):
+        gas.clock.recent = ti.max(gas.clock.end - gas.clock.begin, 0.5 * gas.clock.recent)
+        row = ti.cast(gas.clock.acted, ti.i32)
+        while kick_time(row, gas) <= gas.scale.window:
+            row += 1
+        gas.clock.acted = ti.cast(row, ti.f64)
     gas.clock.begin = gas.clock.end
     gas.clock.overhang = gas.total.overhang
     gas.grid.part = 1 - gas.grid.part
@@ -105,6 +112,10 @@ def plan(gas: ti.template()):
         wall_speed += fastest_piston(gas)
     length = window_length(mean_square, fastest2, gas.clock.path, gas.clock.tile_side, pull, wall_speed)
     length = ti.min(length, gas.clock.longest)
+    if ti.static(
+        gas.uses.forced
+    ):  # which may make disks faster: a window lasts not much longer than the last one
+        length = ti.min(length, 2.0 * gas.clock.recent + gas.clock.shortest_step)
     gas.clock.square_unit = square_unit(ti.max(fastest2, least_square(pull, length, wall_speed)))
     if ti.static(gas.uses.sheared):  # rows of tiles move against each other
         most = gas.clock.fastest + 2.0 * ti.abs(ti.cast(gas.scale.drift, ti.f64))
@@ -132,7 +143,7 @@ def set_window(gas: ti.template()):
 
 @kernel
 def plan_window(
-    commits: ti.i32, plans: ti.i32, gas: Arrays("uses grid scale clock sums counter walls tally total")
+    commits: ti.i32, plans: ti.i32, gas: Arrays("uses grid scale clock sums counter walls tally total kicks")
 ):
     """Plan a window without running it; if it `commits`, the last one is over. Without a plan, its end is known."""
     for _ in range(1):

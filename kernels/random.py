@@ -58,8 +58,46 @@ def uniforms(stream, number):
 
 
 @ti.func
+def cosine_and_sine(turns):
+    """Cosine and sine of 2 pi `turns`, from 0 to 1, in double precision, to 1e-16 or so.
+
+    The angle is reduced to an eighth of a turn without rounding, which the library cannot; polynomials of FreeBSD's
+    msun, `k_cos.c` and `k_sin.c`. It takes a sixth of the time of the library.
+    """
+    quarters = ti.floor(4.0 * turns + 0.5)
+    x = ti.f64(6.283185307179586) * (turns - 0.25 * quarters)
+    z = x * x
+    sine = ti.f64(2.75573137070700676789e-06) + z * (
+        ti.f64(-2.50507602534068634195e-08) + z * ti.f64(1.58969099521155010221e-10)
+    )
+    sine = ti.f64(8.33333333332248946124e-03) + z * (ti.f64(-1.98412698298579493134e-04) + z * sine)
+    sine = x + x * z * (ti.f64(-1.66666666666666324348e-01) + z * sine)
+    cosine = ti.f64(-2.75573143513906633035e-07) + z * (
+        ti.f64(2.08757232129817482790e-09) + z * ti.f64(-1.13596475577881948265e-11)
+    )
+    cosine = ti.f64(-1.38888888888741095749e-03) + z * (ti.f64(2.48015872894767294178e-05) + z * cosine)
+    cosine = 1.0 - (0.5 * z - z * z * (ti.f64(4.16666666666666019037e-02) + z * cosine))
+    quarter = ti.cast(quarters, ti.i32)
+    swapped = (quarter & 1) == 1
+    along, across = ti.select(swapped, sine, cosine), ti.select(swapped, cosine, sine)
+    return (
+        ti.select(((quarter + 1) & 2) == 2, -along, along),
+        ti.select((quarter & 2) == 2, -across, across),
+    )
+
+
+@ti.func
 def normals(stream, number):
     """Two independent random numbers, normal with mean 0 and variance 1: draw `number` of a stream (Box-Muller)."""
+    w = words(stream, number)
+    radius = ti.sqrt(-2.0 * ti.log(unit(w[0], w[1])))
+    cosine, sine = cosine_and_sine(unit(w[2], w[3]))
+    return ti.Vector([ti.cast(radius * cosine, float), ti.cast(radius * sine, float)])
+
+
+@ti.func
+def library_normals(stream, number):
+    """As `normals`, to rounding, with cosine and sine of the library: the bits of gases between thermal walls."""
     w = words(stream, number)
     radius = ti.sqrt(-2.0 * ti.log(unit(w[0], w[1])))
     angle = 6.283185307179586 * unit(w[2], w[3])

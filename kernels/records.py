@@ -153,18 +153,18 @@ class _SplitRow:
 
 
 class NamedNumbers:
-    """Numbers of an array by name, in the precision of the run."""
+    """Numbers of an array from a `first` one on by name, in the precision of the run."""
 
     _data_oriented = True
-    __slots__ = ("_array", "_names")
+    __slots__ = ("_array", "_first", "_names")
 
-    def __init__(self, array: Any, names: Sequence[str]) -> None:
-        self._array, self._names = array, names
+    def __init__(self, array: Any, names: Sequence[str], first: int = 0) -> None:
+        self._array, self._names, self._first = array, names, first
 
     def __getattr__(self, name: str) -> Any:
         if name not in self._names:
             raise AttributeError(f"no number {name!r}; there are {', '.join(self._names) or 'none'}")
-        return ti.cast(_at(self._array, self._names.index(name)), float)
+        return ti.cast(_at(self._array, self._first + self._names.index(name)), float)
 
     def __getitem__(self, index: Any) -> Any:
         raise KeyError(index)

@@ -84,6 +84,11 @@ def choose(name: str | None, key: str = "runtime") -> None:
         os.environ[VARIABLE] = name
 
 
+def is_loaded() -> bool:
+    """True if this process has imported its runtime, which it cannot change any more."""
+    return _loaded is not None
+
+
 def of_versions(versions: Mapping[str, str]) -> tuple[str, str]:
     """Name and version of the runtime among versions of packages."""
     return next(((name, versions[name]) for name in NAMES if name in versions), ("no runtime", ""))

@@ -39,7 +39,7 @@ from .layout import (
     SNAPSHOT,
     Uses,
 )
-from .particle import add, kind_of, largest_speed, listed_kind, note_speed, radius_of
+from .particle import add, kind_of, largest_speed, latest_partner, listed_kind, note_speed, radius_of
 from .walls.pistons import write_pistons
 
 ENDLESS = 1.0e30  # a side of a tile at an end of the box that is no periodic side
@@ -534,7 +534,7 @@ def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
         gas.hits[row].wall_collisions = gas.hits[s].wall_collisions + gas.image_info[i].wall_collisions
     if ti.static(gas.uses.partnered):
         partner = gas.hits[s].last_partner
-        last = info.last
+        last = latest_partner(i, gas)
         if last >= 0:
             partner = gas.event_info[last].id
         elif last <= FIRST_WALL:

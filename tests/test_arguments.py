@@ -129,6 +129,10 @@ ANALYSIS: dict[str, dict[str, Any]] = {
     "unwrap": {"position": np.full((3, 2, 2), 0.5), "box": SIDES, "image": np.zeros((3, 2, 2), dtype=int),
                "velocity": np.zeros((3, 2, 2)), "times": 0.0},
     "velocity_autocorrelation": {"times": TIMES, "velocity": PATHS, "origins": "all", "most_lags": 5},
+    "velocity_correlation": {"position": POINTS, "velocity": VELOCITY, "box": SIDES, "r_max": 3.0, "bins": 5,
+                             "time": 0.0},
+    "velocity_spectrum": {"position": POINTS, "velocity": VELOCITY, "box": SIDES, "k_max": 5.0, "rings": 5,
+                          "time": 0.0},
     "velocity_distribution": {"velocity": VELOCITY, "spin": SPIN, "mass": 1.0, "inertia": 1.0, "bins": 11,
                               "widest": 5.0},
 }  # fmt: skip
@@ -314,7 +318,8 @@ OTHERS: dict[ModuleType, set[str]] = {
     theory: {"CoolingRatio", "MixtureTemperatures", "Prediction", "ShearModes"},
     analysis: {"BinAverages", "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
                "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients",
-               "StructureFactor", "VelocityDistribution", "mean_fields", "profiles"},
+               "StructureFactor", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "mean_fields",
+               "profiles"},
     ifrdem.forces: {"normals", "uniforms"},
     ifrdem.observables: {"Measure", "Stress"},
     # Functions of fits, files and gases are below.

@@ -22,7 +22,8 @@ MADE_BY_FUNCTIONS = {
     "BinAverages", "Local", "MeanStress", "Measure", "Stress",
     "MixtureTemperatures", "Prediction", "ShearModes", "CoolingRatio", "Clusters", "ContactValue",
     "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts", "PairCorrelation", "Pressure", "RatioFit",
-    "SonineCoefficients", "StructureFactor", "VelocityDistribution", "Data", "Design", "Estimate", "Fit", "Fitted",
+    "SonineCoefficients", "StructureFactor", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum",
+    "Data", "Design", "Estimate", "Fit", "Fitted",
     "Interval", "Law",
     "History", "Bodies", "DiskBody", "Hit", "WallBody",
 }  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import pydoc
 import re
@@ -24,6 +25,7 @@ from ifrdem import Trajectory, analysis
 from ifrdem.case import report, shipped, template
 from ifrdem.case.case import CaseSections
 from ifrdem.case.gas import CaseGas
+from ifrdem.case.messages import models_in
 from ifrdem.cases import gallery
 from ifrdem.cli import main as cli
 from ifrdem.cli import program
@@ -79,18 +81,27 @@ def commands(capsys: pytest.CaptureFixture[str]) -> set[str]:
     return listed
 
 
-def test_readme_and_manual_list_the_same_commands(capsys: pytest.CaptureFixture[str]) -> None:
-    listed = set(re.findall(r"^\| `ifrdem (\w+)", (ROOT / "README.md").read_text(), flags=re.MULTILINE))
-    assert len(listed) >= 19
-    assert listed == commands(capsys)
+def test_readme_lists_eight_commands_of_the_manual(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = re.findall(r"^\| `ifrdem (\w+)", (ROOT / "README.md").read_text(), flags=re.MULTILINE)
+    assert len(listed) == 8
+    assert set(listed) <= commands(capsys)
+    assert cli.main(["--help"]) == 0
+    groups = re.findall(r"^│ (\w+) ", capsys.readouterr().out, flags=re.MULTILINE)
+    assert set(groups) == commands(capsys)
 
 
 def test_readme_is_short_and_its_links_lead_to_files() -> None:
     text = (ROOT / "README.md").read_text()
-    assert len(text.splitlines()) < 220
+    assert len(text.splitlines()) < 150
     targets = [target for target in re.findall(r"\]\(([^)]+)\)", text) if not target.startswith("https://")]
-    assert len(targets) > 20
+    assert len(targets) > 12
     assert [target for target in targets if not (ROOT / target).is_file()] == []
+
+
+def test_index_links_to_every_page_of_the_manual() -> None:
+    targets = re.findall(r"\]\(([\w-]+\.md)\)", page("index.md"))
+    pages = {path.name for path in (ROOT / "ifrdem" / "docs").glob("*.md")} - {"index.md"}
+    assert sorted(targets) == sorted(pages)  # each once
 
 
 def test_docs_shows_every_page_and_suggests_near_spellings() -> None:
@@ -108,6 +119,52 @@ def test_docs_shows_every_page_and_suggests_near_spellings() -> None:
 def test_docs_is_a_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["docs", "glossary"]) == 0
     assert capsys.readouterr().out.startswith("# Glossary\n")
+
+
+def test_docs_case_has_every_key_with_type_unit_default_and_range() -> None:
+    text = program.page("case")
+    assert "- `t_end`: number [s]; optional; > 0. " in text
+    assert "- `seed`: integer; default 0; >= 0; < 2^63. " in text
+    assert '- `device`: "cpu", "cuda"; default "cpu". ' in text
+    assert "- `shear_rate`: number [1/s]; default 0.0. " in text
+    assert "- `center`: list of numbers [m]; required. " in text
+    written = set(re.findall(r"^- `(\w+)`: ", text, flags=re.MULTILINE))
+    models, expected = [CaseSections], set()
+    while models:
+        model = models.pop()
+        for key, field in model.model_fields.items():
+            models += models_in(field.annotation)
+            if model is not CaseSections:
+                expected.add(key)
+    assert written == expected
+
+
+def test_docs_api_has_every_public_name_with_signature_and_first_line() -> None:
+    text = program.page("api")
+    for name in dir(ifrdem):
+        value = getattr(ifrdem, name)
+        if inspect.isclass(value) or inspect.isfunction(value):
+            first = (inspect.getdoc(value) or "").partition("\n")[0]
+            assert re.search(rf"^- `ifrdem\.{name}[(`].*: {re.escape(first)}$", text, flags=re.MULTILINE), (
+                name
+            )
+    assert "- `ifrdem.Box(lengths, periodic=(True, True), shear_rate=0.0)`: " in text
+    assert "    - `wrap(position, time=0.0)`: " in text
+    assert "- `ifrdem.forces.Langevin(" in text
+    assert " at 0x" not in text
+
+
+def test_gases_of_other_codes_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "gas.toml").write_text(block("from lammps"))
+    assert cli.main(["check", "gas.toml"]) == 0
+    assert "2025" in capsys.readouterr().out
+    small = block("from hoomd").replace("t_end=10.0, frames=100", "t_end=0.5, frames=4")
+    exec(compile(small, "coming-from.md", "exec"), {})
+    with Trajectory("gas.h5") as run:
+        assert (len(run), run.n, run[-1].time) == (5, 2000, 0.5)
 
 
 def test_measured_figures_have_a_date_and_the_command_that_repeats_them() -> None:
@@ -275,6 +332,25 @@ def test_from_file_to_figure_runs_as_shown(
         value > error > 0.0 for value, error in t_H
     )  # none where Haff's law does not describe so few coins
     assert (tmp_path / "velocities.png").is_file()
+
+
+def test_profiles_and_fields_run_as_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for command in block("profiles").splitlines():
+        words = command.replace("run.t_end=600", "run.t_end=40").split()[1:]
+        small = ["--set", "output.frames=160", "--no-picture"] if words[0] == "run" else []
+        assert cli.main([*words, *small]) == 0
+    assert (tmp_path / "thermal_walls-profiles.png").is_file()
+    for name, rows in (("profiles", 25), ("fields", 400)):
+        text = (tmp_path / "thermal_walls-analysis" / f"thermal_walls-{name}.csv").read_text()
+        assert text.count("\n") == rows + 1
+    capsys.readouterr()
+    exec(compile(block("profiles-python"), "analysis.md", "exec"), {})
+    temperature, error, _ = (float(one) for one in capsys.readouterr().out.split())
+    assert 0.0 < error < 0.3
+    assert temperature == pytest.approx(2.3, abs=0.5)  # between the walls' 4 and 1
 
 
 def test_table_of_analyses_lists_what_there_is() -> None:

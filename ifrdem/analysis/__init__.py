@@ -18,6 +18,7 @@ from .displacement import (
     velocity_autocorrelation,
 )
 from .fields import Fields, coarse_grain
+from .flow import VelocityCorrelation, VelocitySpectrum, velocity_correlation, velocity_spectrum
 from .impact import Impacts, impacts
 from .pressure import Pressure, compressibility, contact_from_rate, pressure_from_impulses
 from .stress import MeanStress, mean_stress
@@ -42,11 +43,11 @@ from .velocities import (
 )
 
 __all__ = [
-    "BinAverages", "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
-    "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients",
-    "StructureFactor", "VelocityDistribution", "clusters", "coarse_grain", "compressibility", "contact_from_rate",
-    "contact_value", "correlation_time", "diffusion_coefficient", "gaussian", "haff_fit", "hexatic", "impacts",
-    "mean_fields", "mean_square_displacement", "mean_stress", "mean_with_error", "pair_correlation",
-    "pressure_from_impulses", "profiles", "ratio_fit", "sonine_density", "structure_factor", "unwrap",
-    "velocity_autocorrelation", "velocity_distribution",
+    "BinAverages", "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
+    "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
+    "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "clusters", "coarse_grain", "compressibility",
+    "contact_from_rate", "contact_value", "correlation_time", "diffusion_coefficient", "gaussian", "haff_fit",
+    "hexatic", "impacts", "mean_fields", "mean_square_displacement", "mean_stress", "mean_with_error",
+    "pair_correlation", "pressure_from_impulses", "profiles", "ratio_fit", "sonine_density", "structure_factor",
+    "unwrap", "velocity_autocorrelation", "velocity_correlation", "velocity_distribution", "velocity_spectrum",
 ]  # fmt: skip

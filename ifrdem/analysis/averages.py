@@ -346,8 +346,8 @@ def free_range(trajectory: Trajectory, axis: str, used: Sequence[int]) -> tuple[
         walls = [wall for wall in trajectory.walls if wall.shape in ("container", "post")]
         low = max((wall.radius for wall in walls if wall.shape == "post"), default=0.0)
         inner = [wall.radius for wall in walls if wall.shape == "container"]
-        sides = [] if trajectory.box.is_open else [*center, *(trajectory.box.lengths - center)]
-        high = float(min([*inner, *sides], default=math.inf)) if not inner else min(inner)
+        high = float(min(inner or [*center, *(trajectory.box.lengths - center)]))
+        high = math.inf if trajectory.box.is_open and not inner else high
     else:
         k = "xy".index(axis)
         bounds = [_free_area(trajectory[i]).bounds() for i in _sampled(trajectory, used)]
@@ -369,9 +369,10 @@ def _sampled(trajectory: Trajectory, used: Sequence[int]) -> list[int]:
 
 
 def _free_area(frame: Frame) -> FreeArea:
-    """The area that walls leave in a frame; gates count as open."""
-    fixed = tuple(wall for wall in frame.walls if not wall.gated)
-    return FreeArea(frame.trajectory.box, fixed, frame.time)
+    """The area that walls leave in a frame; gates count as open. In an open box walls take nothing."""
+    box = frame.trajectory.box
+    fixed = () if box.is_open else tuple(wall for wall in frame.walls if not wall.gated)
+    return FreeArea(box, fixed, frame.time)
 
 
 def _blocks(used: Sequence[int]) -> list[Any]:
@@ -483,10 +484,10 @@ def _collisions(trajectory: Trajectory, bins: Bins, areas: Array, ends: Array, *
     else:
         for event in _events(trajectory, rows, first, last):
             block = np.clip(np.searchsorted(ends, event["time"], side="left") - 1, 0, blocks - 1)
-            start_, line, p, energy = _carried(trajectory, event)
-            pieces = bins.pieces(start_, line)
+            of_event, begin, line, p, energy = _carried(trajectory, event)
+            pieces = bins.pieces(begin, line)
             at = pieces.line
-            index = block[at % len(block)] * n + pieces.bin
+            index = block[of_event[at]] * n + pieces.bin
             weight = pieces.share * (disks.n_movable / movable)
             p_, line_ = (bins.components(pieces.middle, one[at]) for one in (p, line))
             for k, (a, b) in enumerate(np.ndindex(2, 2)):
@@ -513,24 +514,24 @@ def _events(trajectory: Trajectory, rows: int, first: float, last: float) -> Ite
             yield {name: column[used] for name, column in found.items()}
 
 
-def _carried(trajectory: Trajectory, event: Mapping[str, Any]) -> tuple[Array, Array, Array, Array]:
-    """Begin, line, momentum and energy that a disk gives in each collision, from its centre to the contact.
+def _carried(trajectory: Trajectory, event: Mapping[str, Any]) -> tuple[Any, Array, Array, Array, Array]:
+    """Lines along which disks give momentum and energy in collisions: event, begin, line, momentum and energy of each.
 
-    To an immovable disk momentum goes on to its centre: a second line for each, of length 0 where there is none.
+    From the disk's centre to the contact; and to an immovable disk, momentum goes on to its centre.
     """
-    disks, ids = trajectory.disks, event["id"]
+    disks, ids, partner = trajectory.disks, event["id"], event["partner"]
     m, before, after = disks.mass[ids], event["velocity_before"], event["velocity_after"]
     p = m[:, None] * (before - after)
     energy = 0.5 * m * np.sum(before**2 - after**2, axis=1)
     energy += 0.5 * disks.inertia[ids] * (event["spin_before"] ** 2 - event["spin_after"] ** 2)
     line = disks.radius[ids][:, None] * event["normal"]
-    partner = event["partner"]
-    fixed = (partner >= 0) & ~disks.movable[partner]
-    on = np.where(fixed, disks.radius[partner], 0.0)[:, None] * event["normal"]
-    start = event["position"]
+    fixed = np.flatnonzero((partner >= 0) & ~disks.movable[np.maximum(partner, 0)])
+    contact = event["position"][fixed] + line[fixed]
+    onward = disks.radius[partner[fixed]][:, None] * event["normal"][fixed]
     return (
-        np.concatenate((start, start + line)), np.concatenate((line, on)), np.concatenate((p, p)),
-        np.concatenate((energy, np.zeros_like(energy))),
+        np.concatenate((np.arange(len(ids)), fixed)), np.concatenate((event["position"], contact)),
+        np.concatenate((line, onward)), np.concatenate((p, p[fixed])),
+        np.concatenate((energy, np.zeros(len(fixed)))),
     )  # fmt: skip
 
 

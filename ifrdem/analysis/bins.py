@@ -96,7 +96,7 @@ class Bins(Brief, ABC):
         return found._replace(disk=which[found.disk])
 
     def pieces(self, start: Array, vector: Array, time: float = 0.0) -> LinePieces:
-        """Pieces of the lines from `start` to `start + vector` [length], (n, 2), in bins."""
+        """Pieces of the lines from `start` to `start + vector` [length], (n, 2), which have a length, in bins."""
         low, high = np.minimum(vector, 0.0), np.maximum(vector, 0.0)
         which, moved = self._copies(start, low, high, time)
         step = vector[which]
@@ -306,13 +306,15 @@ class Rings(_Along):
         return area_within(coordinate, radius, edge)
 
     def areas(self, free_area: FreeArea) -> Array:
+        if self.box.is_open:
+            return np.asarray(np.pi * np.diff(self.edges[0] ** 2))
         return free_area.rings(self.center, self.edges[0])
 
     def cuts(self, start: Array, vector: Array) -> Iterator[Array]:
         away = start - self.center
         square = np.sum(vector**2, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            nearest = np.clip(-np.sum(away * vector, axis=1) / square, 0.0, 1.0)
+            nearest = np.nan_to_num(np.clip(-np.sum(away * vector, axis=1) / square, 0.0, 1.0))
             low = np.hypot(*(away + nearest[:, None] * vector).T)
             high = np.maximum(np.hypot(*away.T), np.hypot(*(away + vector).T))
             middle = -np.sum(away * vector, axis=1) / square

@@ -15,6 +15,7 @@ from ..errors import InputError
 from ..model.laws.ifr import IFRLaw
 from ..model.laws.walton import Walton
 from ..model.observables import STRESS_SERIES
+from ..theory.sonine import cooling_sonine
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
@@ -30,6 +31,7 @@ from . import (
     steadiness,
     structure,
     velocities,
+    vortices,
 )
 from . import result as stored
 from . import stress as stresses
@@ -44,7 +46,7 @@ BINS = 81
 """Of distributions of velocities and spins."""
 MOST_SPECIES = 4
 """Above which g(r) is not divided into those of pairs of species."""
-SONINE = ("a20", "a02", "a11")
+SONINE = ("a20", "a02", "a11", "a30", "a03", "a21", "a12")
 Indices = NDArray[np.intp]
 
 
@@ -58,6 +60,9 @@ def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
     table: Columns = {}
     changes: list[steadiness.Change] = []
     left_out: list[str] = []
+    by_frame: Columns = {"time": trajectory.times[used]}
+    if "collisions" in trajectory.observables:
+        by_frame["collisions_per_disk"] = trajectory.observables["collisions_per_disk"][used]
 
     def distribution(which: Indices, frames: Sequence[int], bins: int) -> velocities.VelocityDistribution:
         names = ("peculiar_velocity", "spin")
@@ -76,6 +81,11 @@ def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
             left_out.append(f"no distribution{of}: {error}" if of else str(error))
             continue
         rows += [Reading(f"{label}{of}", *coefficient(found, label)) for label in SONINE]
+        rows += [
+            Reading(f"disks with |c| > {c:g} over those of a Gaussian{of}", *part)
+            for c, part in found.tail.items()
+        ]
+        by_frame |= _sonine_over_frames([distribution(which, [i], 1) for i in used], mark)
         if len(used) > 1:
             early, late = (distribution(which, half, 1) for half in steadiness.halves(used))
             for label in SONINE:
@@ -87,13 +97,25 @@ def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         table |= {f"{name}{mark}": getattr(found, columns[name]) for name in order}
     if not results:
         raise InputError("; ".join(left_out))
+    if (
+        motion.own_time(trajectory, used) is not None
+        and (e_n := motion.smooth_restitution(trajectory)) is not None
+    ):
+        rows.append(Reading("a20 by kinetic theory (homogeneous cooling)", cooling_sonine(e_n)))
     notes = [f"of {name}" for name in results if "together" in name] + left_out
     notes += ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
     notes += stored.drift(trajectory, all_frames(trajectory, None)).notes(
         trajectory, "c and T are relative to its mean velocity"
     )
     warnings = steadiness.warnings(changes)
-    return Evaluation(results, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
+    tables = {"": table, "frames": by_frame}
+    return Evaluation(results, rows, tables, notes, times(trajectory, used), warnings, len(used))
+
+
+def _sonine_over_frames(found: Sequence[velocities.VelocityDistribution], mark: str) -> Columns:
+    """Coefficients of single frames, and their errors."""
+    names = [f"{label}{end}" for label in SONINE for end in ("", "_error")]
+    return {f"{name}{mark}": np.array([getattr(one.sonine, name) for one in found]) for name in names}
 
 
 def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
@@ -661,6 +683,8 @@ ANALYSES = {
     "pressure": Analysis("pressure", of_pressure),
     "stress": Analysis("pressure tensor", of_stress),
     "cooling": Analysis("Haff's law and the ratio of temperatures", of_cooling),
+    "velocity-correlation": Analysis("velocities of two disks at a distance", vortices.of_correlation),
+    "vorticity": Analysis("spectrum of the velocity field", vortices.of_spectrum),
     "species": Analysis("temperatures of species and their ratios", species.of_species),
     "impact": Analysis("angles of impact and regimes", of_impact),
 }

@@ -77,7 +77,7 @@ def _plan(trajectory: Trajectory, frames: Sequence[int] | None, consequence: str
             "cannot check if the gas is stationary: the file holds neither temperatures nor velocities"
         )
     if T is not None and not is_stationary(T):
-        tau = _own_time(trajectory, used)
+        tau = own_time(trajectory, used)
         if tau is not None and T[-1] < T[0]:
             even = _even(tau)
             text = "all origins" if even else "the first frame only: frames are not evenly spaced in tau"
@@ -100,7 +100,7 @@ def _even(clock: Array) -> bool:
     return bool(np.ptp(step) <= displacement.EVEN * np.mean(step))
 
 
-def _own_time(trajectory: Trajectory, used: Sequence[int]) -> Array | None:
+def own_time(trajectory: Trajectory, used: Sequence[int]) -> Array | None:
     """Collisions per disk at frames of a gas in a periodic box without driving; None of others, and if not known."""
     box, observables = trajectory.box, trajectory.observables
     if box.is_open or box.shear_rate or trajectory.free_area.all_walls or "collisions" not in observables:
@@ -182,7 +182,7 @@ def thermal_path(when: Array, tau: Array, speed: Array) -> float:
     return float(mean @ np.diff(when) / (tau[-1] - tau[0]))
 
 
-def _smooth_restitution(trajectory: Trajectory) -> float | None:
+def smooth_restitution(trajectory: Trajectory) -> float | None:
     """e_n of equal smooth disks in a gas that kinetic theory knows; None for others."""
     gas = gas_of(trajectory)
     if isinstance(gas, str) or gas.kinds > 1:
@@ -226,7 +226,7 @@ def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     results: dict[str, Displacement] = {}
     rows: list[Reading] = []
     table: Columns = {}
-    e_n = _smooth_restitution(trajectory) if plan.tau is not None else None
+    e_n = smooth_restitution(trajectory) if plan.tau is not None else None
     for name, ids in groups.items():
         of, mark = _marks(groups, name)
         found = displacement.mean_square_displacement(
@@ -325,6 +325,6 @@ def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
         table |= {plan.column: found.lag, f"vacf{mark}": found.value, f"error{mark}": found.error}
     if plan.tau is not None:
         notes.append("velocities over sqrt(<v^2>) of each frame; lags in collisions per disk")
-        if (e_n := _smooth_restitution(trajectory)) is not None:
+        if (e_n := smooth_restitution(trajectory)) is not None:
             rows.append(Reading("decay by kinetic theory, collisions per disk", self_diffusion(e_n)))
     return Evaluation(results, rows, {"": table}, notes, times(trajectory, used), plan.warnings, len(used))

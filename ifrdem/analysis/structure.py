@@ -275,12 +275,24 @@ class StructureFactor(Brief, ResultPlot):
 def mode_intensities(
     position: Array, box: Box, modes: tuple[int, int], *, stride: int = 1, time: float = 0.0
 ) -> tuple[Array, Array]:
-    """Vectors k that the box allows [1/length], shape (2 a + 1, 2 b + 1, 2), and |sum_j exp(-i k r_j)|^2 / n at them.
+    """Vectors k that the box allows [1/length], as `mode_amplitudes`, and |sum_j exp(-i k r_j)|^2 / n at them."""
+    k, amplitude = mode_amplitudes(
+        position, np.ones(len(position)), box, modes, stride=stride, time=time, what="S(k)"
+    )
+    return k, np.abs(amplitude) ** 2 / len(position)
 
+
+def mode_amplitudes(
+    position: Array, weight: Array, box: Box, modes: tuple[int, int], *, stride: int = 1, time: float = 0.0,
+    what: str = "a spectrum",
+) -> tuple[Array, NDArray[np.complex128]]:  # fmt: skip
+    """Vectors k that the box allows [1/length], shape (2 a + 1, 2 b + 1, 2), and sum_j w_j exp(-i k r_j) at them.
+
+    Weights w are of shape (n,) or, for several sums, (m, n), which gives sums of shape (m, 2 a + 1, 2 b + 1).
     k = 2 pi stride (i / Lx, j / Ly) with i from -a to a and j from -b to b, `modes` = (a, b), by finufft to 1e-9. The
     lattice of a sheared box is skewed: k_y changes by -k_x times the shift of the image above over Ly.
     """
-    finufft = load("finufft", "S(k)")
+    finufft = load("finufft", what)
     (width, height), (a, b) = box.lengths, modes
     shift = box.image_above(time) if box.shear_rate else 0.0
     shift -= width if shift > 0.5 * width else 0.0
@@ -288,17 +300,23 @@ def mode_intensities(
     # Multiples of the stride repeat themselves in a stride-th of the box.
     phase = [2.0 * np.pi * ((stride * part) % 1.0) - np.pi for part in (x / width, position[:, 1] / height)]
     amplitude = finufft.nufft2d1(
-        phase[0], phase[1], np.ones(len(position), dtype=complex), (2 * a + 1, 2 * b + 1), isign=-1, eps=1e-9
+        phase[0],
+        phase[1],
+        np.ascontiguousarray(weight, dtype=complex),
+        (2 * a + 1, 2 * b + 1),
+        isign=-1,
+        eps=1e-9,
     )
     i, j = np.meshgrid(np.arange(-a, a + 1), np.arange(-b, b + 1), indexing="ij")
     k_x = 2.0 * np.pi * stride / width * i
     k_y = 2.0 * np.pi * stride / height * j - k_x * (shift / height)
-    return np.stack((k_x, k_y), axis=-1), np.abs(amplitude) ** 2 / len(position)
+    return np.stack((k_x, k_y), axis=-1), amplitude
 
 
-def _check_periodic(box: Box) -> None:
+def check_periodic(box: Box) -> None:
+    """Raise InputError unless the box is periodic along both axes."""
     if box.is_open or not all(box.periodic):
-        raise InputError(f"box = {box}: must be periodic along x and y for S(k)")
+        raise InputError(f"box = {box}: must be periodic along x and y for spectra and S(k)")
 
 
 @validated
@@ -338,7 +356,7 @@ def structure_factor(
     >>> bool(abs(found.S[-1] - 1.0) < 0.2)  # points at random: 1
     True
     """
-    _check_periodic(box)
+    check_periodic(box)
     lengths = np.array(box.lengths)
     least = 2.0 * np.pi / lengths.max()
     if not k_max > least:

@@ -14,17 +14,26 @@ from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import Positions, Spins
 
+TAIL = (2.0, 3.0)
+"""Speeds |c| above which disks are counted."""
+
 
 @dataclass(frozen=True)
 class SonineCoefficients:
-    """Fourth cumulants of velocities and spins of disks, 0 for independent Gaussians, with their standard errors.
+    """Coefficients of velocities and spins of disks, 0 for independent Gaussians, with their standard errors.
 
     With c = v / sqrt(2 T / m) and w = omega / sqrt(2 T_rot / I), the coefficients of the expansion of the distribution
-    in Sonine (Laguerre) polynomials that belong to c^4, w^4 and c^2 w^2::
+    in Sonine (Laguerre) polynomials that belong to c^4, w^4 and c^2 w^2, and to the products of sixth order::
 
         a20 = <v^4> / (2 <v^2>^2) - 1
         a02 = <omega^4> / (3 <omega^2>^2) - 1
         a11 = <v^2 omega^2> / (<v^2> <omega^2>) - 1
+        a30 = 1 + 3 a20 - <v^6> / (6 <v^2>^3)
+        a03 = 1 + 3 a02 - <omega^6> / (15 <omega^2>^3)
+        a21 = 1 + a20 + 2 a11 - <v^4 omega^2> / (2 <v^2>^2 <omega^2>)
+        a12 = 1 + a02 + 2 a11 - <v^2 omega^4> / (3 <v^2> <omega^2>^2)
+
+    The first three are also known as a_2, b_2 and c_2 or b (translational, rotational, cross); a30 is a_3.
 
     These are the definitions of A. Santos, G. M. Kremer and M. dos Santos, Phys. Fluids 23, 030604 (2011),
     arXiv:1009.6180, for spheres, <c^4> = d (d + 2) (1 + a20) / 4, at two components of v and one of omega, as
@@ -35,7 +44,7 @@ class SonineCoefficients:
 
     Attributes
     ----------
-    a20, a02, a11, a20_error, a02_error, a11_error : float
+    a20, a02, a11, a30, a03, a21, a12, and each with _error : float
         The coefficients, nan for what does not move; and their standard errors, to first order in them. Disks count as
         independent of one another, frames do not: a disk's contributions are summed over the frames first. Of n disks
         of a Gaussian gas in one frame they are 1 / sqrt(n), sqrt(8 / (3 n)) and sqrt(2 / n). Where velocities are
@@ -49,6 +58,14 @@ class SonineCoefficients:
     a02_error: float
     a11: float
     a11_error: float
+    a30: float
+    a30_error: float
+    a03: float
+    a03_error: float
+    a21: float
+    a21_error: float
+    a12: float
+    a12_error: float
     disks: int
     frames: int
 
@@ -69,6 +86,8 @@ class VelocityDistribution(Brief, ResultPlot):
     where
     nothing spins; shape (bins,)."""
     sonine: SonineCoefficients
+    tail: dict[float, tuple[float, float]]
+    """Part of the disks with |c| above each of `TAIL`, over exp(-c^2) of a Gaussian gas, and its standard error."""
 
 
 @validated
@@ -160,7 +179,8 @@ def velocity_distribution(
         if T2_rot > 0.0:
             spin_counts += np.histogram(w / np.sqrt(T2_rot), bins, (-widest, widest))[0]
             y = 2.0 * spin_square / T2_rot  # mean 1, as x
-        terms = np.stack((x, y, x * x, y * y, x * y))
+        orders = (x, y, x * x, y * y, x * y, x**3, y**3, x * x * y, x * y * y)
+        terms = np.stack((*orders, *(x > c**2 for c in TAIL)))
         sums = terms if sums is None else sums + terms
         frames += 1
     if sums is None:
@@ -171,8 +191,13 @@ def velocity_distribution(
     density, error = _density(counts, 2 * n * frames, width)
     spin_density, spin_error = _density(spin_counts, spins, width)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    sonine = _sonine(sums / frames, frames)
-    return VelocityDistribution(middle, density, error, middle, spin_density, spin_error, sonine)
+    means = sums / frames
+    sonine = _sonine(means[: -len(TAIL)], frames)
+    tail = {
+        c: (float(part.mean()) * np.exp(c**2), float(np.std(part, ddof=1)) * np.exp(c**2) / np.sqrt(n))
+        for c, part in zip(TAIL, means[-len(TAIL) :], strict=True)
+    }
+    return VelocityDistribution(middle, density, error, middle, spin_density, spin_error, sonine, tail)
 
 
 def _density(counts: Array, total: int, width: float) -> tuple[Array, Array]:
@@ -183,16 +208,29 @@ def _density(counts: Array, total: int, width: float) -> tuple[Array, Array]:
 
 
 def _sonine(means: Array, frames: int) -> SonineCoefficients:
-    """Coefficients and errors from each disk's means over frames of x, y, x^2, y^2, x y; <x> = <y> = 1."""
-    x, y, xx, yy, xy = means
+    """Coefficients and errors from each disk's means over frames of x, y and their products; <x> = <y> = 1."""
+    x, y, xx, yy, xy, xxx, yyy, xxy, xyy = means
     n = len(x)
 
     def estimate(q: Array, influence: Array) -> tuple[float, float]:
         """The mean of q, less 1, and the error that the spread of each disk's influence on it makes."""
         return float(q.mean() - 1.0), float(np.std(influence, ddof=1) / np.sqrt(n))
 
+    def moment(q: Array, power_x: int, power_y: int) -> Array:
+        """Influence of each disk on a moment over powers of <x> and <y>: at 1, those fall off by their exponents."""
+        influence: Array = q - np.mean(q) * sum(
+            power * each for power, each in ((power_x, x), (power_y, y)) if power
+        )
+        return influence
+
     # d(m4 / m2^2) = dm4 - 2 m4 dm2 at m2 = 1, and so for the mixed one.
-    a20 = estimate(0.5 * xx, 0.5 * xx - 2.0 * np.mean(0.5 * xx) * x)
-    a02 = estimate(yy / 3.0, yy / 3.0 - 2.0 * np.mean(yy / 3.0) * y)
-    a11 = estimate(xy, xy - np.mean(xy) * (x + y))
-    return SonineCoefficients(*a20, *a02, *a11, disks=n, frames=frames)
+    i20, i02, i11 = moment(0.5 * xx, 2, 0), moment(yy / 3.0, 0, 2), moment(xy, 1, 1)
+    second = estimate(0.5 * xx, i20), estimate(yy / 3.0, i02), estimate(xy, i11)
+    sixth = (  # of each: what it is, and the influence
+        (1.5 * xx - xxx / 6.0, 3.0 * i20 - moment(xxx / 6.0, 3, 0)),
+        (yy - yyy / 15.0, 3.0 * i02 - moment(yyy / 15.0, 0, 3)),
+        (0.5 * xx + 2.0 * xy - 0.5 * xxy, i20 + 2.0 * i11 - moment(0.5 * xxy, 2, 1)),
+        (yy / 3.0 + 2.0 * xy - xyy / 3.0, i02 + 2.0 * i11 - moment(xyy / 3.0, 1, 2)),
+    )
+    found = [(value - 1.0, error) for value, error in (estimate(*each) for each in sixth)]
+    return SonineCoefficients(*itertools.chain(*second, *found), disks=n, frames=frames)

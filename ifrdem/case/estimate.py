@@ -96,20 +96,40 @@ def cost_of_ratio(ratio: float) -> float:
     return float(np.interp(math.log(ratio), np.log(list(COST_OF_RATIO)), list(COST_OF_RATIO.values())))
 
 
-STEP_SECONDS, STEP_SECONDS_PER_DISK = 3e-3, 5e-7
-"""Time of one thread for a step of forces: a window of its own, and each disk. Measured 2026-11-26, for 100 and 10,000
-disks with random forces, a thermostat, and both random forces and drag."""
+STEP_SECONDS, STEP_SECONDS_PER_DISK = 8e-4, 3e-7
+"""Time of one thread for a step of forces that ends a window: for the window, and for each disk."""
+SEARCH_SECONDS = 8e-8
+"""Time of one thread for each disk in a step of forces within a window, after which all look for collisions again."""
+FORCE_SECONDS = {
+    "drag": 2e-8, "langevin": 7e-8, "random_torque": 4e-8, "random_force": 1.2e-7, "table_friction": 9.5e-7,
+}  # fmt: skip
+"""The same for the force itself, by its kind. Measured 2026-11-26, as those above, for 1,000 and 4,000 disks at
+phi = 0.3 in steps of 0.05 mean free times (`results/forces.md`)."""
+ENDS_WINDOW = "rescale"
+"""Kind of a force that ends windows, for it needs sums over all disks at that time."""
 
 
-def step_seconds(steps: float, n: int, threads: int) -> float:
-    """Time [s] that so many steps of forces take; one step, however many forces act at it.
+def step_seconds(steps: Mapping[str, Mapping[float, float]], n: int, threads: int) -> float:
+    """Time [s] of one or more threads for steps of forces on n disks: their number by kind and length of the step.
+
+    Forces that act at the same times search once. Where `rescale` acts, all that do end a window.
 
     Examples
     --------
-    >>> round(step_seconds(1000, 100, 1), 2), round(step_seconds(1000, 100_000, 1))
-    (3.05, 53)
+    >>> round(step_seconds({"rescale": {0.1: 1000}}, 100, 1), 2), round(step_seconds({"drag": {0.1: 1000}}, 100, 1), 3)
+    (0.83, 0.01)
     """
-    return steps * (STEP_SECONDS + n * STEP_SECONDS_PER_DISK / (0.9 * threads + 0.1))
+    ending, shared = steps.get(ENDS_WINDOW, {}), 1.0
+    if n > columns.SINGLE_TILE:
+        shared = IN_TILES / (0.9 * threads + 0.1)
+    found = sum(ending.values()) * (STEP_SECONDS + n * STEP_SECONDS_PER_DISK / (0.9 * threads + 0.1))
+    searches: dict[float, float] = {}
+    for kind, given in steps.items():
+        for step, number in given.items():
+            if kind != ENDS_WINDOW and step not in ending:
+                found += number * n * FORCE_SECONDS[kind] * shared
+                searches[step] = number
+    return found + sum(searches.values()) * n * SEARCH_SECONDS * shared
 
 
 LAUNCH_SECONDS = 3.5e-3
@@ -217,7 +237,7 @@ class RunEstimate:
     frames: int  # at most
     rows: int  # of the time series, at most
     tracked: int  # disks with histories
-    force_steps: float  # times at which forces act; nan where the end is not known
+    force_steps: Mapping[str, Mapping[float, float]]  # by kind and length; nan where the end is not known
 
     def computed(self, n: int) -> float:
         """Collisions that are computed: tiles compute a window once more for each frame in it."""
@@ -225,7 +245,7 @@ class RunEstimate:
 
     def seconds(self, gas: CaseGas, threads: int) -> float:
         """Time [s] of a run: collisions, windows, force steps, frames and output; nan where the end is not known."""
-        n, steps = gas.n, 0.0 if not gas.case.force else self.force_steps
+        n, ending = gas.n, sum(self.force_steps.get(ENDS_WINDOW, {}).values())
         windows = self.collisions / (WINDOW_COLLISIONS * n) if self.collisions > 0.0 else 0.0
         if gas.box.shear_rate:
             windows = abs(gas.box.shear_rate) * (self.end_time - gas.begin[0]) / WINDOW_STRAIN
@@ -235,7 +255,7 @@ class RunEstimate:
             collisions = cost_of_ratio(ratio) * run_seconds(
                 self.computed(n), n, self.packing_fraction, threads
             )
-        others = max(windows - steps, 0.0) * LAUNCH_SECONDS + step_seconds(steps, n, threads)
+        others = max(windows - ending, 0.0) * LAUNCH_SECONDS + step_seconds(self.force_steps, n, threads)
         return collisions + others + output_seconds(self.frames, self.file_bytes)
 
     @classmethod
@@ -280,8 +300,16 @@ class RunEstimate:
             frames=frames,
             rows=rows,
             tracked=tracked,
-            force_steps=math.fsum(steps),
+            force_steps=_steps(case, end - begin),
         )
+
+
+def _steps(case: CaseSections, duration: float) -> dict[str, dict[float, float]]:
+    """Steps of forces in a run of this duration [time], by kind and length."""
+    found: dict[str, dict[float, float]] = {}
+    for force in case.force:
+        found.setdefault(force.kind, {})[force.step] = duration / force.step
+    return found
 
 
 def _only_cools(gas: CaseGas) -> bool:

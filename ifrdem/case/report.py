@@ -21,9 +21,10 @@ from ..model.walls.wall import Wall
 from ..mpi.distribution import GATHERED
 from ..simulation import backend
 from ..tools.progress import size_of_time
-from .case import GROWN, CaseSections
+from .case import GROWN, CaseSections, ForceSection
 from .estimate import (
     COST_OF_RATIO,
+    ENDS_WINDOW,
     OBSERVABLES,
     RankPlan,
     RunEstimate,
@@ -288,6 +289,17 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         yield ReportRow("collapse", text)
 
 
+def _when(case: CaseSections, force: ForceSection) -> str:
+    """Text that says whether a force acts within windows, and why not (`simulation/force_steps.py`)."""
+    if case.run.device != "cpu":
+        return "between windows, as all forces on a GPU"
+    if force.kind == ENDS_WINDOW:
+        return "between windows, for it needs sums over all disks"
+    if any(each.kind == ENDS_WINDOW and each.step == force.step for each in case.force):
+        return f"between windows, at the times of {ENDS_WINDOW}"
+    return "within windows"
+
+
 def _forces(case: CaseSections, estimate: RunEstimate, units: Units) -> Iterator[ReportRow]:
     """Rows on each force, and the steady state that theory expects."""
     free_times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
@@ -296,6 +308,7 @@ def _forces(case: CaseSections, estimate: RunEstimate, units: Units) -> Iterator
         values = ", ".join(f"{key} = {value:g}" for key, value in given.items())
         yield ReportRow(f"force {i}", f"{force.kind} ({values})")
         yield ReportRow(f"force {i}: step", f"{force.step:g}", units.time)
+        yield ReportRow(f"force {i}: acts", _when(case, force))
         if free_times:
             part = force.step / min(free_times)
             yield ReportRow(f"force {i}: step / shortest mean free time at the start", f"{part:.3g}")
@@ -352,10 +365,13 @@ def _cpu_time(gas: CaseGas, estimate: RunEstimate, threads: int) -> Iterator[Rep
             yield ReportRow(name, f"{most or 'about '}{size_of_time(seconds)}")
             yield ReportRow("compilation of kernels, before", COMPILING)
         elif forces:
-            per_step = (
-                f"about {1e3 * step_seconds(1.0, n, threads):.2g}, for as many as there are until the end"
+            steps = {kind: dict.fromkeys(given, 1.0) for kind, given in estimate.force_steps.items()}
+            seconds = 1e3 * step_seconds(steps, n, threads)
+            yield ReportRow(
+                "run time of a force step",
+                f"about {seconds:.2g}, for as many as there are until the end",
+                "ms",
             )
-            yield ReportRow("run time of a force step", per_step, "ms")
     if phi > 0.0:
         rate = 1e6 / run_seconds(1e6, n, phi, threads)
         yield ReportRow(

@@ -69,7 +69,7 @@ class Section(BaseModel):
     """
 
     model_config: ClassVar[ConfigDict] = ConfigDict(
-        extra="forbid", strict=True, allow_inf_nan=False, validate_assignment=True
+        extra="forbid", strict=True, allow_inf_nan=False, validate_assignment=True, defer_build=True
     )
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = ()
     choices: ClassVar[tuple[str, ...]] = ()

@@ -66,6 +66,9 @@ class Force(ReadOnlyAttributes):
         Names of the numbers that `act` and `measure` get.
     totals : int
         How many sums over all disks `act` needs; `measure` gives each disk's share of them.
+    totals_ahead : bool
+        True if `measure` reads only mass, radius, k, inertia and `step.random`, so that totals do not depend on the
+        motion. On a CPU a force that has this, or no totals, acts within windows, which is much faster.
     keeps_rest : bool
         True if a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
         goes to its end without further steps.
@@ -103,6 +106,7 @@ class Force(ReadOnlyAttributes):
 
     parameters: ClassVar[tuple[str, ...]] = ()
     totals: ClassVar[int] = 0
+    totals_ahead: ClassVar[bool] = False
     keeps_rest: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -199,6 +203,7 @@ class RandomKicks(Force):
 
     parameters = ("power", "diffusion")
     totals = 4
+    totals_ahead = True
     keeps_momentum = True
 
     @validated
@@ -308,15 +313,17 @@ class Langevin(Force):
 
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
-        left, spin_left = ti.exp(-p.rate * step.dt), ti.exp(-p.spin_rate * step.dt)
-        spread = ti.sqrt(p.temperature / disk.mass * (1.0 - left * left))
-        spin_spread = ti.sqrt(p.spin_temperature / disk.inertia * (1.0 - spin_left * spin_left))
-        kick, spin_kick = normals(step.random, 0), normals(step.random, 1)
-        return (
-            left * disk.vx + spread * kick[0],
-            left * disk.vy + spread * kick[1],
-            spin_left * disk.spin + spin_spread * spin_kick[0],
-        )
+        vx, vy, spin = disk.vx, disk.vy, disk.spin
+        if p.rate > 0.0:
+            left = ti.exp(-p.rate * step.dt)
+            spread = ti.sqrt(p.temperature / disk.mass * (1.0 - left * left))
+            kick = normals(step.random, 0)
+            vx, vy = left * vx + spread * kick[0], left * vy + spread * kick[1]
+        if p.spin_rate > 0.0:
+            left = ti.exp(-p.spin_rate * step.dt)
+            spread = ti.sqrt(p.spin_temperature / disk.inertia * (1.0 - left * left))
+            spin = left * spin + spread * normals(step.random, 1)[0]
+        return vx, vy, spin
 
 
 class Drag(Force):
@@ -368,7 +375,10 @@ class Drag(Force):
             tau = (1.0 - left) / p.rate
         speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
         factor = left / (1.0 + p.quadratic * speed * tau)
-        return factor * disk.vx, factor * disk.vy, disk.spin * ti.exp(-p.spin_rate * step.dt)
+        spin = disk.spin
+        if p.spin_rate > 0.0:
+            spin *= ti.exp(-p.spin_rate * step.dt)
+        return factor * disk.vx, factor * disk.vy, spin
 
 
 class TableFriction(Force):

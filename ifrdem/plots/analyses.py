@@ -14,7 +14,7 @@ from ..analysis.result import NOT_STATIONARY, Evaluation
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
-from . import species
+from . import species, vortices
 from .style import (
     ACROSS,
     KINDS,
@@ -525,6 +525,7 @@ PANELS = {
     "vacf": Panels(vacf), "profiles": Panels(profiles, {"nrows": 2, "ncols": 3, "sharex": True}),
     "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
     "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "stress": Panels(stress, TWO),
+    "velocity-correlation": Panels(vortices.correlation, TWO), "vorticity": Panels(vortices.spectrum, TWO),
     "cooling": Panels(cooling, TWO), "species": Panels(species.temperatures, STACKED),
     "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}),
 }  # fmt: skip
@@ -552,6 +553,8 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.StructureFactor: Panels(lambda axes, found: structure(axes, None, _alone(found))),
     analysis.Correlation: Panels(_correlation),
     analysis.BinAverages: Panels(bin_averages, TWO),
+    analysis.VelocityCorrelation: Panels(lambda axes, found: vortices.correlation_alone(axes, None, found)),
+    analysis.VelocitySpectrum: Panels(lambda axes, found: vortices.spectrum_alone(axes, None, found)),
     analysis.Fields: Panels(lambda left, right, found: fields(left, right, None, _alone(found)), TWO),
     analysis.Clusters: Panels(lambda axes, found: _sizes(axes, None, found)),
     analysis.Hexatic: Panels(lambda axes, found: _order(axes, np.abs(found.psi6), found.whole)),

@@ -29,7 +29,6 @@ from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
 from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
-from ..tools.versions import package_versions
 from ..trajectory import parts
 from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
@@ -86,9 +85,9 @@ def resume(
 
     `source` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` resumes as
     the run began though its case file has changed since. `threads` may be another number of CPU threads than before:
-    the result does not depend on it. `runtime` compiles the kernels, by default that of the environment or else, if it
-    is installed, that of the checkpoint. A picture is drawn at the end, if the case wants it. Others as for `run.run`;
-    the number of ranks may be another one, too.
+    the result does not depend on it. `runtime` compiles the kernels, by default that of the process or the environment
+    or else, if it is installed, that of the checkpoint. A picture is drawn at the end, if the case wants it. Others as
+    for `run.run`; the number of ranks may be another one, too.
 
     Raises InputError if there is no checkpoint, it belongs to another version, case or trajectory, or the device is not
     there; Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run.run`.
@@ -113,7 +112,6 @@ def resume(
             if not ignore_case_changes:
                 _refuse_changed(path, extra)
             case = _case_of(record, path, runtime)
-            _log_other_runtime(record, path, log)
             trajectory = path.with_name(extra["trajectory"])
             if checkpoint_of(trajectory) != path:
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
@@ -176,7 +174,8 @@ def _with(case: CaseSections, **run: Any) -> CaseSections:
 def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSections:
     """The case of a checkpoint on the runtime that is chosen for it; InputError if the bits could change."""
     written = of_kernels.of_versions(record["versions"])[0]
-    if name is None and not os.environ.get(of_kernels.VARIABLE) and of_kernels.version(written) is not None:
+    free = not of_kernels.is_loaded() and not os.environ.get(of_kernels.VARIABLE)
+    if name is None and free and of_kernels.version(written) is not None:
         name = written
     of_kernels.choose(name, "--runtime")
     case = CaseSections.model_validate_json(record["extra"]["case_as_set"])
@@ -195,13 +194,6 @@ def _refuse_changed_laws(record: Mapping[str, Any], path: Path) -> None:
                 f"{path}: {error}; for another law, begin a new run from a stored frame: start.positions = "
                 f'"{trajectory}"'
             ) from None
-
-
-def _log_other_runtime(record: Mapping[str, Any], path: Path, log: Callable[[str], None]) -> None:
-    """Log that the run continues with another runtime, which gives the same bits."""
-    written, here = map(of_kernels.of_versions, (record["versions"], package_versions()))
-    if written != here:
-        log(f"{path} was written by {' '.join(written)}; {' '.join(here)} gives the same bits on a CPU")
 
 
 def _gas_of(path: Path, runtime: str | None) -> CaseGas:

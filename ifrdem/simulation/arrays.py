@@ -6,6 +6,7 @@ only after `backend.start`.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import operator
 from collections.abc import Callable, Iterator
@@ -23,6 +24,8 @@ from ..kernels.columns import (
     BLOCK_REALS,
     BLOCK_SUMS,
     CONTACTS_PER_DISK,
+    FORCE_VALUES,
+    KICK,
     KIND,
     MOST_MOMENTS,
     REAL,
@@ -148,6 +151,10 @@ class DeviceArrays:
         self.make_ghosts(0)
         self.events(0)
         self.make_pairs(0)
+        self.kicks: Any
+        self.force_values: Any
+        self.set_kicks(np.full((1, KICK.width), k.FAR))
+        self.set_force_values(np.zeros(FORCE_VALUES.width))
 
     def _take_kinds(self, disks: Disks) -> None:
         """Make the table of kinds of disks, and the kind of each disk."""
@@ -677,6 +684,28 @@ class DeviceArrays:
             self.replace("law", ti.ndarray(self._type, law_table.shape))
         from_numpy(self.law, law_table.astype(self.real))
         self.uses = self.uses.replace(collision_law=collision_law)
+
+    def set_forces(self, forces: tuple[k.CompiledForce, ...]) -> None:
+        """Set the forces that act within windows, between two of these; what they have given is 0."""
+        self.uses = self.uses.replace(forces=forces)
+        self.extra_tally = dataclasses.replace(self.extra_tally, n_forces=len(forces))
+        if (columns := self.extra_tally.width) != self.columns:
+            self.columns, self.total = columns, np.zeros(0)
+            self.sums = np.zeros(columns)
+            self._make_sums()
+
+    def set_kicks(self, rows: NDArray[np.float64]) -> None:
+        """Set the steps of forces that act within windows, shape (steps, columns of `columns.KICK` and totals)."""
+        self._set_numbers("kicks", rows)
+
+    def set_force_values(self, values: NDArray[np.float64]) -> None:
+        """Set the parameters of forces that act within windows (`columns.FORCE_VALUES`)."""
+        self._set_numbers("force_values", values)
+
+    def _set_numbers(self, name: str, values: NDArray[np.float64]) -> None:
+        if name not in vars(self) or tuple(getattr(self, name).shape) != values.shape:
+            self.replace(name, self.new_array(ti.f64, *values.shape))
+        from_numpy(getattr(self, name), values)
 
     def set_gravity(
         self, gravity: tuple[float, float], resting_speed: float, turned_at: float = -math.inf

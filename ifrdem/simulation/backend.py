@@ -423,7 +423,8 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     good_enough = (settings, replace(settings, profile=True))
     if _running is not None and _running in good_enough and program() is not None:
         return _running
-    _release_all()
+    if _running is not None:
+        _release_all()
     cache = _kernel_cache()
     ti.set_logging_level(ti.ERROR)  # it would warn of variables of the environment that arguments override
     with contextlib.redirect_stdout(io.StringIO()):  # it announces itself on stdout, where results go

@@ -7,6 +7,7 @@ import glob
 import hashlib
 import itertools
 import json
+import logging
 import os
 import re
 import secrets
@@ -37,6 +38,7 @@ OF_DISKS = (
 NEW_RUN_HINT = '; begin a new run from a stored frame: start.positions = "NAME.h5"'
 MANY = 1000
 """Equal numbers, such as radii of equal disks, more of which are compressed."""
+LOG = logging.getLogger("ifrdem")
 _KIND = "ifrdem checkpoint"
 
 
@@ -329,6 +331,13 @@ def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], devi
                 f"bit with the same version only. {_remedy(*written) if now is here else ''}Begin a new run from a "
                 'stored frame: start.positions = "NAME.h5"'
             )
+
+
+def report_runtime(record: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
+    """Log that a gas runs on with another runtime, which gives the same bits (`check_versions`)."""
+    written, here = map(runtime.of_versions, (record["versions"], package_versions()))
+    if written != here:
+        LOG.info("%s was written by %s %s; %s %s gives the same bits on a CPU", path, *written, *here)
 
 
 def _remedy(name: str, version: str) -> str:

@@ -12,7 +12,7 @@ where the state at their beginning says. Any number of threads, any tiles, any h
 in order give the same bits; so do frames, series, tracked disks and the ledger, which only look. A run that stops
 within a window changes no bit of what comes after: a gas in one tile pauses there, tiles store planned moments as
 they pass them, and run the window again only for those that were not predicted.
-Only what something else does to the disks (a force, a change by the user) ends a window.
+Only what something else does to the disks (a force that needs sums over all, a change by the user) ends a window.
 
 Open space. Disks lie in tiles over what they fill, which have no end at its edge. Once they have spread they are
 loaded again, into wider cells; once no two of them approach each other the rest is one flight.
@@ -284,6 +284,7 @@ class Engine:
         )
         self._load(start.state)
         self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, self.disks, given.seed, self.time)
+        self._install_forces()
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
         self._flow_excess = self._excess()
 
@@ -365,9 +366,13 @@ class Engine:
 
     @property
     def next_kick(self) -> float:
-        """Time of the next event that is no collision [time]: a force acts, gravity turns, a gate opens, a wall
+        """Time of the next event that ends a window [time]: a force acts, gravity turns, a gate opens, a wall
         starts or stops."""
-        kick, now = min(self.force_steps.next_time, self.turning.next_time), self.time
+        return self._next_change(self.force_steps.ends_window)
+
+    def _next_change(self, force: float) -> float:
+        """The same where a `force` acts at this time [time]."""
+        kick, now = min(force, self.turning.next_time), self.time
         if self.arrays.uses.timed:
             times = [time for wall in self.walls for time in wall.moving_times]
             times += [wall.opens_at for wall in self.walls if wall.opens_at is not None]
@@ -517,7 +522,20 @@ class Engine:
         with self.exclusive_update():
             self._end_window()
             self.force_steps = steps
+            self._install_forces()
             self._mark_changed()
+
+    def _install_forces(self) -> None:
+        """Have the forces of `force_steps` act from now on, where a window begins."""
+        mass = self.disks_here.mass
+        heaviest = float(mass[np.isfinite(mass)].max(initial=0.0))
+        self.force_steps.install(self.windows, self.comm.largest(heaviest))
+        self.force_steps.take_values(self.free)
+
+    def take_force_values(self) -> None:
+        """End the window if parameters of forces that act within it have been changed."""
+        if self.force_steps.any_within and self.force_steps.take_values(self.free):
+            self._end_window()
 
     def set_gravity(self, gravity: tuple[float, float]) -> None:
         """Set another gravity; InputError unless gravity is constant and can act in this direction."""
@@ -627,9 +645,11 @@ class Engine:
         """
         with self.exclusive_update():
             self.last_collisions = None
+            self.take_force_values()
             kick = self.next_kick
             collisions = min(collisions, self._next_gate())
             if self._nothing_happens():
+                kick = self._next_change(self.force_steps.next_time)
                 self._fly_freely(kick, t_end, rest_at, t_end if ends is None else ends)
             else:
                 self._run(RunPoint(t_end, collisions), kick, RunPoint(pause_at, pause_after), next_points)
@@ -845,6 +865,7 @@ class Engine:
         )
         state.time = stop
         self.windows.commit_at(stop)
+        self.arrays.clock.recent = 0.0  # disks may be much faster soon
         self.arrays.load(self.disks, self.options, state)
         self._no_future_collisions = separated
 

@@ -1,4 +1,7 @@
-"""Columns of the tally that only some gases have, behind those of `columns.TALLY`: the virial, and sums of walls."""
+"""Columns of the tally that only some gases have, behind those of `columns.TALLY`.
+
+The virial, sums of walls, and energies that forces give within windows.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.columns import PISTON_STATE, TALLY, VIRIAL, WALL_SUM, Named, named
+from ..kernels.columns import LEVELS, PISTON_STATE, TALLY, VIRIAL, WALL_SUM, Named, named
 from ..kernels.walls.kinds import FREE
 
 
 @dataclass(frozen=True)
 class ExtraTally:
-    """The virial, heat of each thermal wall, sums of each wall, and states of pistons, in this order.
+    """The virial, heat and sums of walls, states of pistons, and energies that forces give, in this order.
 
     The virial and the sums of walls are there if they are recorded.
 
@@ -27,12 +30,15 @@ class ExtraTally:
         Walls whose sums are recorded.
     pistons : array of int
         Rows of `walls` that are pistons.
+    n_forces : int
+        Forces that act within windows.
     """
 
     n_virial: int
     thermal: NDArray[np.int64]
     n_summed: int
     pistons: NDArray[np.int64]
+    n_forces: int = 0
 
     @classmethod
     def of(cls, rows: NDArray[np.float64], *, summed: bool, stressed: bool) -> ExtraTally:
@@ -61,9 +67,14 @@ class ExtraTally:
         return self._first_sum + WALL_SUM.width * self.n_summed
 
     @property
+    def first_force(self) -> int:
+        """Number of the first column of energies that forces give."""
+        return TALLY.width + self._first_piston + PISTON_STATE.width * len(self.pistons)
+
+    @property
     def width(self) -> int:
         """Number of all columns of the tally."""
-        return TALLY.width + self._first_piston + PISTON_STATE.width * len(self.pistons)
+        return self.first_force + LEVELS * self.n_forces
 
     def virial(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
         """The virial in a tally, shape (2, 2): component of the momentum, then direction."""
@@ -81,4 +92,9 @@ class ExtraTally:
 
     def piston_states(self, tally: NDArray[np.float64]) -> Named:
         """Displacement and speed of each piston in a tally, with the names of `columns.PISTON_STATE`."""
-        return Named(tally[TALLY.width + self._first_piston :].reshape(-1, PISTON_STATE.width), PISTON_STATE)
+        states = tally[TALLY.width + self._first_piston : self.first_force]
+        return Named(states.reshape(-1, PISTON_STATE.width), PISTON_STATE)
+
+    def gains(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Energy that each force gave within windows, in parts [energy], shape (forces, LEVELS)."""
+        return tally[self.first_force :].reshape(-1, LEVELS)

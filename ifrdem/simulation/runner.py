@@ -6,7 +6,7 @@ Imports the runtime: import this module only after `backend.start`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from ..kernels.windows import run_windows, run_windows_on_gpu, verify
 from .arrays import SLACK, DeviceArrays
 from .tracking import Statistics
 from .window_log import WindowLog
+
+if TYPE_CHECKING:
+    from .force_steps import ForceSteps
 
 
 class WindowTooLong(Exception):
@@ -53,6 +56,7 @@ class TileRunner:
         self.statistics: Statistics = statistics
         self.events, self.pairs = WindowLog("event", "event_int"), WindowLog("pair_time", "pair")
         self.n_bad = 0
+        self.forces: ForceSteps | None = None
         self.rests: bool = False
         self._n_ghosts = 0  # ghost records of the tiles that ran last
         self.n_marked = 0
@@ -231,7 +235,10 @@ class TileRunner:
     def _check_progress(self) -> None:
         """Raise the error of a window in which a disk is too fast, or collisions pile up."""
         a = self.arrays
-        stalled = a.counter.stalled
+        stalled = int(a.counter.stalled)
+        if stalled >= k.NOT_FINITE and self.forces is not None:
+            time, name = self.forces.name_of(stalled - k.NOT_FINITE)
+            raise EngineError(f"t = {time:.9g}: {name}, made a velocity or spin that is not finite")
         if stalled == 2:
             raise unbounded(float(a.clock.begin))
         if stalled:

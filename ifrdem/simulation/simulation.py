@@ -659,6 +659,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 raise InputError(
                     f"{path}: the checkpoint of another gas: it differs in {', '.join(different)}"
                 )
+        if self.comm.is_root:
+            checkpoint.report_runtime(meta, path)
         snapshot.restore(self._engine, found)
         self._first, self._external_energy = float(meta["first"]), float(meta["given"])
 

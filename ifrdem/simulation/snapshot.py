@@ -32,6 +32,7 @@ def take(engine: Engine) -> Snapshot:
     whole.
     """
     with engine.exclusive_update():
+        engine.take_force_values()
         a, windows, steps = engine.arrays, engine.windows, engine.force_steps
         if not engine._nothing_happens():
             windows.go_on(engine.next_kick)
@@ -55,9 +56,8 @@ def take(engine: Engine) -> Snapshot:
             dtype=np.int64,
         )
         found["statistics"] = np.array(list(asdict(engine.statistics).values()), dtype=np.int64)
-        found["next_steps"] = np.array(steps.next_steps, dtype=np.int64)
+        found.update(steps.snapshot())
         found["turning"] = np.array([engine.turning.next_step, engine.turning.work])
-        found["energy_inputs"] = steps.energy_inputs.copy()
         for name, value in engine.past.items():
             found[f"before_{name}"] = np.asarray(value)
     return found
@@ -79,7 +79,7 @@ def restore(engine: Engine, found: Snapshot) -> None:
 
 
 def _restore(engine: Engine, found: Snapshot) -> None:
-    a, windows, steps = engine.arrays, engine.windows, engine.force_steps
+    a, windows = engine.arrays, engine.windows
     n = len(engine.comm.slice_of(engine.n))
     if len(found["disk"]) != n:
         raise InputError(f"checkpoint: {len(found['disk'])} disks, here are {n}")
@@ -114,6 +114,4 @@ def _restore(engine: Engine, found: Snapshot) -> None:
         engine._take_watched(k.TRACKED, windows.now)
         engine.tracking.take(windows.now)
     engine.statistics.__dict__.update(asdict(Statistics(*found["statistics"].tolist())))
-    steps.next_steps = found["next_steps"].tolist()
-    steps.energy_inputs = found["energy_inputs"].copy()
     engine.past = {name: found[f"before_{name}"] for name in engine.past}

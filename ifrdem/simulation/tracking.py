@@ -21,7 +21,7 @@ from ..model.laws.law import CollisionLaw, parts_of
 from ..model.state import Disks
 from ..model.walls.wall import Wall
 
-KICK = -1
+KICK = k.KICKED
 """In place of a partner: a force changed the disk's velocity or spin."""
 ELASTIC = 9
 """In place of a `law.Regime`: a custom law or a thermal wall; elastic by a remedy for collapse."""
@@ -88,7 +88,7 @@ class Events:
         """The arrays by name."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
-    def where(self, chosen: NDArray[np.bool_]) -> Events:
+    def where(self, chosen: NDArray[Any]) -> Events:
         """Events of the selected rows."""
         return Events(*(column[chosen] for column in self.columns().values()))
 
@@ -177,8 +177,11 @@ class Tracking:
         )
         real, whole = real[order].astype(np.float64), whole[order]
         event, info = named(real, "event"), named(whole, "event_int")
+        kicked = info.partner == KICK
         normal = event.normal.copy()
-        normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]  # single precision rounds it
+        normal /= np.where(kicked, 1.0, np.hypot(normal[:, 0], normal[:, 1]))[
+            :, None
+        ]  # single precision rounds it
         position, image = event.position.copy(), info.image.copy()
         for axis, length in enumerate(box.lengths):
             if box.periodic[axis]:
@@ -215,11 +218,14 @@ class Tracking:
             _impulse(found, disks, pair),
         )
         along, across = _dot(relative, normal), _cross(normal, relative)
-        regime = self._regime(found, disks, pair)
+        regime, hits = np.zeros(len(found), dtype=np.int8), np.flatnonzero(~kicked)
+        regime[hits] = self._regime(found.where(hits), disks, (pair[0][hits], pair[1][hits]))
         regime[info.regime == k.BY_REMEDY] = ELASTIC
         regime[info.regime == k.BY_HEAT] = UNKNOWN
         impulse = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
         psi = np.arctan2(np.abs(across), np.maximum(along, 0.0))
+        for column in (impulse, psi, found.partner_velocity_before, found.partner_velocity_after):
+            column[kicked] = 0
         self._found.append(replace(found, impulse=impulse, psi=psi, regime=regime))
 
     def kick(

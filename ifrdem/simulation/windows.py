@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from .arrays import DeviceArrays
 from .domain import Domain
 from .runner import TileRunner, WindowTooLong, unbounded
 from .tracking import Statistics
+
+if TYPE_CHECKING:
+    from .force_steps import ForceSteps
 
 MOST_HALVINGS = 40  # of the window of a sheared gas
 
@@ -49,6 +52,7 @@ class Windows:
         self.domain: Domain = arrays.domain
         self.runner: TileRunner = TileRunner(arrays, statistics)
         self.statistics: Statistics = statistics
+        self.forces: ForceSteps | None = None
         self.now: float = time
         self._clock = arrays.clock.array
         arrays.clock.begin = arrays.clock.end = time
@@ -96,6 +100,13 @@ class Windows:
         return self._completed and (self._paused or self.begin < self.now < self.end)
 
     @property
+    def moment(self) -> float | None:
+        """The present time since the window's beginning [time], as kernels have it; None at the beginning."""
+        if self._completed and self.now == self.end:
+            return float(self.arrays.scale.window)
+        return self._moment_now if self.inside else None
+
+    @property
     def rests(self) -> bool:
         """True if a disk came to rest on a wall."""
         return self.runner.rests
@@ -117,6 +128,19 @@ class Windows:
         if inside:
             self._compute([self._moment_now], 1, 0)
             self._done += sums - self.sums
+
+    def set_forces(self, forces: ForceSteps, within: tuple[k.CompiledForce, ...]) -> None:
+        """Set other forces, and what is compiled of those that act within windows, at a window's beginning."""
+        self.forces = self.runner.forces = forces
+        if within or self.arrays.uses.forces:
+            kept = self._done[: self.arrays.extra_tally.first_force]
+            self.arrays.set_forces(within)
+            self._done = np.append(kept, np.zeros(self.arrays.columns - len(kept)))
+
+    @property
+    def gains(self) -> NDArray[np.float64]:
+        """Energy that each of the forces within windows gave, in parts [energy], shape (forces, LEVELS)."""
+        return self.arrays.extra_tally.gains(self.sums)
 
     def add_flow_work(self, work: float) -> None:
         """Enter what a force did to energies in the frames of rows of tiles."""
@@ -174,6 +198,8 @@ class Windows:
 
     def _begin_at(self, time: float) -> None:
         """Begin a window at a time [time]; its end is not planned yet."""
+        if self.forces is not None:
+            self.forces.begin_window(self.moment)
         self.now = self.arrays.clock.begin = self.arrays.clock.end = time
         self._times = None
         self._completed = self._ready = self._paused = False
@@ -197,6 +223,8 @@ class Windows:
         a = self.arrays
         begin, end, now, moment, ready, a.clock.fastest, a.clock.square_unit = found["window"].tolist()
         self._begin_at(begin)
+        if self.forces is not None:
+            self.forces.restore(found)
         self._done = found["sums"].copy()
         a.clock.end, self.now, self._moment_now, self._ready = end, now, moment, bool(ready)
         if self._ready:
@@ -214,6 +242,8 @@ class Windows:
         a, ended = self.arrays, self._completed and self.now == self.end
         if not ended and (self._completed or self._ready):
             return
+        if self.forces is not None:
+            self.forces.plan(kick)
         overhang = self._most(TOTAL.overhang) if ended else float(a.clock.overhang)
         if not a.box.is_open and not overhang <= TOO_FAR * a.least_side:
             raise unbounded(self.now)

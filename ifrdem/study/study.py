@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
-from ..case.objects import device_of
+from ..case.objects import choose_runtime, device_of
 from ..errors import DamageError, DamageWarning, InputError, listed, option_name
 from ..runs.signals import Stopped, Stops
 from ..runs.status import Status
@@ -142,6 +142,7 @@ class Study:
         cluster = self._cluster(workers, scheduler)
         if cluster.scheduler is None and cluster.kind is None:
             for case in {each.run.device: each for each in good.values()}.values():
+                choose_runtime(case.run)  # before the check of a GPU, which imports a runtime
                 backend.check(device_of(case.run))
             processes, _ = self._processes(cluster)
             largest = max(sum(each.number for each in case.species) for case in good.values())

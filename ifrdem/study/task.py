@@ -33,9 +33,11 @@ from ..tools.files import write_aside
 from ..trajectory.damage import FAULTS
 from ..trajectory.file import TrajectoryError
 
-PerFrame = Literal["velocity", "rdf", "structure-factor", "fields", "clusters", "psi6"]
+PerFrame = Literal[
+    "velocity", "rdf", "structure-factor", "fields", "clusters", "psi6", "velocity-correlation", "vorticity"
+]
 """Analyses of single frames, at chosen places of a run."""
-OverTime = Literal["msd", "vacf", "pressure", "stress", "cooling", "impact"]
+OverTime = Literal["msd", "vacf", "profiles", "pressure", "stress", "cooling", "species", "impact"]
 OVER_TIME: tuple[str, ...] = get_args(OverTime)
 """Analyses of a whole run."""
 AT = "at"

@@ -525,7 +525,8 @@ def validated(function: F) -> F:
 
     others: list[Check] = []  # of **options
     made: dict[str, tuple[int, Any]] = {}  # defaults that a check converts, and their positions
-    known = set(inspect.signature(function).parameters)
+    known: set[str] = set()
+    is_read = False
     collective = hasattr(function, "collective")
 
     def read() -> None:
@@ -533,8 +534,12 @@ def validated(function: F) -> F:
         # Classes that only type checkers import are not checked here, but by the function itself. That all other names
         # are there is a test.
         only_types = collections.defaultdict(lambda: Any)  # type: ignore[var-annotated]
+        nonlocal is_read
+        is_read = True
         names = collections.ChainMap(function.__globals__, vars(builtins), only_types)
-        for i, one in enumerate(inspect.signature(function).parameters.values()):
+        parameters = inspect.signature(function).parameters
+        known.update(parameters)
+        for i, one in enumerate(parameters.values()):
             hint = one.annotation
             if hint is one.empty or one.kind is one.VAR_POSITIONAL:
                 continue
@@ -561,7 +566,7 @@ def validated(function: F) -> F:
 
     @functools.wraps(function)
     def checking(*arguments: Any, **options: Any) -> Any:
-        if not by_name:
+        if not is_read:
             read()
         values = list(arguments)
         comm = current() if collective else Communicator.of(options.get("comm"))

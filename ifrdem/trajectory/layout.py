@@ -20,6 +20,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from ..errors import DamageError, InputError
 from ..kernels.columns import FRAME, FrameField, rows_dtype
+from ..kernels.runtime import of_versions
 from ..model.box import Box
 from ..model.state import Disks
 from ..tools.versions import package_versions
@@ -37,6 +38,9 @@ FRAMES = "frames"
 TIMESERIES = "timeseries"
 REDUCED = "reduced"
 """Unit of every quantity where there are none."""
+RUNTIMES = "versions/runtimes"
+"""Parameter with the runtimes of kernels that wrote a file, in turn: of fixed length, as a resumed run adds its own."""
+RUNTIMES_TYPE = "S200"
 SI_SYMBOLS = ("m", "kg", "s", "rad", "J", "N", "Hz")
 STATIC: dict[str, DTypeLike] = {
     "radius": np.float64,
@@ -191,9 +195,20 @@ def create(
     reduced = bool(units) and set(units.values()) == {REDUCED}
     record = {f"versions/{package}": version for package, version in versions.items()}
     record |= {"units": REDUCED} if reduced else {f"units/{name}": unit for name, unit in units.items()}
+    record[RUNTIMES] = " ".join(of_versions(versions))
     for name, value in {**record, **parameters}.items():
-        stored[name] = value
+        stored.create_dataset(name, data=value, dtype=RUNTIMES_TYPE if name == RUNTIMES else None)
     file.create_group("observables")
+
+
+def record_runtime(file: h5py.File) -> None:
+    """Add the present runtime of kernels to those that have written a file, if it is another one."""
+    present = " ".join(of_versions(package_versions()))
+    with damage.as_damage_error(file.filename, RUNTIMES):
+        held = file[f"parameters/{RUNTIMES}"]
+        names = held[()].decode().split(", ")
+        if present not in names:
+            held[()] = ", ".join([*names, present])
 
 
 def _growing(

@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DamageError, InputError
+from ..errors import DamageError, InputError, option_name
 from ..model.state import Disks
 from ..tools import files
 from ..tools.files import check_apart, checkpoint_of, not_a_file
@@ -59,7 +59,8 @@ def repair(path: Path, output: Path, *, log: Callable[[str], object] = print) ->
         raise InputError(special)
     with _openable(path, log) as (source, whole), h5py.File(source, "r") as file:
         if output == path and part_files.GROUP in file:
-            raise InputError(f"{path} is in parts: --in-place cannot merge them; use -o to write one file")
+            how = option_name("--in-place cannot merge them; use -o to", "output must be another file, to")
+            raise InputError(f"{path} is in parts: {how} write one file")
         try:
             with damage.as_damage_error(path, "its bookkeeping"):
                 kept = _Salvage(file, path, whole, log)

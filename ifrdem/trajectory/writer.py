@@ -179,6 +179,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
             writer = cls.__new__(cls)
             writer._begin(output, disks.n, box, **expected)
             writer._drop_uncommitted()
+            layout.record_runtime(output.file)
             output.flush()
         except BaseException as error:
             output.close(lambda: None, keep=True)

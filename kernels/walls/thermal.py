@@ -11,7 +11,7 @@ doi:10.1103/PhysRevE.57.R17, show what goes wrong with other densities.
 
 from ..language import ti
 from ..particle import kind_of
-from ..random import DRAWS, normals, rayleigh
+from ..random import DRAWS, library_normals, rayleigh
 
 OF_WALLS = 0xFFFF * DRAWS  # in streams of random numbers: the index that no force has
 
@@ -32,7 +32,7 @@ def thermal_velocity(i, temperature, nx, ny, ux, uy, gas: ti.template()):
     kind = kind_of(i, gas)
     spread = ti.sqrt(temperature * gas.kinds[kind].inverse_mass)
     v_n = spread * rayleigh(stream, 0)
-    along = normals(stream, 1)
+    along = library_normals(stream, 1)
     v_t = spread * along[0]
     # sqrt(T/I), I = m R^2 / k
     spin = spread * ti.sqrt(gas.kinds[kind].k) / gas.kinds[kind].radius * along[1]

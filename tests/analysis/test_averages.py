@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, Wall, analysis
+from ifrdem.analysis import averages
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 
@@ -181,6 +183,25 @@ def test_a_sheared_box_has_its_flow_and_no_heat_of_it_in_the_temperature(tmp_pat
     within(found, "temperatures", [4.0, 9.0])  # with the flow within a strip T_x would be 4 + 6
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_open_box_has_temperatures_and_cells_but_no_area_of_strips(tmp_path: Path) -> None:
+    def make(rng, disks):
+        return (rng.random((disks.n, 2)) * (20.0, 10.0) - (0.0, 5.0), *thermal(rng, disks))
+
+    floor = Wall.line((0.0, -6.0), (0.0, 1.0))
+    post = Wall.post((50.0, 50.0), 1.0)
+    with Trajectory(write(tmp_path / "a.h5", make, box=Box.open(), walls=[floor, post])) as run:
+        found = analysis.profiles(run, "y", 5, frames=range(10))
+        grid = analysis.mean_fields(run, (4, 2), frames=range(10))
+        rings = analysis.profiles(run, "r", 5, frames=range(10))
+    np.testing.assert_allclose(found.edges[0][[0, -1]], [-5.1, 5.1], atol=0.01)  # what the disks reach
+    within(found, "temperatures", [4.0, 9.0])
+    assert np.isnan(found.mean.number_density).all()
+    np.testing.assert_allclose(grid.mean.number_density, N / 200.0, rtol=0.1)
+    assert found.disks.sum() == grid.disks.sum() == rings.disks.sum() == 10 * N
+    assert 80.0 > rings.edges[0][-1] > 70.0
+
+
 def test_species_have_their_own_averages_by_name(tmp_path: Path) -> None:
     """Half of the disks, in one half of the box, are three times as hot, and named."""
     half = N // 2
@@ -268,6 +289,22 @@ def recorded(run: Trajectory) -> tuple[np.ndarray, np.ndarray]:
     return (both[0] - both[1]).reshape(2, 2), both[1].reshape(2, 2)
 
 
+def test_momentum_to_an_immovable_disk_goes_on_to_its_centre() -> None:
+    """Along both radii, as in the recorded virial; the energy, which it does not take, to the contact only."""
+    disks = Disks(2, [2.0, np.inf], [0.5, 1.5])
+    event = {
+        "id": [0], "partner": [1], "position": [[1.0, 1.0]], "normal": [[1.0, 0.0]], "spin_before": [0.0],
+        "velocity_before": [[3.0, 0.0]], "velocity_after": [[-1.0, 0.0]], "spin_after": [4.0],
+    }  # fmt: skip
+    given = SimpleNamespace(disks=disks)
+    number, begin, line, p, energy = averages._carried(given, {k: np.array(v) for k, v in event.items()})
+    np.testing.assert_array_equal(number, [0, 0])
+    np.testing.assert_allclose(begin, [[1.0, 1.0], [1.5, 1.0]])
+    np.testing.assert_allclose(line, [[0.5, 0.0], [1.5, 0.0]])
+    np.testing.assert_allclose(p, [[8.0, 0.0], [8.0, 0.0]])
+    np.testing.assert_allclose(energy, [8.0 - 0.5 * 0.25 * 16.0, 0.0])  # I = 2 * 0.25 / 2
+
+
 @pytest.mark.parametrize(("e_n", "e_t"), [(1.0, -1.0), (0.9, -0.5)], ids=["elastic", "rough"])
 def test_collisions_shared_among_bins_add_up_to_the_recorded_stress(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, e_n: float, e_t: float
@@ -290,6 +327,55 @@ def test_collisions_shared_among_bins_add_up_to_the_recorded_stress(
         mean, error = found[1].mean.stress[:, 1, 1], found[1].error.stress[:, 1, 1]
         assert np.abs((mean - pressure) / error).max() < 4.5
         assert np.abs(mean / pressure - 1.0).max() < 0.08
+
+
+def test_rings_of_a_container_add_up_to_the_recorded_trace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """P_rr + P_tt = P_xx + P_yy whatever the directions are: over rings, times their areas, the recorded virial."""
+    monkeypatch.chdir(tmp_path)
+    text = CASE.format(name="a", histories="histories_all = true", e_n=0.9, e_t=-0.5).replace(
+        "t_end = 20.0", "t_end = 5.0"
+    )
+    text = text.replace("periodic = [true, false]", "periodic = [false, false]").replace(
+        "20.0, 16.0", "20.0, 20.0"
+    )
+    text = text.replace(
+        "[start]",
+        '[[wall]]\nshape = "container"\ncenter = [10.0, 10.0]\nradius = 9.9\nmaterial = "a"\n[start]',
+    )
+    (tmp_path / "a.toml").write_text(text)
+    assert cli.main(["run", "a.toml", "--no-picture"]) == 0
+    with Trajectory("a.h5") as run:
+        found = analysis.profiles(run, "r", 12, frames=range(len(run)))
+        collisional, _ = recorded(run)
+    areas = np.pi * np.diff(found.edges[0] ** 2)
+    part = np.trace(found.mean.stress - found.mean.stress_kinetic, axis1=1, axis2=2)
+    assert areas @ part / areas.sum() == pytest.approx(np.trace(collisional), rel=1e-9)
+
+
+def test_a_gas_that_drifts_carries_no_heat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In equilibrium q = 0; with the work of the collisional pressure at the drift 6, it would be 6 P_c."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(4)
+    place = np.stack(np.meshgrid(np.arange(10) * 2.0 + 1.0, np.arange(8) * 2.0 + 1.0), axis=-1).reshape(-1, 2)
+    velocity = rng.normal(size=(80, 2))
+    rows = np.column_stack((place, velocity - velocity.mean(axis=0) + (6.0, 0.0), np.zeros(80)))
+    np.savetxt("start.csv", rows, delimiter=",", header="x,y,v_x,v_y,spin", comments="")
+    text = CASE.format(name="a", histories="histories_all = true", e_n=1.0, e_t=-1.0)
+    text = text.replace("number = 120", "number = 40").replace("number = 60", "number = 40")
+    text = text.replace('positions = "random"', 'file = "start.csv"').replace("speed_rms = 1.5\n", "")
+    text = text.replace("speed_rms = 1.0\n", "").replace("[true, false]", "[true, true]")
+    text = text.replace('material = "a"\n[[mat', "[[mat").replace("wall_sums = true", "")
+    (tmp_path / "a.toml").write_text(text)
+    assert cli.main(["run", "a.toml", "--no-picture"]) == 0
+    with Trajectory("a.h5") as run:
+        found = analysis.profiles(run, "y", 1, frames=range(len(run)))
+    mean, error = found.mean, found.error
+    np.testing.assert_allclose(mean.velocity[0], (6.0, 0.0), atol=0.3)
+    collisional = mean.stress[0, 0, 0] - mean.stress_kinetic[0, 0, 0]
+    assert np.all(np.abs(mean.heat_flux[0]) < 4.5 * error.heat_flux[0])
+    assert 4.5 * error.heat_flux[0, 0] < 0.3 * 6.0 * collisional
 
 
 def test_a_sample_of_disks_is_scaled_to_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -92,7 +93,11 @@ def test_a_run_chooses_its_runtime_before_it_looks_for_a_gpu(
     monkeypatch.setattr(backend, "check", check)
     with pytest.raises(InputError, match="no GPU"):
         ifrdem.Case.read("clusters", set={"run.runtime": "quadrants"}).run_to(tmp_path)
-    assert found == ["quadrants"]
+    study = ifrdem.Study("clusters", set=["run.runtime=quadrants"], seeds=2, output=tmp_path / "study")
+    monkeypatch.setenv(runtime.VARIABLE, "")
+    with pytest.raises(InputError, match="no GPU"):
+        study.check()
+    assert found == ["quadrants", "quadrants"]
 
 
 def test_a_law_in_the_language_of_the_other_runtime_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,7 +114,7 @@ def test_a_law_in_the_language_of_the_other_runtime_is_refused(monkeypatch: pyte
 
 
 STATE = """
-import hashlib, sys
+import hashlib, logging, sys
 import numpy as np
 import ifrdem
 from ifrdem.kernels import runtime
@@ -123,6 +128,7 @@ law, device = ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15), ifrdem.Device(threads=1
 bath = ifrdem.forces.Langevin(0.1, temperature=1.0, rate=0.3)
 gas = ifrdem.Simulation(disks, box, law, start, forces=[bath], device=device, seed=2)
 if sys.argv[1] == "go on":
+    logging.basicConfig(level=logging.INFO, stream=sys.stderr)
     gas.load_checkpoint("gas.h5")
 gas.run(t_end=float(sys.argv[2]))
 if sys.argv[1] == "begin":
@@ -134,7 +140,10 @@ print(runtime.chosen(), gas.collisions, hash)
 
 @both
 def test_a_checkpoint_resumes_bitwise_on_the_other_runtime(tmp_path: Path) -> None:
+    logged = ""
+
     def done(name: str, *arguments: str) -> list[str]:
+        nonlocal logged
         run = subprocess.run(
             [sys.executable, "-c", STATE, *arguments],
             cwd=tmp_path,
@@ -143,11 +152,68 @@ def test_a_checkpoint_resumes_bitwise_on_the_other_runtime(tmp_path: Path) -> No
             text=True,
             check=True,
         )
-        found = run.stdout.split()
+        found, logged = run.stdout.split(), run.stderr
         assert found[0] == name
         return found[1:]
 
     whole = done("taichi", "whole", "2.0")
     done("quadrants", "begin", "1.0")
-    assert done("taichi", "go on", "2.0") == whole == done("quadrants", "whole", "2.0")
+    assert done("taichi", "go on", "2.0") == whole
+    assert re.search(r"gas\.h5 was written by quadrants \S+; taichi \S+ gives the same bits", logged)
+    assert whole == done("quadrants", "whole", "2.0")
+    assert "was written by" not in logged
     assert int(whole[0]) > 100
+
+
+RESUME = """
+import sys
+import numpy as np
+from ifrdem import Trajectory
+from ifrdem.kernels import runtime
+from ifrdem.runs.resume import resume
+import ifrdem.kernels.language
+resume("clusters.h5", picture=False, log=lambda _line: None)
+with Trajectory("clusters.h5") as trajectory:
+    print(runtime.chosen(), trajectory.parameters["versions/runtimes"], sep="|")
+"""
+
+
+@both
+def test_a_run_resumes_in_a_process_of_the_other_runtime(tmp_path: Path) -> None:
+    """Its kernels are imported: it cannot change to the runtime of the checkpoint. The file names both."""
+    small = [
+        "--set",
+        "species[0].number=60",
+        "--set",
+        "output.frames=3",
+        "--set",
+        "run.collisions_per_disk=5",
+    ]
+    for command in (
+        [
+            "-m",
+            "ifrdem",
+            "run",
+            "clusters",
+            "--runtime",
+            "quadrants",
+            "--max-hours",
+            "1e-9",
+            "--no-picture",
+            *small,
+        ],
+        ["-c", RESUME],
+    ):
+        environment = {**os.environ, runtime.VARIABLE: ""}
+        done = subprocess.run(
+            [sys.executable, *command],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == (0 if command[0] == "-c" else 3), done.stderr
+    name, recorded = done.stdout.split("|")
+    assert name == "taichi"
+    assert recorded.strip() == ", ".join(f"{one} {runtime.version(one)}" for one in ("quadrants", "taichi"))

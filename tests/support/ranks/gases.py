@@ -97,14 +97,14 @@ def spreading(make: Any = mixture) -> Gas:
     return disks, wide, state, COIN, 16.0, {"record": ["energy"]}
 
 
-def driven() -> Gas:
+def driven(make: Any = mixture) -> Gas:
     """Kicked, and braked on a table; kicks need sums over all disks."""
     forces = [
         RandomKicks(0.05, power=1.0),
         SpinKicks(0.08, power=0.2),
         TableFriction(0.05, mu=0.02, gravity=10.0),
     ]
-    return periodic(0.3, COIN, 5.0, mixture, seed=3, record=["energy"], forces=[*forces, Drag(0.1, rate=0.3)])
+    return periodic(0.3, COIN, 5.0, make, seed=3, record=["energy"], forces=[*forces, Drag(0.1, rate=0.3)])
 
 
 GASES: dict[str, Any] = {
@@ -114,6 +114,7 @@ GASES: dict[str, Any] = {
     "walls": walled,
     "shear": sheared,
     "driven": driven,
+    "driven sizes": lambda: driven(sizes),
     "fast": fast,
     "spreading": spreading,
     "sizes": lambda: periodic(0.2, COIN, 20.0, lambda n: sizes(n, 0.3), record=["energy"]),
