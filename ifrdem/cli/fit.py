@@ -557,14 +557,14 @@ def collisions(
             text = f"collisions {what} in {source.name}, by `ifrdem collisions`; SI units, angles in rad"
             write_text(file, impacts.csv(columns, text))
             written.append(file)
-    for swap in found.swaps:
+    for exchange in found.exchanges:
         done = (
             "exchanged back"
             if found.repaired
             else "impacts after it have quality 0; --repair-swaps undoes it"
         )
         shown.append(
-            f"disks {swap.ids[0]} and {swap.ids[1]} exchange their ids at t = {swap.time:.6g}: {done}"
+            f"disks {exchange.ids[0]} and {exchange.ids[1]} exchange their ids at t = {exchange.time:.6g}: {done}"
         )
     if found.reasons:
         shown += ["", "not used                                       number"]

@@ -26,7 +26,7 @@ from scipy.special import chdtrc
 from ..errors import InputError, option_name, refuse
 from ..model.walls.wall import Wall
 from .data import NORMAL, Disk
-from .tracks import Array, Noise, Swap, Tracks, exchanged, noise, swaps
+from .tracks import Array, Exchange, Noise, Tracks, exchanged, exchanges_in, noise
 
 WINDOW = 12
 """Frames of a flight that are used at most."""
@@ -70,7 +70,7 @@ class FoundCollisions:
     noise: Noise
     left_out: tuple[LeftOut, ...]  # encounters that gave no collision
     cut: tuple[LeftOut, ...]  # flights that were cut, because they are not straight
-    swaps: tuple[Swap, ...]  # ids that were exchanged
+    exchanges: tuple[Exchange, ...]  # ids that were exchanged
     repaired: bool  # and exchanged back
     warnings: tuple[str, ...]
 
@@ -141,7 +141,7 @@ def find(
     refuse(problems)
     known = {one: disk for one, disk in of.items() if disk is not None}
     radius = {one: float(np.asarray(disk.radius)) for one, disk in known.items()}
-    exchanges = swaps(tracks, radius)
+    exchanges = exchanges_in(tracks, radius)
     if repair_swaps:
         tracks = exchanged(tracks, exchanges)
     finder = _Finder(tracks, known, radius, walls, window, error, () if repair_swaps else exchanges)
@@ -166,7 +166,7 @@ class _Finder:
         walls: Sequence[Wall],
         window: int,
         error: float | None,
-        exchanges: Sequence[Swap],
+        exchanges: Sequence[Exchange],
     ) -> None:
         self.tracks, self.disks, self.radius, self.window = tracks, disks, radius, window
         self.step = {
@@ -176,9 +176,9 @@ class _Finder:
             one: [] for one in tracks.time
         }
         self.exchanged_at: dict[int, list[float]] = {}
-        for swap in exchanges:
-            for one in swap.ids:
-                self.exchanged_at.setdefault(one, []).append(swap.time)
+        for exchange in exchanges:
+            for one in exchange.ids:
+                self.exchanged_at.setdefault(one, []).append(exchange.time)
         self.noise = self._noise({}, error)
         self.encounters = self._encounters(walls)
         self.noise = self._noise(_times(self.encounters, self.exchanged_at), error)
@@ -237,7 +237,7 @@ class _Finder:
         is_near = gap[lowest] < 1.5 * near[lowest] + 0.15 * self.radius[ids[0]]
         return [_Encounter(ids, float(t[k]), wall) for k in lowest[is_near]]
 
-    def found(self, exchanges: tuple[Swap, ...], repaired: bool) -> FoundCollisions:
+    def found(self, exchanges: tuple[Exchange, ...], repaired: bool) -> FoundCollisions:
         """All impacts; InputError if there is none, or they contradict what was given."""
         times: dict[_Encounter, float] = {each: each.time for each in self.encounters}
         known: dict[tuple[_Encounter, tuple[tuple[float, float], ...]], _Flights | str] = {}
@@ -275,13 +275,13 @@ class _Finder:
             )
             raise InputError(f"{source}: no impact was found{f'; encounters: {reasons}' * bool(reasons)}")
         self._check_sizes([fitted for fitted, _ in fits])
-        tables = [
-            _columns([row for fitted, row in fits if (fitted.encounter.wall is None) is pairs])
-            for pairs in (True, False)
-        ]
-        warnings = _spin_warnings(tables, source)
+        pairs, walls = (
+            _columns([row for fitted, row in fits if (fitted.encounter.wall is not None) is with_wall])
+            for with_wall in (False, True)
+        )
+        warnings = _spin_warnings((pairs, walls), source)
         return FoundCollisions(
-            *tables, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, tuple(warnings)
+            pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, tuple(warnings)
         )
 
     def _between(
@@ -322,6 +322,7 @@ class _Finder:
             )
             rows_of_disks.append(_without_gaps(t, rows, at, step))
         cut: dict[int, float] = {}
+        fitted: _Flights | str = ""
         time, few = at, f"a flight has fewer than {LEAST} frames"
         for _ in range(4):
             for one, rows in zip(meeting.ids, rows_of_disks, strict=True):
@@ -339,7 +340,7 @@ class _Finder:
             if all(len(a) == len(b) for a, b in zip(kept, rows_of_disks, strict=True)):
                 break
             rows_of_disks = kept
-        return fitted if fitted.frames >= LEAST else few
+        return fitted if isinstance(fitted, str) or fitted.frames >= LEAST else few
 
     def _straight(
         self, one: int, rows: NDArray[np.int64], time: float, cut: dict[int, float]

@@ -105,14 +105,14 @@ def read(
 
 
 @dataclass(frozen=True)
-class Swap:
+class Exchange:
     """Two tracks that exchange their ids between two frames."""
 
     ids: tuple[int, int]
     time: float  # of the first frame after it
 
 
-def swaps(tracks: Tracks, radius: Mapping[int, float]) -> list[Swap]:
+def exchanges_in(tracks: Tracks, radius: Mapping[int, float]) -> list[Exchange]:
     """Pairs of tracks of which each goes on, in the same frame, where the other was about to go; ascending in time."""
     jumps: dict[tuple[float, float], list[tuple[int, int, Array]]] = {}
     for one, t in tracks.time.items():
@@ -124,27 +124,27 @@ def swaps(tracks: Tracks, radius: Mapping[int, float]) -> list[Swap]:
         ahead[0] = 1  # the first step has no velocity before it
         v = (x[ahead] - x[back]) / (t[ahead] - t[back])[:, None]
         expected = x[:-1] + v * np.diff(t)[:, None]
-        for k in np.flatnonzero(np.hypot(*(x[1:] - expected).T) > 0.5 * radius[one]):
-            jumps.setdefault((float(t[k]), float(t[k + 1])), []).append((one, int(k), expected[k]))
+        for i in np.flatnonzero(np.hypot(*(x[1:] - expected).T) > 0.5 * radius[one]):
+            jumps.setdefault((float(t[i]), float(t[i + 1])), []).append((one, int(i), expected[i]))
     found = []
     for (_, time), several in sorted(jumps.items()):
-        for i, (a, k, of_a) in enumerate(several):
-            for b, m, of_b in several[i + 1 :]:
+        for first, (a, k, of_a) in enumerate(several):
+            for b, m, of_b in several[first + 1 :]:
                 now_a, now_b = tracks.position[a][k + 1], tracks.position[b][m + 1]
                 crossed = max(math.dist(now_a, of_b) / radius[b], math.dist(now_b, of_a) / radius[a])
                 if crossed < 0.5:
-                    found.append(Swap((a, b), time))
+                    found.append(Exchange((a, b), time))
     return found
 
 
-def exchanged(tracks: Tracks, found: Sequence[Swap]) -> Tracks:
+def exchanged(tracks: Tracks, found: Sequence[Exchange]) -> Tracks:
     """Tracks with these exchanges undone."""
     parts = [dict(tracks.time), dict(tracks.position), dict(tracks.angle)]
-    for swap in sorted(
+    for exchange in sorted(
         found, key=lambda each: -each.time
     ):  # the last one first: ids before it are those of the file
-        a, b = swap.ids
-        at = [int(np.searchsorted(parts[0][one], swap.time)) for one in (a, b)]
+        a, b = exchange.ids
+        at = [int(np.searchsorted(parts[0][one], exchange.time)) for one in (a, b)]
         for part in parts:
             if a in part:
                 first, second = part[a], part[b]

@@ -76,7 +76,7 @@ def test_impacts_in_a_walled_tray_are_right_within_their_errors(
     ]
     assert len(good) > 0.7 * len(motion.impacts)
     assert max(worst(row, motion) for row in good) < 5.0
-    assert len(found.swaps) == spoilt.get("swaps", 0)
+    assert len(found.exchanges) == spoilt.get("swaps", 0)
 
 
 def test_walls_that_are_not_given_are_found_as_change_points(tmp_path: Path) -> None:
@@ -94,11 +94,11 @@ def test_ids_that_were_exchanged_are_named_and_their_impacts_marked(tmp_path: Pa
     observed = loaded(tmp_path, simulator.film(motion, 3, swaps=2), 240.0)
     found = impacts.find(observed, DISKS, walls=WALLS)
     true = {(each.i, each.j) for each in motion.impacts}
-    assert len(found.swaps) == 2
-    assert all(each.ids in true or each.ids[::-1] in true for each in found.swaps)
+    assert len(found.exchanges) == 2
+    assert all(each.ids in true or each.ids[::-1] in true for each in found.exchanges)
     for row in rows(found.pairs):
-        for swap in found.swaps:
-            if {row["id_1"], row["id_2"]} & {*swap.ids} and row["t"] > swap.time:
+        for exchange in found.exchanges:
+            if {row["id_1"], row["id_2"]} & {*exchange.ids} and row["t"] > exchange.time:
                 assert row["quality"] == 0.0
 
 

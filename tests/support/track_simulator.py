@@ -66,7 +66,8 @@ def simulate(fps: float, duration: float, seed: int, number: int = 20, speed: fl
     m, R = np.array(MASS)[material], np.array(RADIUS)[material]
     a, b = np.triu_indices(number, 1)
     frames = np.arange(0.0, duration, 1.0 / fps)
-    shown, impacts, now = np.empty((len(frames), number, 3)), [], 0.0
+    shown, now = np.empty((len(frames), number, 3)), 0.0
+    impacts: list[Impact] = []
     next_frame = 0
     while True:
         d, u, s = x[b] - x[a], v[b] - v[a], R[a] + R[b]
@@ -93,8 +94,8 @@ def simulate(fps: float, duration: float, seed: int, number: int = 20, speed: fl
             both, law = [i, j], PAIR[min(material[i], material[j]), max(material[i], material[j])]
             v_, w_, m_, R_ = v[both], w[both], m[both], R[both]
         else:
-            side, i = np.unravel_index(int(np.argmin(sides)), sides.shape)
-            n, i, j, law = np.array(SIDES[side][0]), int(i), -1 - int(side), WALL
+            side, i = divmod(int(np.argmin(sides)), number)
+            n, j, law = np.array(SIDES[side][0]), -1 - side, WALL
             both = [i]
             v_, w_ = np.stack([v[i], np.zeros(2)]), np.array([w[i], 0.0])
             m_, R_ = np.array([m[i], np.inf]), np.array([R[i], 1.0])
@@ -132,11 +133,11 @@ def film(
     place[..., 2] += angle_noise * rng.standard_normal(place.shape[:2])
     place[..., 2] = (place[..., 2] + np.pi) % (2.0 * np.pi) - np.pi
     place *= [scale, y_sign * scale, 1.0]
-    seen = rng.random(place.shape[:2]) >= lost
+    visible = rng.random(place.shape[:2]) >= lost
     lines = [
         f"{f},{i},{x:.6g},{y:.6g},{angle:.5f}"
         for f, row in enumerate(place)
         for i, (x, y, angle) in enumerate(row)
-        if seen[f, i]
+        if visible[f, i]
     ]
     return "frame,id,x,y,angle (rad)\n" + "\n".join(lines) + "\n"
