@@ -118,7 +118,7 @@ def pairs(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> 
     whole, *of_pairs = evaluation.result.items()
     for i, (name, found) in enumerate(of_pairs):
         r, g, error = merged(found)
-        style = {"color": KINDS[i % len(KINDS)]}
+        style: dict[str, Any] = {"color": KINDS[i % len(KINDS)]}
         axes.fill_between(r / unit, g - error, g + error, lw=0.0, alpha=0.3, **style)
         axes.plot(r / unit, g, "-", lw=1.2, label=f"{name}, band: standard error" if not i else name, **style)
     found = whole[1]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -17,7 +19,7 @@ def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: E
     tau = found.collisions_per_disk
     x = found.time if tau is None else tau
     for i, name in enumerate(found.names):
-        style = {"color": KINDS[i % len(KINDS)], "lw": 1.2}
+        style: dict[str, Any] = {"color": KINDS[i % len(KINDS)], "lw": 1.2}
         T, T_rot = found.temperature[:, i], found.rotational_temperature[:, i]
         upper.plot(x, positive(T), "-", label=f"$T$ of {name}", **style)
         curves = [(T, T_rot, found.temperature[:, 0], "-")]

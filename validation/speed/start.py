@@ -55,6 +55,7 @@ def _in_a_process(function: str, cache: str, arguments: list[str]) -> dict[str, 
     """The seconds that a function below prints when a fresh process calls it."""
     code = f"import sys, {__package__}.start as own; own.{function}(float(sys.argv[1]), sys.argv[2:])"
     environment = {**os.environ, runtime.variable("OFFLINE_CACHE_FILE_PATH"): cache}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # files of Python are compiled once, as usual
     # The monotonic clock is one for all processes.
     command = [sys.executable, "-c", code, repr(time.monotonic()), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)

@@ -168,6 +168,8 @@ def operand(o, t, c):
 def setreg(d, t, e, c):
     """assign expression e of type t to register d"""
     d = d.strip()
+    if d == "_":  # thrown away
+        return ""
     rt = c.regs.get(d)
     if rt is None:
         err("dest " + d)
@@ -289,6 +291,9 @@ def instr(s, c):
 
     if o == "bra":
         return pre + f"goto {ops[0].replace('$', 'D')};"
+    if o == "brx":
+        cases = " ".join(f"case {k}: goto {each};" for k, each in enumerate(c.targets[ops[1]]))
+        return pre + f"switch ({A(0, 'u32')}) {{ {cases} default: abort(); }}"
     if o in ("ret", "exit"):
         return pre + "return;"
     if o == "trap":
@@ -496,7 +501,8 @@ def instr(s, c):
             wt = t[0] + str(2 * int(t[1:]))
             return S(f"(({CT[wt]}){A(1)} * ({CT[wt]}){A(2)})", wt)
         if f[1] == "hi":
-            big = {"u32": "uint64_t", "s32": "int64_t", "u64": "unsigned __int128", "s64": "__int128"}[t]
+            huge = "unsigned __int128" if t[0] == "u" else "__int128"
+            big = huge if SZ[t] == 8 else CT[f"{t[0]}{16 * SZ[t]}"]
             return S(f"({CT[t]})((({big}){A(1)} * ({big}){A(2)}) >> {SZ[t] * 8})")
     if o == "mad":
         if f[1] == "lo":
@@ -706,7 +712,7 @@ for kind, ret, name, params, body in found:
         if total > 49152:
             err(f"{name}: {total} bytes of shared arrays; Taichi can have 49152")
     c = Ctx()
-    c.sites, c.meets, c.scopes = sites, False, []
+    c.sites, c.meets, c.scopes, c.targets = sites, False, [], {}
     c.regs, c.locals, c.callbuf = {}, {}, {}
     c.params = {pname(p): i for i, p in enumerate(x for x in params.split(",") if x.strip())}
     c.ret = pname(ret[1:-1]) if ret else None
@@ -742,7 +748,8 @@ for kind, ret, name, params, body in found:
             continue
         m = re.compile(r"(\$?[\w$]+):").match(buf, p)
         if m:
-            text.append(m[1].replace("$", "D") + ": ; " + begin_block())
+            label = m[1]
+            text.append(label.replace("$", "D") + ": ; " + begin_block())
             p = m.end()
             continue
         e = buf.index(";", p)
@@ -787,6 +794,9 @@ for kind, ret, name, params, body in found:
             continue
         if s.startswith("."):
             if s.startswith(".pragma"):
+                continue
+            if s.startswith(".branchtargets"):  # of the label before, for brx.idx
+                c.targets[label] = [each.strip().replace("$", "D") for each in s.split(None, 1)[1].split(",")]
                 continue
             err("directive " + s)
         if re.match(r"(@!?%\w+\s+)?call", s):
