@@ -240,6 +240,32 @@ def hit_sleepers(
 
 
 @ti.func
+def rest_after_hit(
+    a: ti.template(), b: ti.template(), t: ti.template(), tile: ti.template(), gas: ti.template()
+):
+    """Where one of the disks in slots a and b still sleeps, the other may fall asleep too."""
+    if sleeps(a, gas):
+        set_at_rest(a, t, gas)
+        fall_asleep(b, t, tile, gas)
+    elif sleeps(b, gas):
+        set_at_rest(b, t, gas)
+        fall_asleep(a, t, tile, gas)
+
+
+@ti.func
+def write_pair(a: ti.template(), b: ti.template(), t: ti.template(), tile: ti.template(), gas: ti.template()):
+    """Write a row of `pair` for a collision of the disks in slots a and b, if those of all pairs are written down."""
+    if (gas.grid.watching & PAIRS) > 0 and gas.event_info[a].own_rank > 0:
+        row = ti.atomic_add(gas.counter.n_pairs, 1)
+        if row < gas.grid.most_pairs:
+            gas.pair_time[row] = t
+            gas.pair[row].tile = tile
+            gas.pair[row].id, gas.pair[row].partner = gas.event_info[a].id, gas.event_info[b].id
+        else:
+            ti.atomic_or(gas.counter.full, FULL_PAIRS)
+
+
+@ti.func
 def write_collision(
     a: ti.template(), b: ti.template(), t: ti.template(), rx: ti.template(), ry: ti.template(), r: ti.template(),
     before: ti.template(), after: ti.template(), regime: ti.template(), tile: ti.template(), region: ti.template(),
@@ -328,26 +354,14 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     gas.motion[a].vx, gas.motion[a].vy, gas.motion[a].spin = new_vx_a, vy_a, w_a
     gas.motion[b].vx, gas.motion[b].vy, gas.motion[b].spin = new_vx_b - faster, vy_b, w_b
     if ti.static(gas.uses.rests):
-        if sleeps(a, gas):
-            set_at_rest(a, t, gas)
-            fall_asleep(b, t, tile, gas)
-        elif sleeps(b, gas):
-            set_at_rest(b, t, gas)
-            fall_asleep(a, t, tile, gas)
+        rest_after_hit(a, b, t, tile, gas)
     update_history_hash(a, t, gas.event_info[b].id, gas)
     update_history_hash(b, t, gas.event_info[a].id, gas)
     note_speed(a, gas)
     note_speed(b, gas)
     gas.event_info[a].last = b
     gas.event_info[b].last = a
-    if (gas.grid.watching & PAIRS) > 0 and gas.event_info[a].own_rank > 0:
-        row = ti.atomic_add(gas.counter.n_pairs, 1)
-        if row < gas.grid.most_pairs:
-            gas.pair_time[row] = t
-            gas.pair[row].tile = tile
-            gas.pair[row].id, gas.pair[row].partner = gas.event_info[a].id, gas.event_info[b].id
-        else:
-            ti.atomic_or(gas.counter.full, FULL_PAIRS)
+    write_pair(a, b, t, tile, gas)
     if ti.static(gas.uses.watched):
         before = ti.Vector([vx_a, vy_a_0, w_a_0, vx_b, vy_b_0, w_b_0])
         after = ti.Vector([new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b])
@@ -358,19 +372,8 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     count_collision(a, kind_a, regime, lost, rows, faster, vx_a, new_vx_a, tile, gas)
     if ti.static(gas.uses.stressed):
         add_virial_of_pair(
-            tile,
-            a,
-            b,
-            kind_a,
-            kind_b,
-            new_vx_a - vx_a,
-            vy_a - vy_a_0,
-            new_vx_b - vx_b,
-            vy_b - vy_b_0,
-            rx,
-            ry,
-            gas,
-        )
+            tile, a, b, kind_a, kind_b, new_vx_a - vx_a, vy_a - vy_a_0, new_vx_b - vx_b, vy_b - vy_b_0, rx, ry, gas
+        )  # fmt: skip
 
 
 @ti.func

@@ -173,8 +173,8 @@ def of_pairs(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation
             else:
                 quality = f"chi^2 = {contact.chi_square:.1f} for {contact.degrees} degrees of freedom"
                 notes.append(f"parabola fitted to ln g{of} up to 1.25 diameters: {quality}")
-                error = contact.error if contact.describes else math.nan
-                rows.append(Reading(f"g at contact{of}", contact.g, error))
+                known = contact.error if contact.describes else math.nan
+                rows.append(Reading(f"g at contact{of}", contact.g, known))
                 poor += [f"g at contact{of}: {quality}"] * (not contact.describes)
         highest = float(found.r[np.argmax(found.g)])
         rows.append(Reading(f"r of the highest g{of}", highest, unit=unit(trajectory, "length")))

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ class _Plan(NamedTuple):
     """Frames that are used, origins, notes, warnings; and collisions per disk at the frames, if these are the clock."""
 
     used: list[int]
-    origins: str
+    origins: Literal["all", "first"]
     notes: list[str]
     warnings: list[str]
     tau: Array | None = None
@@ -131,7 +131,7 @@ def _parts(
     size = max(1, 2_000_000 // len(used))
     for first in range(0, trajectory.n, size):
         disks = slice(first, min(first + size, trajectory.n))
-        own = slice(None)
+        own: slice | NDArray[np.intp] = slice(None)
         if ids is not None:
             wanted = ids[(ids >= disks.start) & (ids < disks.stop)]
             if not len(wanted):
@@ -231,7 +231,7 @@ def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
         of, mark = _marks(groups, name)
         found = displacement.mean_square_displacement(
             plan.clock(trajectory), paths(ids), origins=plan.origins
-        )  # type: ignore[arg-type]
+        )
         fit = displacement.diffusion_coefficient(found)
         thermal = math.nan
         if plan.tau is None:
@@ -312,7 +312,7 @@ def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
             (part - moving.velocity if moving else part) / scale[:, None, None]
             for part in _parts(trajectory, used, "velocity", ids)
         )
-        found = displacement.velocity_autocorrelation(plan.clock(trajectory), parts, origins=plan.origins)  # type: ignore[arg-type]
+        found = displacement.velocity_autocorrelation(plan.clock(trajectory), parts, origins=plan.origins)
         first = found.value[0] if found.value[0] > 0.0 else np.nan
         below = np.flatnonzero(found.value < first / math.e)
         lag_unit = unit(trajectory, "time") if plan.tau is None else ""

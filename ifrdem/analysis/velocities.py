@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -233,4 +233,5 @@ def _sonine(means: Array, frames: int) -> SonineCoefficients:
         (yy / 3.0 + 2.0 * xy - xyy / 3.0, i02 + 2.0 * i11 - moment(xyy / 3.0, 1, 2)),
     )
     found = [(value - 1.0, error) for value, error in (estimate(*each) for each in sixth)]
-    return SonineCoefficients(*itertools.chain(*second, *found), disks=n, frames=frames)
+    numbers: list[Any] = [*itertools.chain(*second, *found), n, frames]
+    return SonineCoefficients(*numbers)

@@ -29,7 +29,7 @@ from ..tools import files
 from ..tools.versions import package_versions
 from ..trajectory import damage
 
-FORMAT = 10
+FORMAT = 11
 OF_DISKS = (
     "disk", "meta", "past", "hits", "dissipated", "asleep", "held", "listed",
     "state_position", "state_velocity", "state_spin", *(f"disks_{name}" for name in COLUMNS),
