@@ -144,7 +144,8 @@ class FitOptions:
         option(
             "E",
             "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal "
-            "[rad]; estimate: those not given, by the residuals; repeatable. Columns such as delta_2_error come first",
+            "[rad]; estimate: those not given, by the residuals, as without this option; repeatable. Columns such as "
+            "delta_2_error come first",
         ),
     ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
@@ -167,6 +168,8 @@ class FitOptions:
     """fit rolling friction rho too, from Rw_2 or e_t_apparent"""
     bootstrap: Annotated[int, counting(40)] = 0
     """additional intervals from N synthetic data sets"""
+    kind: Annotated[int | None, counting(0)] = None
+    """fit only the N-th pair of kinds of disks (mass, radius, k), from 1; 0 fits all together (default: each alone)"""
     min_quality: Annotated[float, QUALITY] = 0.01
     """least quality (a column that `ifrdem collisions` writes) of lines that are used (default: 0.01)"""
     seed: Annotated[int | None, counting(0, MOST_SEED)] = None
@@ -225,7 +228,7 @@ def fit(
     pair = _disks(disks, options.rolling, problems)
     both = _collision_disks(disks, problems)
     form = form_of(table, problems, options.known)
-    errors = _errors(options.error or [], problems)
+    errors = _errors(options.error or ["estimate"], problems)
     fixed = _pairs("--fix", options.fix, problems)
     ranges = _ranges(options.range, problems)
     if options.range and options.law is None:
@@ -268,18 +271,24 @@ def fit(
         )
     from ..fit import maximum, report  # import SciPy, which is slow
 
-    with _progress(sets * number_of_laws) as bar:
-        found = maximum.fit(
-            measured, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
+    parts = _parts(measured, options.kind, written)
+    with _progress(sets * number_of_laws * len(parts)) as bar:
+        every = [maximum.fit(
+            part, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
             robust=options.robust, level=0.01 * options.level, cross_validate=options.cross_validate,
             bootstrap=sets, seed=seed,
             progress=None if bar is None else bar.update,
-        )  # fmt: skip
-    echo(report.table(found))
-    if further:
-        from ..fit.next_experiment import design
+        ) for part in parts]  # fmt: skip
+    for i, found in enumerate(every, start=1):
+        if len(every) > 1:
+            echo("\n" * (i > 1) + f"pair of kinds of disks {i} of {len(every)} (--kind {i}):")
+        echo(report.table(found))
+        if further:
+            from ..fit.next_experiment import design
 
-        echo("\n" + design(found, further).table())
+            echo("\n" + design(found, further).table())
+    if len(every) > 1:
+        echo("\n" + report.overview(every))
     if sample is not None:
         write_text(sample, report.draws(found, drawn, seed))
     if record is not None:
@@ -300,6 +309,29 @@ def fit(
     if written:
         note(f"\nwrote {', '.join(map(str, written))}")
     return status
+
+
+def _parts(measured: Any, kind: int | None, written: Sequence[Path]) -> list[Any]:
+    """The tables that are fitted: one for each pair of kinds of disks, unless one or all together are asked for."""
+    from ..fit.data import Data
+
+    if isinstance(measured, Data):
+        if kind is not None:
+            raise InputError("--kind: cannot be combined with a table of angles")
+        return [measured]
+    if kind == 0:
+        return [measured]
+    parts: list[Any] = measured.kinds()
+    if kind is not None:
+        if kind > len(parts):
+            raise InputError(f"--kind {kind}: must be an integer from 0 to {len(parts)}")
+        return [parts[kind - 1]]
+    if len(parts) > 1 and written:
+        raise InputError(
+            f"{written[0]}: there are {len(parts)} pairs of kinds of disks: must be of one of them, --kind 1 to "
+            f"{len(parts)}, or of all together, --kind 0"
+        )
+    return parts
 
 
 def _progress(fits: int) -> AbstractContextManager[Any]:
@@ -539,7 +571,7 @@ def collisions(
     loaded = of_tracks.read(source, fps=fps, form=form, flip=flip or ())
     around += [of_tracks.straight_or_round(each, loaded) for each in drawn]
     every = disks.pop(None, None)
-    given = {one: each for one in loaded.time if (each := disks.get(one, every)) is not None}
+    given = {one: made for one in loaded.time if (made := disks.get(one, every)) is not None}
     found = impacts.find(loaded, given, walls=around, window=window, error=noise, repair_swaps=repair_swaps)
     shown = [
         f"{source}: {len(loaded.time)} disks, {sum(map(len, loaded.time.values()))} positions",

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from ..analysis.result import Evaluation
 from ..trajectory.reader import Trajectory
 from .series import AXES
-from .style import KINDS, foreground, from_zero, grid, label, legend_above, positive
+from .style import KINDS, foreground, from_zero, grid, label, legend, legend_above, positive
 
 
 def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: Evaluation) -> None:
@@ -46,5 +46,5 @@ def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: E
     lower.set_ylabel("ratio")
     from_zero(lower)
     legend_above(upper)
-    lower.legend(loc="best", frameon=False, fontsize="small")
+    legend(lower)
     grid(upper, lower)
