@@ -84,7 +84,7 @@ def own_time(e_n: float, seed: int) -> tuple[Array, Array, float]:
     """Lags tau, <c(0) . c(tau)>, and D m nu / T of a cooling gas of equal disks."""
     gas = fluid(800, PHI, seed, IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), melting=2.0)
     states, _ = sampled_run(gas, FRAMES, collisions_per_disk=0.5 * END)
-    tau: Array = 0.5 * END / FRAMES * np.arange(FRAMES + 1)
+    tau = np.linspace(0.0, 0.5 * END, FRAMES + 1)
     v, when = np.array([one.velocity for one in states]), np.array([one.time for one in states])
     speed = np.sqrt(0.5 * np.mean(np.sum(v**2, axis=2), axis=1))
     vacf = analysis.velocity_autocorrelation(tau, v / (np.sqrt(2.0) * speed[:, None, None]))
