@@ -171,7 +171,7 @@ class FitOptions:
     kind: Annotated[int | None, counting(0)] = None
     """fit only the N-th pair of kinds of disks (mass, radius, k), from 1; 0 fits all together (default: each alone)"""
     min_quality: Annotated[float, QUALITY] = 0.01
-    """lines of less quality, a column that `ifrdem collisions` writes, are left out (default: 0.01)"""
+    """least quality (a column that `ifrdem collisions` writes) of lines that are used (default: 0.01)"""
     seed: Annotated[int | None, counting(0, MOST_SEED)] = None
     """seed of the bootstrap and of --draw (default: 1)"""
 
@@ -493,7 +493,7 @@ def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
 
 TRACKS = """\
 TRACKS is a CSV file with a line for each disk in each frame: id (or particle, ...), x, y, and t or
-frame (with --fps); angle where disks are seen to turn. Units stand in brackets, as in x (mm) or
+frame (with --fps); angle if rotation is visible. Units stand in brackets, as in x (mm) or
 angle (rad); angles are in degrees by default, counter-clockwise, with y upwards.
 
   ifrdem collisions tracks.csv --fps 120 --disk 1.19e-3,10.5e-3,2 -o hits.csv
@@ -537,9 +537,9 @@ def collisions(
         ),
     ] = None,
     flip: Annotated[
-        list[str] | None, option("AXIS", "y, if it points down, or angle, if clockwise; repeatable")
+        list[str] | None, option("AXIS", "reverse y (if it points down) or angle (if clockwise); repeatable")
     ] = None,
-    repair_swaps: Annotated[bool, flag("exchange ids back that two tracks have exchanged")] = False,
+    repair_swaps: Annotated[bool, flag("undo exchanges of ids between two tracks")] = False,
     table: TableOptions = TableOptions(),
     output: Output = None,
     force: Force = False,
@@ -617,7 +617,7 @@ def _wall_numbers(text: str, problems: OptionProblems) -> tuple[float, ...] | No
         found = ()
     right = all(map(math.isfinite, found)) and len(found) in (3, 4)
     if not right or (len(found) == 3 and found[2] <= 0.0) or (len(found) == 4 and found[:2] == found[2:]):
-        problems.append(f"--wall {text}: must be X1,Y1,X2,Y2, two different points, or X,Y,R, a circle")
+        problems.append(f"--wall {text}: must be X1,Y1,X2,Y2 (two different points) or X,Y,R (a circle)")
         return None
     return found
 

@@ -14,7 +14,7 @@ from .style import OPEN, RATIO, ROTATION, TRANSLATION, from_zero, grid, label, l
 
 def correlation_alone(axes: Axes, trajectory: Trajectory | None, found: VelocityCorrelation) -> None:
     """Correlations along and across r with their errors, and where the one across r falls below 0."""
-    # Not bins that contact cuts.
+    # Without bins that contact cuts.
     shown = found.pairs > 0.5 * found.pairs.sum() * found.r / found.r.sum()
     for value, error, colour, text in (
         (found.along, found.along_error, TRANSLATION, r"along $r$, $C_\parallel$"),

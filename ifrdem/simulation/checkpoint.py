@@ -334,7 +334,7 @@ def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], devi
 
 
 def report_runtime(record: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
-    """Log that a gas runs on with another runtime, which gives the same bits (`check_versions`)."""
+    """Log that a gas resumes with another runtime, which gives the same bits (`check_versions`)."""
     written, here = map(runtime.of_versions, (record["versions"], package_versions()))
     if written != here:
         LOG.info("%s was written by %s %s; %s %s gives the same bits on a CPU", path, *written, *here)
