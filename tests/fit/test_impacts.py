@@ -178,3 +178,20 @@ def test_command_writes_tables_that_a_fit_takes(
     for name, true in zip(("e_n", "e_t", "mu"), simulator.WALL, strict=True):
         each = law.estimates[name]
         assert abs(each.value - true) < 4.0 * each.standard_error
+
+
+def test_each_pair_of_materials_has_its_coefficients(tmp_path: Path) -> None:
+    motion = simulator.simulate(240.0, 6.0, seed=11)
+    found = impacts.find(loaded(tmp_path, simulator.film(motion, 12), 240.0), DISKS, walls=WALLS)
+    (tmp_path / "hits.csv").write_text(impacts.csv(found.pairs), encoding="utf-8")
+    data = fit.read(tmp_path / "hits.csv")
+    assert isinstance(data, fit.Collisions)
+    parts = data.kinds()
+    assert len(parts) == 3
+    for part in parts:
+        masses = (float(np.asarray(disk.mass)[0]) for disk in (part.disk_1, part.disk_2))
+        one, two = sorted(simulator.MASS.index(mass) for mass in masses)
+        law = fit.fit(part, model=["ifr-percussion"], profile=False).laws["ifr-percussion"]
+        for name, true in zip(("e_n", "e_t", "mu"), simulator.PAIR[one, two], strict=True):
+            each = law.estimates[name]
+            assert abs(each.value - true) < 4.0 * each.standard_error

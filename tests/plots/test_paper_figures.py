@@ -37,12 +37,12 @@ def geometry(figure: Figure) -> tuple[int, int]:
 def assert_legends_are_off_the_data(figure: Figure) -> None:
     figure.draw_without_rendering()
     figure.draw_without_rendering()
-    legends = [(axes, legend) for axes in figure.axes if (legend := axes.get_legend()) is not None]
-    assert legends
-    for axes, one in legends:
-        data, legend = axes.get_window_extent(), one.get_window_extent()
-        assert legend.y0 >= data.y1 - 1.0  # pixels
-        assert legend.height < figure.bbox.height
+    found = [(axes, one) for axes in figure.axes if (one := axes.get_legend()) is not None]
+    assert found
+    for axes, legend in found:
+        data, box = axes.get_window_extent(), legend.get_window_extent()
+        assert box.y0 >= data.y1 - 1.0  # pixels
+        assert box.height < figure.bbox.height
 
 
 def test_two_panels_of_a_column_are_above_each_other_with_legends_off_the_data(trajectory: Path) -> None:
