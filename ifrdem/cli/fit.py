@@ -144,8 +144,8 @@ class FitOptions:
         option(
             "E",
             "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal "
-            "[rad]; estimate: those not given, by the residuals, as without this option; repeatable. Columns such as "
-            "delta_2_error come first",
+            "[rad]; estimate (default): missing ones from the residuals; repeatable. Columns such as "
+            "delta_2_error take precedence",
         ),
     ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
@@ -169,7 +169,7 @@ class FitOptions:
     bootstrap: Annotated[int, counting(40)] = 0
     """additional intervals from N synthetic data sets"""
     kind: Annotated[int | None, counting(0)] = None
-    """fit only the N-th pair of kinds of disks (mass, radius, k), from 1; 0 fits all together (default: each alone)"""
+    """fit only the N-th pair of kinds of disks (mass, radius, k), from 1; 0 fits all together (default: one by one)"""
     min_quality: Annotated[float, QUALITY] = 0.01
     """least quality (a column that `ifrdem collisions` writes) of lines that are used (default: 0.01)"""
     seed: Annotated[int | None, counting(0, MOST_SEED)] = None
@@ -312,7 +312,7 @@ def fit(
 
 
 def _parts(measured: Any, kind: int | None, written: Sequence[Path]) -> list[Any]:
-    """The tables that are fitted: one for each pair of kinds of disks, unless one or all together are asked for."""
+    """The tables to fit: one for each pair of kinds of disks, or by `kind` one of them or all together."""
     from ..fit.data import Data
 
     if isinstance(measured, Data):
@@ -328,8 +328,8 @@ def _parts(measured: Any, kind: int | None, written: Sequence[Path]) -> list[Any
         return [parts[kind - 1]]
     if len(parts) > 1 and written:
         raise InputError(
-            f"{written[0]}: there are {len(parts)} pairs of kinds of disks: must be of one of them, --kind 1 to "
-            f"{len(parts)}, or of all together, --kind 0"
+            f"{written[0]}: there are {len(parts)} pairs of kinds of disks; choose one by --kind 1 to {len(parts)}, or "
+            "fit all together by --kind 0"
         )
     return parts
 

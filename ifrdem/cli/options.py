@@ -231,7 +231,7 @@ Size = Annotated[
         n_tokens=1,
     ),
 ]
-Dpi = Annotated[int, integer("N", "points an inch of a PNG (default: 200)", 30, 2400)]
+Dpi = Annotated[int, integer("N", "resolution of a PNG in dots per inch (default: 200)", 30, 2400)]
 NoTitle = Annotated[bool, flag("no title; warnings go to the terminal")]
 
 

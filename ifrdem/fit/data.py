@@ -303,7 +303,7 @@ class Collisions:
             return np.arctan2(y, x), np.sqrt(y**2 * variance[0] + x**2 * variance[1]) / length**2
 
     def kinds(self) -> list[Collisions]:
-        """The collisions of each pair of kinds of disks (mass, radius, k), those of the most first."""
+        """The collisions of each pair of kinds of disks (mass, radius, k), the most frequent pair first."""
         n = len(self)
         one, two = (
             np.stack([*_per_collision(disk, n).values()], axis=-1) for disk in (self.disk_1, self.disk_2)
@@ -316,7 +316,7 @@ class Collisions:
         return [self._part(each) for each in sorted(rows.values(), key=lambda each: -len(each))]
 
     def _part(self, rows: Sequence[int]) -> Collisions:
-        """Some of the collisions."""
+        """The collisions of these rows."""
         n = len(self)
         disks = [
             _of_columns({key: value[rows] for key, value in _per_collision(disk, n).items()})

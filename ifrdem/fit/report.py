@@ -63,7 +63,7 @@ def table(fit: Fit) -> str:
 
 
 def overview(fits: Sequence[Fit]) -> str:
-    """The coefficients of the best law of each fit, a line a pair of kinds of disks."""
+    """Table of the coefficients of the best law of each fit, with a line for each pair of kinds of disks."""
     lines = [f"{'mass':>24}{'radius':>24}{'impacts':>9}  law, coefficients with standard errors"]
     for fit in fits:
         assert not isinstance(fit.data, Data)
