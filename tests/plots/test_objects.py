@@ -262,6 +262,8 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
             analysis.mean_stress(steps, np.ones((49, 4)), np.ones((49, 4))),
             analysis.profiles(run),
             analysis.mean_fields(run),
+            analysis.velocity_correlation(last.position, last.velocity, box, r_max=5.0),
+            analysis.velocity_spectrum(last.position, last.velocity, box, k_max=5.0),
         ]  # fmt: skip
     assert {type(one) for one in found} == set(analyses.RESULTS)
     for one in found:
