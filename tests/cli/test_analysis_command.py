@@ -547,7 +547,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         (
             ("rdf", "--over", "tau"),
             "over = tau: cannot be combined with rdf; it is an option of temperatures, energy, ledger, mechanisms, "
-            "piston",
+            "walls, piston",
         ),
     ):
         assert run("plot", "run.h5", *words, "-o", "no.png") == 2
