@@ -536,7 +536,7 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
         "analysis.mean_fields": (analysis.mean_fields, {"trajectory": run, "cells": (2, 2), "frames": [0, 1],
                                                         "collisions": True}),
         "fit.read": (ifrdem.fit.read, {"path": data, "errors": {"angles": 0.7}, "disk_1": COIN, "disk_2": None,
-                                       "form": ifrdem.fit.TableFormat()}),
+                                       "form": ifrdem.fit.TableFormat(), "min_quality": 0.01}),
         **{f"History.{name}": (getattr(history, name), {"t": [0.5, 1.0]})
            for name in ("angle", "position", "spin", "unwrapped", "velocity")},
         "History.__getitem__": (lambda name: history[name], {"name": "psi"}),
@@ -567,7 +567,8 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
         "TrajectoryWriter.write": (write, {"state": STATE, "observables": {"a": 1.0}}),
         "concat": (ifrdem.concat, {"trajectories": [path]}),
         "plots.figure": (ifrdem.plots.figure, {"trajectory": run, "what": "temperatures", "frames": [0, 1],
-                                               "over": "t", "color": None, "make": Figure}),
+                                               "over": "t", "color": None, "make": Figure,
+                                               "size": (7.0, 5.0), "dpi": 100, "title": True}),
         "view": (ifrdem.view, {"trajectory": run, "frames": [0], "height": 640}),
     }  # fmt: skip
 

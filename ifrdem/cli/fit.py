@@ -23,7 +23,6 @@ from .options import (
     counted,
     flag,
     integer,
-    invalid_value,
     number,
     option,
     positive,
@@ -32,8 +31,6 @@ from .options import (
 )  # fmt: skip
 
 if TYPE_CHECKING:
-    from cyclopts import Token
-
     from ..fit.data import Disk
 
 FORMAT = """\
@@ -82,6 +79,7 @@ MASS_RATIO = real(
     "M", "", "a finite number of 0 (a wall) or more", lambda value: 0.0 <= value < math.inf, "--M"
 )
 LEVEL = real("PERCENT", "", "a percentage between 0 and 100", lambda value: 0.0 < value < 100.0)
+QUALITY = real("P", "", "a number from 0 to 1", lambda value: 0.0 <= value <= 1.0)
 FILE, PAIRS = Parameter(metavar="FILE"), Parameter(metavar="NAME=VALUE")
 
 
@@ -146,7 +144,8 @@ class FitOptions:
         option(
             "E",
             "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal "
-            "[rad]; estimate: those not given, by the residuals; repeatable. Columns such as delta_2_error come first",
+            "[rad]; estimate (default): missing ones from the residuals; repeatable. Columns such as "
+            "delta_2_error take precedence",
         ),
     ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
@@ -169,6 +168,10 @@ class FitOptions:
     """fit rolling friction rho too, from Rw_2 or e_t_apparent"""
     bootstrap: Annotated[int, counting(40)] = 0
     """additional intervals from N synthetic data sets"""
+    kind: Annotated[int | None, counting(0)] = None
+    """fit only the N-th pair of kinds of disks (mass, radius, k), from 1; 0 fits all together (default: one by one)"""
+    min_quality: Annotated[float, QUALITY] = 0.01
+    """least quality (a column that `ifrdem collisions` writes) of lines that are used (default: 0.01)"""
     seed: Annotated[int | None, counting(0, MOST_SEED)] = None
     """seed of the bootstrap and of --draw (default: 1)"""
 
@@ -225,7 +228,7 @@ def fit(
     pair = _disks(disks, options.rolling, problems)
     both = _collision_disks(disks, problems)
     form = form_of(table, problems, options.known)
-    errors = _errors(options.error or [], problems)
+    errors = _errors(options.error or ["estimate"], problems)
     fixed = _pairs("--fix", options.fix, problems)
     ranges = _ranges(options.range, problems)
     if options.range and options.law is None:
@@ -257,7 +260,7 @@ def fit(
     kinds = list(options.model or (of_laws.IFR if options.law is None else ()))
     own = [] if options.law is None else [of_laws.own_from_file(options.law, ranges)]
     number_of_laws = len(of_laws.chosen(kinds, fixed, own))
-    measured = read(source, errors, form=form, **both)
+    measured = read(source, errors, form=form, min_quality=options.min_quality, **both)
     if not isinstance(measured, Data) and pair:
         raise InputError(
             f"{', '.join(map(_dashed, pair))}: of tables of angles; collisions need --disk-1 and --disk-2"
@@ -268,18 +271,24 @@ def fit(
         )
     from ..fit import maximum, report  # import SciPy, which is slow
 
-    with _progress(sets * number_of_laws) as bar:
-        found = maximum.fit(
-            measured, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
+    parts = _parts(measured, options.kind, written)
+    with _progress(sets * number_of_laws * len(parts)) as bar:
+        every = [maximum.fit(
+            part, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
             robust=options.robust, level=0.01 * options.level, cross_validate=options.cross_validate,
             bootstrap=sets, seed=seed,
             progress=None if bar is None else bar.update,
-        )  # fmt: skip
-    echo(report.table(found))
-    if further:
-        from ..fit.next_experiment import design
+        ) for part in parts]  # fmt: skip
+    for i, found in enumerate(every, start=1):
+        if len(every) > 1:
+            echo("\n" * (i > 1) + f"pair of kinds of disks {i} of {len(every)} (--kind {i}):")
+        echo(report.table(found))
+        if further:
+            from ..fit.next_experiment import design
 
-        echo("\n" + design(found, further).table())
+            echo("\n" + design(found, further).table())
+    if len(every) > 1:
+        echo("\n" + report.overview(every))
     if sample is not None:
         write_text(sample, report.draws(found, drawn, seed))
     if record is not None:
@@ -300,6 +309,29 @@ def fit(
     if written:
         note(f"\nwrote {', '.join(map(str, written))}")
     return status
+
+
+def _parts(measured: Any, kind: int | None, written: Sequence[Path]) -> list[Any]:
+    """The tables to fit: one for each pair of kinds of disks, or by `kind` one of them or all together."""
+    from ..fit.data import Data
+
+    if isinstance(measured, Data):
+        if kind is not None:
+            raise InputError("--kind: cannot be combined with a table of angles")
+        return [measured]
+    if kind == 0:
+        return [measured]
+    parts: list[Any] = measured.kinds()
+    if kind is not None:
+        if kind > len(parts):
+            raise InputError(f"--kind {kind}: must be an integer from 0 to {len(parts)}")
+        return [parts[kind - 1]]
+    if len(parts) > 1 and written:
+        raise InputError(
+            f"{written[0]}: there are {len(parts)} pairs of kinds of disks; choose one by --kind 1 to {len(parts)}, or "
+            "fit all together by --kind 0"
+        )
+    return parts
 
 
 def _progress(fits: int) -> AbstractContextManager[Any]:
@@ -460,23 +492,14 @@ def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
 
 
 TRACKS = """\
-TRACKS is a CSV file with a line for each disk in each frame: id, x, y, and t or frame (with
---fps); angle where disks are seen to turn. Units stand in brackets, as in x (mm) or angle (rad);
-angles are in degrees by default.
+TRACKS is a CSV file with a line for each disk in each frame: id (or particle, ...), x, y, and t or
+frame (with --fps); angle if rotation is visible. Units stand in brackets, as in x (mm) or
+angle (rad); angles are in degrees by default, counter-clockwise, with y upwards.
 
   ifrdem collisions tracks.csv --fps 120 --disk 1.19e-3,10.5e-3,2 -o hits.csv
+  ifrdem collisions tracks.csv --fps 240 --disk 0.03,0.025 --disk 7=0.02,0.02 --walls tray.toml
   ifrdem fit hits.csv
 """
-
-
-def _line(_kind: object, tokens: Sequence[Token]) -> tuple[float, float, float, float]:
-    try:
-        x_1, y_1, x_2, y_2 = (float(part) for part in tokens[-1].value.split(","))
-    except ValueError:
-        x_1 = y_1 = x_2 = y_2 = math.nan
-    if not all(map(math.isfinite, (x_1, y_1, x_2, y_2))):
-        raise invalid_value(tokens, "must be X1,Y1,X2,Y2, four finite numbers")
-    return x_1, y_1, x_2, y_2
 
 
 def collisions(
@@ -490,13 +513,15 @@ def collisions(
     fps: Annotated[
         float | None, real("N", "frames per second, with a column frame", POSITIVE, positive)
     ] = None,
+    walls: Annotated[
+        Path | None, option("CASE", "a case file (TOML) with the walls of the tray, its box included")
+    ] = None,
     wall: Annotated[
-        tuple[float, float, float, float] | None,
+        list[str] | None,
         option(
             "X1,Y1,X2,Y2",
-            "impacts with the straight wall through two points, instead of pairs",
-            converter=_line,
-            n_tokens=1,
+            "a straight wall through two points, or X,Y,R, a round one; repeatable. Walls end flights, and impacts "
+            "with them go to NAME_walls.csv",
         ),
     ] = None,
     window: Annotated[
@@ -506,11 +531,15 @@ def collisions(
         float | None,
         real(
             "S",
-            "standard error of a coordinate [m] (default: by the scatter about the flights)",
+            "standard error of a coordinate [m] (default: from the scatter of second differences)",
             POSITIVE,
             positive,
         ),
     ] = None,
+    flip: Annotated[
+        list[str] | None, option("AXIS", "reverse y (if it points down) or angle (if clockwise); repeatable")
+    ] = None,
+    repair_swaps: Annotated[bool, flag("undo exchanges of ids between two tracks")] = False,
     table: TableOptions = TableOptions(),
     output: Output = None,
     force: Force = False,
@@ -518,62 +547,108 @@ def collisions(
     """Find collisions in particle tracks.
 
     Finds the impacts, fits the flights before and after each, and writes the table of whole collisions that
-    `ifrdem fit` takes,
-    with errors and their correlations.
+    `ifrdem fit` takes, with errors and their correlations. What was left out or cut is listed in NAME_report.csv.
     """
     problems = OptionProblems()
     form = form_of(table, problems)
     disks = _tracked_disks(disk, problems)
+    drawn = [each for text in wall or () if (each := _wall_numbers(text, problems))]
+    problems += [
+        f"--flip {each}: must be y or angle{nearest(each, ('y', 'angle'))}"
+        for each in flip or ()
+        if each not in ("y", "angle")
+    ]
     source = Path(tracks)
     path = Path(output) if output is not None else source.with_name(f"{source.stem}_collisions.csv")
-    _check_files([path], source, force, problems)
+    of_walls, report = (path.with_name(f"{path.stem}_{end}.csv") for end in ("walls", "report"))
+    _check_files([path, report, *([of_walls] if wall or walls else [])], source, force, problems)
     problems.end()
 
+    from ..fit import impacts
     from ..fit import tracks as of_tracks
 
-    loaded = of_tracks.read(source, fps=fps, form=form)
-    found = of_tracks.find(loaded, disks, wall=wall, window=window, noise=noise)
-    about = [
-        f"{len(found)} collisions in {source.name}, found by `ifrdem collisions`; SI units, angles and spins in rad"
-    ]
+    around = [] if walls is None else _walls_of(walls)
+    loaded = of_tracks.read(source, fps=fps, form=form, flip=flip or ())
+    around += [of_tracks.straight_or_round(each, loaded) for each in drawn]
+    every = disks.pop(None, None)
+    given = {one: made for one in loaded.time if (made := disks.get(one, every)) is not None}
+    found = impacts.find(loaded, given, walls=around, window=window, error=noise, repair_swaps=repair_swaps)
     shown = [
-        f"{source}: {len(loaded.time)} disks, {sum(map(len, loaded.time.values()))} places; {len(found)} collisions",
-        f"standard error of a coordinate {found.noise:.3g}"
-        + (f", of an angle {found.angle_noise:.3g} rad" if math.isfinite(found.angle_noise) else ""),
+        f"{source}: {len(loaded.time)} disks, {sum(map(len, loaded.time.values()))} positions",
+        f"standard error of a coordinate {found.noise.typical:.3g}"
+        + (f", of an angle {found.noise.angle:.3g} rad" if math.isfinite(found.noise.angle) else ""),
     ]
     if loaded.missing:
         shown.append(f"{loaded.missing} lines without a position are left out")
-    if found.bent:
-        shown.append(
-            f"{found.bent} collisions have flights that are not straight within the noise: a smaller --window helps"
+    written = []
+    for file, what, columns in ((path, "of two disks", found.pairs), (of_walls, "with walls", found.walls)):
+        if columns:
+            low = int(sum(columns["quality"] < impacts.POOR))
+            marked = f"; {low} with quality below {impacts.POOR:g}, which `ifrdem fit` leaves out" * bool(low)
+            shown.append(f"{len(columns['t'])} collisions {what}{marked}")
+            text = f"collisions {what} in {source.name}, by `ifrdem collisions`; SI units, angles in rad"
+            write_text(file, impacts.csv(columns, text))
+            written.append(file)
+    for exchange in found.exchanges:
+        done = (
+            "exchanged back"
+            if found.repaired
+            else "impacts after it have quality 0; --repair-swaps undoes it"
         )
-    shown += [f"left out: {each}" for each in found.left_out[:20]]
-    if len(found.left_out) > 20:
-        shown.append(f"and {len(found.left_out) - 20} more")
+        shown.append(
+            f"disks {exchange.ids[0]} and {exchange.ids[1]} exchange their ids at t = {exchange.time:.6g}: {done}"
+        )
+    if found.reasons:
+        shown += ["", "not used                                       number"]
+        shown += [f"{reason:<45}{count:>8}" for reason, count in found.reasons.items()]
+        write_text(report, found.report())
+        written.append(report)
+    shown += [f"warning: {each}" for each in found.warnings]
     echo("\n".join(shown))
-    write_text(path, found.csv("\n".join(about)))
-    note(f"\nwrote {path}: `ifrdem fit {path}` fits it")
+    note(f"\nwrote {', '.join(map(str, written))}: `ifrdem fit {written[0]}` fits them")
     return 0
 
 
-def _tracked_disks(texts: list[str] | None, problems: OptionProblems) -> Disk | dict[int, Disk]:
-    """All disks, or a mapping by id."""
-    found: dict[int, Disk] = {}
-    every: Disk | None = None
+def _wall_numbers(text: str, problems: OptionProblems) -> tuple[float, ...] | None:
+    """Numbers of a line or of a circle."""
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        found = ()
+    right = all(map(math.isfinite, found)) and len(found) in (3, 4)
+    if not right or (len(found) == 3 and found[2] <= 0.0) or (len(found) == 4 and found[:2] == found[2:]):
+        problems.append(f"--wall {text}: must be X1,Y1,X2,Y2 (two different points) or X,Y,R (a circle)")
+        return None
+    return found
+
+
+def _walls_of(path: Path) -> list[Any]:
+    """The walls of a case, the sides of its box included."""
+    from ..case import file
+    from ..model.walls.wall import sides
+
+    gas = file.read(path).gas
+    found = [*gas.walls, *sides(gas.box)]
+    if not found:
+        raise InputError(f"{path}: has no walls: add [[wall]] tables, or a box that is not periodic")
+    return found
+
+
+def _tracked_disks(texts: list[str] | None, problems: OptionProblems) -> dict[int | None, Disk]:
+    """Disks by id; None stands for all others."""
+    found: dict[int | None, Disk] = {}
     for text in texts or ():
         name, equals, rest = text.rpartition("=")
         made = disk_of(f"--disk {text}", rest, problems, ", with ID= before it for one disk,")
-        if not equals:
-            every = made
-        else:
-            found[problems.parse(0, whole, f"--disk {text}: id", name.strip(), 0, 2**31)] = made
-    if every is not None and found:
-        problems.append("--disk: either all disks at once, or each by its id")
-    if every is None and not found and not problems:
+        key = problems.parse(0, whole, f"--disk {text}: id", name.strip(), 0, 2**31) if equals else None
+        if key in found:
+            problems.append(f"--disk {text}: {f'disk {key} is' if equals else 'all disks are'} given twice")
+        found[key] = made
+    if not found and not problems:
         problems.append(
             "--disk is missing: give mass, radius and k of the disks, such as --disk 1.19e-3,10.5e-3,2"
         )
-    return every if every is not None else found
+    return found
 
 
 MEASURED = """\

@@ -302,6 +302,37 @@ class Collisions:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.arctan2(y, x), np.sqrt(y**2 * variance[0] + x**2 * variance[1]) / length**2
 
+    def kinds(self) -> list[Collisions]:
+        """The collisions of each pair of kinds of disks (mass, radius, k), the most frequent pair first."""
+        n = len(self)
+        one, two = (
+            np.stack([*_per_collision(disk, n).values()], axis=-1) for disk in (self.disk_1, self.disk_2)
+        )
+        rows: dict[tuple[tuple[float, ...], ...], list[int]] = {}
+        for i in range(n):
+            rows.setdefault(tuple(sorted((tuple(one[i].tolist()), tuple(two[i].tolist())))), []).append(i)
+        if len(rows) == 1:
+            return [self]
+        return [self._part(each) for each in sorted(rows.values(), key=lambda each: -len(each))]
+
+    def _part(self, rows: Sequence[int]) -> Collisions:
+        """The collisions of these rows."""
+        n = len(self)
+        disks = [
+            _of_columns({key: value[rows] for key, value in _per_collision(disk, n).items()})
+            for disk in (self.disk_1, self.disk_2)
+        ]
+        return Collisions(
+            disk_1=disks[0],
+            disk_2=disks[1],
+            measured={name: np.asarray(value)[rows] for name, value in self.measured.items()},
+            errors={name: np.asarray(value)[rows] for name, value in self.errors.items()},
+            covariance={name: np.broadcast_to(value, (n,))[rows] for name, value in self.covariance.items()},
+            source=self.source,
+            line=np.arange(1, n + 1)[rows] if self.line is None else self.line[rows],
+            notes=self.notes,
+        )
+
     def problem(self, pair: Pair | None = None) -> CollisionProblem:
         """The collisions as a fit sees them."""
         phi, s_phi = self.normal()
@@ -329,6 +360,7 @@ def read(
     disk_1: Disk | None = None,
     disk_2: Disk | None = None,
     form: TableFormat = TableFormat(),  # noqa: B008  (frozen)
+    min_quality: Annotated[float, Number(0.0, 1.0, "a number from 0 to 1")] = 0.01,
 ) -> Data | Collisions:
     """Read a table of measured impacts.
 
@@ -352,6 +384,8 @@ def read(
         Of whole collisions, unless columns mass_1, radius_1, k_1, ... give them.
     form : TableFormat, optional
         Names, units and signs of the file.
+    min_quality : float
+        Whole collisions whose column quality is below it are left out, see `impacts.FoundCollisions`.
 
     Examples
     --------
@@ -362,13 +396,20 @@ def read(
     """
     kinds = {**{name: "angle" if name in ANGLES else "number" for name in COLUMNS}, **_KINDS}
     spellings = {**_SPELLINGS, **_COLLISION_SPELLINGS}
+    kinds["quality"], spellings["quality"] = "number", "quality"
     moving = ("normal", *MOTION, *AFTER)
     covariances = {f"cov:{a}:{b}": (a, b) for a in moving for b in moving if a != b}
     kinds |= dict.fromkeys(covariances, "number")
     spellings |= {tabular.plain(name): name for name in covariances}
     found = tabular.read(path, kinds, spellings, form)
-    columns = dict(found.columns)
-    notes = []
+    columns, notes, lines = dict(found.columns), [], found.line
+    if (quality := columns.pop("quality", None)) is not None:
+        good = ~(quality < min_quality)
+        if not good.any():
+            raise InputError(f"{found.source}: no line has a quality of {min_quality:g} or more")
+        if not good.all():
+            notes.append(f"{np.sum(~good)} of {len(good)} lines are left out: quality below {min_quality:g}")
+        columns, lines = {name: value[good] for name, value in columns.items()}, lines[good]
     if found.missing:
         notes.append(f"{found.missing} value{'s are' if found.missing > 1 else ' is'} missing and left out")
     if found.unused:
@@ -389,7 +430,7 @@ def read(
             f"{source}: missing column delta_2, or another that was measured: {', '.join(MEASURED)}; there is psi only"
         )
     quantities = [name for name in (angles or whole) if name not in _DISKS]
-    given, problems = _given_errors(quantities, columns, dict(errors or {}), form, len(found))
+    given, problems = _given_errors(quantities, columns, dict(errors or {}), form, len(lines))
     refuse(problems, source, most=20)
     measured = {name: columns[name] for name in quantities}
     if whole:
@@ -403,13 +444,13 @@ def read(
             errors=given,
             covariance={pair: columns[name] for name, pair in covariances.items() if name in columns},
             source=source,
-            line=found.line,
+            line=lines,
             notes=tuple(notes),
         )
     after = [~np.isnan(measured[name]) for name in quantities if name != "psi"]
     keep = ~np.isnan(columns["psi"]) & np.any(after, axis=0)
     if not keep.all():
-        lost = ", ".join(str(line) for line in found.line[~keep][:10]) + ", ..." * bool(np.sum(~keep) > 10)
+        lost = ", ".join(str(line) for line in lines[~keep][:10]) + ", ..." * bool(np.sum(~keep) > 10)
         text = "lines without psi or without a value after the impact are left out"
         notes.append(f"{np.sum(~keep)} {text}: {lost}")
     psi = measured.pop("psi")[keep]
@@ -418,7 +459,7 @@ def read(
         measured={name: value[keep] for name, value in measured.items()},
         errors={name: value[keep] for name, value in given.items()},
         source=source,
-        line=found.line[keep],
+        line=lines[keep],
         notes=tuple(notes),
     )
 

@@ -10,7 +10,8 @@ import pytest
 from ifrdem import fit
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
-from ifrdem.fit import tracks
+from ifrdem.fit import impacts, tracks
+from ifrdem.model.walls.wall import Wall
 from ifrdem.validation.fit_video import COIN
 from ifrdem.validation.fit_video import tracks as video
 
@@ -22,13 +23,13 @@ TRUTH = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 def test_video_with_pixel_noise_gives_the_coefficients_back(tmp_path: Path, fps: float, window: int) -> None:
     """0.1 mm is a quarter of a pixel of a camera that sees 40 cm with 1,000 pixels."""
     (tmp_path / "tracks.csv").write_text(video(fps, 1e-4, 12), encoding="utf-8")
-    found = tracks.find(tracks.read(tmp_path / "tracks.csv"), DISK, window=window)
+    found = impacts.find(tracks.read(tmp_path / "tracks.csv"), DISK, window=window)
     assert len(found) == 12
-    assert found.noise == pytest.approx(1e-4, rel=0.1)
-    assert found.angle_noise == pytest.approx(0.01, rel=0.1)
-    assert found.bent == 0
-    np.testing.assert_allclose(found.columns["t"] % 1.0, 0.12, atol=6e-4)  # of the video's impacts
-    (tmp_path / "hits.csv").write_text(found.csv(), encoding="utf-8")
+    assert found.noise.typical == pytest.approx(1e-4, rel=0.1)
+    assert found.noise.angle == pytest.approx(0.01, rel=0.1)
+    assert not found.cut
+    np.testing.assert_allclose(found.pairs["t"] % 1.0, 0.12, atol=6e-4)  # of the video's impacts
+    (tmp_path / "hits.csv").write_text(impacts.csv(found.pairs), encoding="utf-8")
     law = fit.fit(fit.read(tmp_path / "hits.csv"), model=["ifr-percussion"], profile=False).laws[
         "ifr-percussion"
     ]
@@ -44,7 +45,7 @@ def test_disks_that_pass_each_other_have_not_collided(tmp_path: Path) -> None:
     rows = [f"{s},0,{s - 0.15},0.0\n{s},1,{0.15 - s},{2.05 * COIN.radius}\n" for s in t]
     (tmp_path / "pass.csv").write_text("t,id,x,y\n" + "".join(rows), encoding="utf-8")
     with pytest.raises(InputError, match="no impact was found"):
-        tracks.find(tracks.read(tmp_path / "pass.csv"), DISK, noise=1e-4)
+        impacts.find(tracks.read(tmp_path / "pass.csv"), DISK, error=1e-4)
 
 
 def test_places_without_scatter_need_their_error(tmp_path: Path) -> None:
@@ -52,9 +53,9 @@ def test_places_without_scatter_need_their_error(tmp_path: Path) -> None:
     rows = [f"{s},{i},{(2 * i - 1) * (COIN.radius + abs(0.15 - s))},0\n" for s in t for i in (0, 1)]
     (tmp_path / "exact.csv").write_text("t,id,x,y\n" + "".join(rows), encoding="utf-8")
     observed = tracks.read(tmp_path / "exact.csv")
-    with pytest.raises(InputError, match="do not scatter about the flights: noise"):
-        tracks.find(observed, DISK)
-    assert len(tracks.find(observed, DISK, noise=1e-5)) == 1
+    with pytest.raises(InputError, match="do not scatter about the flights: error"):
+        impacts.find(observed, DISK)
+    assert len(impacts.find(observed, DISK, error=1e-5)) == 1
 
 
 def test_bounce_off_a_wall_is_found(tmp_path: Path) -> None:
@@ -69,12 +70,14 @@ def test_bounce_off_a_wall_is_found(tmp_path: Path) -> None:
         for i, (a, b) in enumerate(np.stack([x, y], axis=-1) + rng.normal(0.0, 1e-5, (len(t), 2)))
     ]
     (tmp_path / "wall.csv").write_text("frame,id,x,y\n" + "\n".join(lines), encoding="utf-8")
-    found = tracks.find(tracks.read(tmp_path / "wall.csv", fps=500.0), DISK, wall=(0.0, 0.0, 1.0, 0.0))
+    found = impacts.find(
+        tracks.read(tmp_path / "wall.csv", fps=500.0), DISK, walls=[Wall.line((0.0, 0.0), (0.0, 1.0))]
+    )
     assert len(found) == 1
-    got = [found.columns[name][0] for name in ("nx", "ny", "vx_1", "vy_1", "vx_1_after", "vy_1_after")]
+    got = [found.walls[name][0] for name in ("nx", "ny", "vx_1", "vy_1", "vx_1_after", "vy_1_after")]
     np.testing.assert_allclose(got, [0.0, -1.0, 1.0, -1.0, 0.8, 0.7], atol=2e-3)
-    assert found.columns["t"][0] == pytest.approx(0.1, abs=1e-4)
-    assert np.isinf(found.columns["mass_2"][0])
+    assert found.walls["t"][0] == pytest.approx(0.1, abs=1e-4)
+    assert np.isinf(found.walls["mass_2"][0])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,197 @@
+"""Impacts in tracks of a simulator that shares no code with the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from support import track_simulator as simulator
+
+from ifrdem import fit
+from ifrdem.cli.main import main
+from ifrdem.errors import InputError
+from ifrdem.fit import impacts, tracks
+from ifrdem.model.walls.wall import Wall
+
+X, Y = simulator.TRAY
+WALLS = [
+    Wall.line((0, 0), (1, 0)),
+    Wall.line((0, 0), (0, 1)),
+    Wall.line((X, Y), (-1, 0)),
+    Wall.line((X, Y), (0, -1)),
+]
+MATERIAL = np.arange(20) % 2
+DISKS = {i: fit.Disk(mass=simulator.MASS[m], radius=simulator.RADIUS[m]) for i, m in enumerate(MATERIAL)}
+
+
+def loaded(folder: Path, text: str, fps: float, **options: Any) -> tracks.Tracks:
+    (folder / "tracks.csv").write_text(text, encoding="utf-8")
+    return tracks.read(folder / "tracks.csv", fps=fps, **options)
+
+
+def worst(row: dict[str, float], motion: simulator.Motion) -> float:
+    """The largest distance of a velocity or spin from the truth, in its errors; infinite without a true impact."""
+    ids = {int(row[name]) for name in ("id_1", "id_2") if name in row}
+    near = [each for each in motion.impacts if abs(each.t - row["t"]) < 0.02]
+    near = [each for each in near if ids == ({each.i} if each.j < 0 else {each.i, each.j})]
+    if not near:
+        return np.inf
+    true = min(near, key=lambda each: abs(each.t - row["t"]))
+    pulls = [0.0]
+    for n in range(1, len(ids) + 1):
+        k = 0 if int(row[f"id_{n}"]) == true.i else 1
+        for q, name in enumerate(("vx", "vy", "spin")):
+            for end, of in (("", true.before), ("_after", true.after)):
+                column = f"{name}_{n}{end}"
+                if not np.isnan(row.get(column, np.nan)):
+                    pulls.append(abs(row[column] - of[k, q]) / row[f"{column}_error"])
+    return max(pulls)
+
+
+def rows(columns: Mapping[str, NDArray[np.float64]]) -> list[dict[str, float]]:
+    return [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("fps", "spoilt"),
+    [(120.0, {}), (240.0, {}), (1000.0, {}), (240.0, {"lost": 0.02}), (240.0, {"swaps": 4})],
+    ids=["120", "240", "1000", "lost frames", "swapped ids"],
+)
+def test_impacts_in_a_walled_tray_are_right_within_their_errors(
+    fps: float, spoilt: dict[str, Any], tmp_path: Path
+) -> None:
+    motion = simulator.simulate(fps, 3.0, seed=2)
+    observed = loaded(tmp_path, simulator.film(motion, 3, **spoilt), fps)
+    found = impacts.find(observed, DISKS, walls=WALLS, repair_swaps=True)
+    assert found.noise.typical == pytest.approx(3e-4, rel=0.03)
+    assert found.noise.angle == pytest.approx(np.radians(1.0), rel=0.05)
+    every = np.array([*found.noise.position.values()])
+    np.testing.assert_allclose(every, 3e-4, rtol=0.2)  # each from some 360 second differences at least: 5 %
+    good = [
+        row
+        for columns in (found.pairs, found.walls)
+        for row in rows(columns)
+        if row["quality"] >= impacts.POOR
+    ]
+    assert len(good) > 0.7 * len(motion.impacts)
+    assert max(worst(row, motion) for row in good) < 5.0
+    assert len(found.exchanges) == spoilt.get("swaps", 0)
+
+
+def test_walls_that_are_not_given_are_found_as_change_points(tmp_path: Path) -> None:
+    motion = simulator.simulate(240.0, 3.0, seed=2)
+    found = impacts.find(loaded(tmp_path, simulator.film(motion, 3), 240.0), DISKS)
+    good = [row for row in rows(found.pairs) if row["quality"] >= impacts.POOR]
+    assert found.cut
+    assert not found.walls
+    assert sum(worst(row, motion) > 5.0 for row in good) <= 1  # two impacts within a frame of each other
+    assert "flight is not straight: cut" in found.report()
+
+
+def test_ids_that_were_exchanged_are_named_and_their_impacts_marked(tmp_path: Path) -> None:
+    motion = simulator.simulate(240.0, 3.0, seed=2)
+    observed = loaded(tmp_path, simulator.film(motion, 3, swaps=2), 240.0)
+    found = impacts.find(observed, DISKS, walls=WALLS)
+    true = {(each.i, each.j) for each in motion.impacts}
+    assert len(found.exchanges) == 2
+    assert all(each.ids in true or each.ids[::-1] in true for each in found.exchanges)
+    for row in rows(found.pairs):
+        for exchange in found.exchanges:
+            if {row["id_1"], row["id_2"]} & {*exchange.ids} and row["t"] > exchange.time:
+                assert row["quality"] == 0.0
+
+
+@pytest.fixture(scope="module")
+def motion() -> simulator.Motion:
+    return simulator.simulate(240.0, 2.0, seed=5)
+
+
+def test_mirrored_pictures_are_found_by_the_spins(motion: simulator.Motion, tmp_path: Path) -> None:
+    text = simulator.film(motion, 3, y_sign=-1.0)
+    with pytest.raises(
+        InputError, match=r"y points down or angles run clockwise; flip = \['y'\] or \['angle'\]"
+    ):
+        impacts.find(loaded(tmp_path, text, 240.0), DISKS)
+    turned = impacts.find(loaded(tmp_path, text, 240.0, flip=["y"]), DISKS, walls=WALLS)
+    good = [row for row in rows(turned.pairs) if row["quality"] >= impacts.POOR]
+    assert max(worst(row, motion) for row in good) < 5.0
+    assert not turned.warnings
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ("pixels", r"positions are in pixels or another unit; units = \{'x': '0.0002"),
+        ("radii", r"times the sum of their radii .* the radii or the unit of x and y are wrong"),
+        ("angles", r"angles are in another unit; units = \{'angle': 'rad'\}"),
+    ],
+)
+def test_wrong_units_and_sizes_are_named(
+    change: str, says: str, motion: simulator.Motion, tmp_path: Path
+) -> None:
+    text = simulator.film(motion, 3, scale=4000.0 if change == "pixels" else 1.0)
+    if change == "angles":
+        text = text.replace("angle (rad)", "angle")
+    disks = DISKS
+    if change == "radii":
+        disks = {i: fit.Disk(mass=d.mass, radius=0.9 * float(np.asarray(d.radius))) for i, d in DISKS.items()}
+    with pytest.raises(InputError, match=says):
+        impacts.find(loaded(tmp_path, text, 240.0), disks)
+
+
+def test_command_writes_tables_that_a_fit_takes(
+    motion: simulator.Motion,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    head, *lines = simulator.film(motion, 3).splitlines()
+    assert head.startswith("frame,id,x,y")
+    text = "\n".join(("frame,particle,x,y,angle (rad)", *lines))  # as Trackpy names it
+    Path("tracks.csv").write_text(text + "\n", encoding="utf-8")
+    disks = ["--disk", "0.03,0.025"]
+    for i in range(1, 20, 2):
+        disks += ["--disk", f"{i}=0.02,0.02"]
+    walls = [f"--wall={x}" for x in (f"0,0,{X},0", f"0,0,0,{Y}", f"{X},{Y},0,{Y}", f"{X},{Y},{X},0")]
+    assert main(["collisions", "tracks.csv", "--fps", "240", *disks, *walls, "-o", "hits.csv"]) == 0
+    shown = capsys.readouterr().out
+    assert "collisions with walls" in shown
+    assert "not used" in shown
+    assert Path("hits_report.csv").read_text(encoding="utf-8").startswith("t,id_1,id_2,reason\n")
+    of_walls = fit.read("hits_walls.csv")
+    assert isinstance(of_walls, fit.Collisions)
+    assert of_walls.wall
+    hits = Path("hits.csv").read_text(encoding="utf-8").splitlines()
+    hits[2] = ",".join("0" if i == 3 else value for i, value in enumerate(hits[2].split(",")))
+    assert hits[1].split(",")[3] == "quality"
+    Path("hits.csv").write_text("\n".join(hits) + "\n", encoding="utf-8")
+    data, every = fit.read("hits.csv"), fit.read("hits.csv", min_quality=0.0)
+    assert any(
+        each.startswith(f"{len(every) - len(data)} of {len(every)} lines are left out") for each in data.notes
+    )
+    law = fit.fit(of_walls, model=["ifr-percussion"], profile=False).laws["ifr-percussion"]
+    for name, true in zip(("e_n", "e_t", "mu"), simulator.WALL, strict=True):
+        each = law.estimates[name]
+        assert abs(each.value - true) < 4.0 * each.standard_error
+
+
+def test_each_pair_of_materials_has_its_coefficients(tmp_path: Path) -> None:
+    motion = simulator.simulate(240.0, 6.0, seed=11)
+    found = impacts.find(loaded(tmp_path, simulator.film(motion, 12), 240.0), DISKS, walls=WALLS)
+    (tmp_path / "hits.csv").write_text(impacts.csv(found.pairs), encoding="utf-8")
+    data = fit.read(tmp_path / "hits.csv")
+    assert isinstance(data, fit.Collisions)
+    parts = data.kinds()
+    assert len(parts) == 3
+    for part in parts:
+        masses = (float(np.asarray(disk.mass)[0]) for disk in (part.disk_1, part.disk_2))
+        one, two = sorted(simulator.MASS.index(mass) for mass in masses)
+        law = fit.fit(part, model=["ifr-percussion"], profile=False).laws["ifr-percussion"]
+        for name, true in zip(("e_n", "e_t", "mu"), simulator.PAIR[one, two], strict=True):
+            each = law.estimates[name]
+            assert abs(each.value - true) < 4.0 * each.standard_error
