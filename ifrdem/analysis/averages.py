@@ -564,6 +564,7 @@ def _quantities(sums: Mapping[str, Array], flow: Array, shape: tuple[int, ...], 
         T = T * (unbiased / N)[:, None]
         T_rot = spin / N if turning else np.full(len(N), np.nan)
         mean_T = T.mean(axis=1)
+        theta = np.where(mean_T > 0.0, T_rot / mean_T, np.nan)
         area, area_time = sums["area_frames"], sums["area_time"]
         kinetic = spread * (unbiased / area)[:, None, None]
         trace = np.trace(square, axis1=1, axis2=2)[:, None]
@@ -574,7 +575,7 @@ def _quantities(sums: Mapping[str, Array], flow: Array, shape: tuple[int, ...], 
         carried = sums["carried"] - np.einsum("na,nab->nb", w + flow, virial)
         found = Local(
             number_density=N / area, packing_fraction=sums["covered"] / area, velocity=u + flow, temperatures=T,
-            temperature=mean_T, rotational_temperature=T_rot, theta=T_rot / mean_T, stress_kinetic=kinetic,
+            temperature=mean_T, rotational_temperature=T_rot, theta=theta, stress_kinetic=kinetic,
             stress=kinetic + virial / area_time[:, None, None], heat_flux_kinetic=heat,
             heat_flux=heat + carried / area_time[:, None],
         )  # fmt: skip

@@ -257,8 +257,11 @@ def of_profiles(
     return _of_bins(trajectory, found, rows)
 
 
+PER_DISK = ("temperature", "theta", "velocity")  # means over disks: nearly empty bins hold one disk's history
+
+
 def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[Reading]:
-    """Lowest and highest value over the bins of some quantities."""
+    """Lowest and highest value over the bins of some quantities; nearly empty ones only of density and stress."""
     last = found.directions[1] if found.axes[-1] == "y" else found.directions[0]
     normal = 1 if found.axes[-1] == "y" else 0
     chosen: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -269,6 +272,8 @@ def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[R
     for text, (name, at) in chosen.items():
         key = "stress_kinetic" if name == "stress" and not found.has_collisions else name
         value, error = (getattr(one, key)[(..., *at)].ravel() for one in (found.mean, found.error))
+        if name in PER_DISK and (filled := found.disks.ravel() >= found.frames).any():
+            value = np.where(filled, value, np.nan)
         if not np.isfinite(value).any():
             continue
         for which, place in (("lowest", np.nanargmin(value)), ("highest", np.nanargmax(value))):
@@ -279,6 +284,10 @@ def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[R
 def _of_bins(trajectory: Trajectory, found: averages.BinAverages, rows: list[Reading]) -> Evaluation:
     """Evaluation of averages in bins: notes on their errors and on the collisional part."""
     notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
+    if (found.disks < found.frames).any():
+        notes.append(
+            "lowest and highest temperature, theta and u: of bins with at least one disk a frame on average"
+        )
     if found.frames > 1:
         notes.append(f"errors from {min(averages.BLOCKS, found.frames)} blocks of frames")
     tracked, movable = len(trajectory.tracked), trajectory.disks.n_movable
@@ -550,6 +559,10 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
             )
         )
     notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
+    if (found.disks < found.frames).any():
+        notes.append(
+            "lowest and highest temperature, theta and u: of bins with at least one disk a frame on average"
+        )
     notes.append(f"errors from {len(found.time)} blocks of time")
     warnings = []
     inside = (series.time >= span[0]) & (series.time <= span[1])

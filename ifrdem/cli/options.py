@@ -162,8 +162,8 @@ NoPicture = Annotated[bool, flag("draw no picture at the end")]
 Frames = Annotated[
     str | None,
     option(
-        "A:B:C",
-        "which frames: one number, or from A to before B, every C-th, as in Python, such as -5: for the last five "
+        "FRAMES",
+        "which frames, as in Python: one number; A to B, every C-th, as in 10:50:2; -5: for the last five "
         "(default: all that suit)",
     ),
 ]

@@ -200,6 +200,7 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
         if abs(fit.exponent - 1.0) > 0.2:
             text += f"\n(no diffusion: exponent {fit.exponent:.2f})"
         line_color = ROTATION if alone else KINDS[i % len(KINDS)]
+        used &= line > 0.0  # a logarithmic axis would draw a line that falls below 0 as a vertical one
         axes.plot(t[used], line[used], "-", color=line_color, lw=2.0, zorder=5, label=text)
     axes.set(xscale="log", yscale="log", ylim=(0.5 * lowest, 3.0 * highest))
     few_labels(axes)

@@ -205,12 +205,16 @@ def _draw(
 
     checked.choice("over", over, tuple(series.AXES))
     if over != "t" and what not in OVER:
-        raise InputError(f"over = {over}: only of {', '.join(OVER)}, not of {what}")
+        raise InputError(
+            f"over = {over}: cannot be combined with {what}; it is an option of {', '.join(OVER)}"
+        )
     if color is not None and what != "disks":
-        raise InputError(f"color = {color}: only of disks, not of {what}")
+        raise InputError(f"color = {color}: cannot be combined with {what}; it is an option of disks")
     for name, value in options.items():
         if OPTIONS[name] != what:
-            raise InputError(f"{name} = {value}: only of {OPTIONS[name]}, not of {what}")
+            raise InputError(
+                f"{name} = {value}: cannot be combined with {what}; it is an option of {OPTIONS[name]}"
+            )
     if what == "disks":
         disks.last_frame(axes[0], trajectory, frames[-1] if frames else -1, color)
     elif what == "dissipation":
