@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
@@ -137,7 +137,7 @@ def is_narrow(axes: Axes) -> bool:
     return figure is not None and figure.get_size_inches()[0] < NARROW
 
 
-def legend(axes: Axes, location: str = "best") -> None:
+def legend(axes: Axes, location: Literal["best", "lower right"] = "best") -> None:
     """A legend where it covers the least, in narrow figures above the axes; none without entries."""
     if is_narrow(axes):
         legend_above(axes, 2)
