@@ -150,7 +150,7 @@ def listed(lines: Sequence[str], most: int = 20, count: int | None = None) -> st
 
 
 def outside_level() -> int:
-    """The `stacklevel` of `warnings.warn` for the line outside of this package that led to the present call."""
+    """The `stacklevel` with which `warnings.warn` points at the caller's line outside of this package."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] == "ifrdem":
         level, frame = level + 1, frame.f_back

@@ -240,6 +240,32 @@ def hit_sleepers(
 
 
 @ti.func
+def rest_after_hit(
+    a: ti.template(), b: ti.template(), t: ti.template(), tile: ti.template(), gas: ti.template()
+):
+    """Where one of the disks in slots a and b still sleeps, the other may fall asleep too."""
+    if sleeps(a, gas):
+        set_at_rest(a, t, gas)
+        fall_asleep(b, t, tile, gas)
+    elif sleeps(b, gas):
+        set_at_rest(b, t, gas)
+        fall_asleep(a, t, tile, gas)
+
+
+@ti.func
+def write_pair(a: ti.template(), b: ti.template(), t: ti.template(), tile: ti.template(), gas: ti.template()):
+    """Write a row of `pair` for a collision of the disks in slots a and b, if those of all pairs are written down."""
+    if (gas.grid.watching & PAIRS) > 0 and gas.event_info[a].own_rank > 0:
+        row = ti.atomic_add(gas.counter.n_pairs, 1)
+        if row < gas.grid.most_pairs:
+            gas.pair_time[row] = t
+            gas.pair[row].tile = tile
+            gas.pair[row].id, gas.pair[row].partner = gas.event_info[a].id, gas.event_info[b].id
+        else:
+            ti.atomic_or(gas.counter.full, FULL_PAIRS)
+
+
+@ti.func
 def write_collision(
     a: ti.template(), b: ti.template(), t: ti.template(), rx: ti.template(), ry: ti.template(), r: ti.template(),
     before: ti.template(), after: ti.template(), regime: ti.template(), tile: ti.template(), region: ti.template(),
@@ -328,26 +354,14 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     gas.motion[a].vx, gas.motion[a].vy, gas.motion[a].spin = new_vx_a, vy_a, w_a
     gas.motion[b].vx, gas.motion[b].vy, gas.motion[b].spin = new_vx_b - faster, vy_b, w_b
     if ti.static(gas.uses.rests):
-        if sleeps(a, gas):
-            set_at_rest(a, t, gas)
-            fall_asleep(b, t, tile, gas)
-        elif sleeps(b, gas):
-            set_at_rest(b, t, gas)
-            fall_asleep(a, t, tile, gas)
+        rest_after_hit(a, b, t, tile, gas)
     update_history_hash(a, t, gas.event_info[b].id, gas)
     update_history_hash(b, t, gas.event_info[a].id, gas)
     note_speed(a, gas)
     note_speed(b, gas)
     gas.event_info[a].last = b
     gas.event_info[b].last = a
-    if (gas.grid.watching & PAIRS) > 0 and gas.event_info[a].own_rank > 0:
-        row = ti.atomic_add(gas.counter.n_pairs, 1)
-        if row < gas.grid.most_pairs:
-            gas.pair_time[row] = t
-            gas.pair[row].tile = tile
-            gas.pair[row].id, gas.pair[row].partner = gas.event_info[a].id, gas.event_info[b].id
-        else:
-            ti.atomic_or(gas.counter.full, FULL_PAIRS)
+    write_pair(a, b, t, tile, gas)
     if ti.static(gas.uses.watched):
         before = ti.Vector([vx_a, vy_a_0, w_a_0, vx_b, vy_b_0, w_b_0])
         after = ti.Vector([new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b])
@@ -358,19 +372,8 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     count_collision(a, kind_a, regime, lost, rows, faster, vx_a, new_vx_a, tile, gas)
     if ti.static(gas.uses.stressed):
         add_virial_of_pair(
-            tile,
-            a,
-            b,
-            kind_a,
-            kind_b,
-            new_vx_a - vx_a,
-            vy_a - vy_a_0,
-            new_vx_b - vx_b,
-            vy_b - vy_b_0,
-            rx,
-            ry,
-            gas,
-        )
+            tile, a, b, kind_a, kind_b, new_vx_a - vx_a, vy_a - vy_a_0, new_vx_b - vx_b, vy_b - vy_b_0, rx, ry, gas
+        )  # fmt: skip
 
 
 @ti.func
@@ -790,8 +793,9 @@ def meet_wall(
 
 @ti.func
 def check_progress(
-    n: ti.template(), offset: ti.template(), t: ti.template(), window: ti.template(), checked_at: ti.template(),
-    active: ti.template(), region: ti.template(), gas: ti.template(),
+    n: ti.template(), offset: ti.template(), t: ti.template(), window: ti.template(), events: ti.template(),
+    checked: ti.template(), checked_at: ti.template(), active: ti.template(), region: ti.template(),
+    gas: ti.template(),
 ):  # fmt: skip
     """End the events if time has not advanced since `checked_at`: so many events without progress have no end."""
     if t - checked_at < 1e-9 * window:
@@ -801,6 +805,7 @@ def check_progress(
                 stalled = 2  # also of a speed that is no number
         ti.atomic_max(gas.counter.stalled, stalled)
         active = 0
+    checked, checked_at = events, t
 
 
 @ti.func
@@ -820,13 +825,25 @@ def look_for_pistons(
 @ti.func
 def begin_queue(
     n: ti.template(), n_bins: ti.template(), offset: ti.template(), bins: ti.template(), rate: ti.template(),
-    fresh: ti.template(), gas: ti.template(),
+    fresh: ti.template(), resuming: ti.template(), gas: ti.template(),
 ):  # fmt: skip
-    """On a GPU, put all disks into their bins: a team has predicted their first events."""
+    """Empty the bins, unless a window is resumed. On a GPU a team has predicted first events: put them into bins."""
+    if resuming == 0:
+        fresh = 0
+        for b in range(n_bins):
+            gas.bin[bins + b] = EMPTY
     if ti.static(on_gpu()):
         fresh = n
         for i in range(offset, offset + n):
             insert_event(i, next_event(i, gas), 0, bins, n_bins, rate, gas)
+
+
+@ti.func
+def first_force(row: ti.template(), resuming: ti.template(), gas: ti.template()):
+    """Set `row` to that of `kicks` which acts first in a window, or in the rest of it."""
+    row = ti.cast(gas.clock.acted, ti.i32)
+    if resuming == 1:
+        row = ti.cast(gas.clock.next_kick, ti.i32)
 
 
 @ti.func
@@ -861,6 +878,42 @@ def apply_forces(
 
 
 @ti.func
+def earliest_stop(
+    i: ti.template(), t: ti.template(), stop: ti.template(), stopped: ti.template(), offset: ti.template(),
+    gas: ti.template(),
+):  # fmt: skip
+    """Set `stopped` to the piston that meets a stop before t, and t to that time; -1 if none does."""
+    stop, stopped = next_stop(gas)
+    if stop < t:
+        i, t = offset, stop
+    else:
+        stopped = -1
+
+
+@ti.func
+def run_event(
+    i: ti.template(), t: ti.template(), n: ti.template(), tile: ti.template(), bins: ti.template(),
+    second: ti.template(), n_searching: ti.template(), all_search: ti.template(), keeps: ti.template(),
+    x_low: ti.template(), x_high: ti.template(), y_low: ti.template(), y_high: ti.template(), moment: ti.template(),
+    written: ti.template(), pausing: ti.template(), pauses: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """The event of the disk in slot i at time t: it crosses into the next cell, or collides with a disk or a wall."""
+    remove_event(i, bins, gas)
+    partner = gas.event_info[i].partner
+    if gas.motion[i].t_leave < gas.motion[i].t_hit:
+        cross_side(i, keeps, x_low, x_high, y_low, y_high, region, gas)
+    elif partner >= 0:
+        if gas.event_info[partner].number == gas.event_info[i].partner_number:
+            remove_event(partner, bins, gas)
+            collide(i, partner, t, tile, region, gas)
+            second, n_searching = partner, 2
+            pause_after(t, tile, moment, written, pausing, pauses, gas)
+    else:
+        if ti.static(gas.uses.walled):
+            meet_wall(i, partner, t, n, tile, n_searching, all_search, region, gas)
+
+
+@ti.func
 def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
     """All events of a window in a region of n disks at places from `places` on, which are prepared.
 
@@ -868,26 +921,19 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     predicted their first events too. A gas in one tile may pause at a moment, or after the last of so many collisions,
     and continues when `resuming`.
     """
-    lane = region.lane
-    offset, bins = lane * gas.grid.lane_slots, lane * gas.grid.bins
+    offset, bins = region.lane * gas.grid.lane_slots, region.lane * gas.grid.bins
     window = gas.scale.window
     moment = gas.scale.moment[0]
     present, fresh, written, active = 0, n, 0, 1
-    if resuming == 0:
-        fresh = 0
-        for b in range(n_bins):
-            gas.bin[bins + b] = EMPTY
     pausing = gas.counter.pausing
     pauses = 1
     events, checked, checked_at = 0, 0, 0.0 * window
     patience = MANY_EVENTS + 20 * n
     rate = n_bins / window
-    begin_queue(n, n_bins, offset, bins, rate, fresh, gas)
+    begin_queue(n, n_bins, offset, bins, rate, fresh, resuming, gas)
     row, acts, horizon, last_bin = 0, FAR + 0.0 * window, window, n_bins
     if ti.static(gas.uses.forced):
-        row = ti.cast(gas.clock.acted, ti.i32)
-        if resuming == 1:
-            row = ti.cast(gas.clock.next_kick, ti.i32)
+        first_force(row, resuming, gas)
         expect_forces(row, acts, horizon, last_bin, rate, n_bins, window, gas)
     while active == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
@@ -903,11 +949,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             t = window
             earliest_event(i, t, present, bins, last_bin, gas)
             if ti.static(gas.uses.pistons):
-                stop, stopped = next_stop(gas)
-                if stop < t:
-                    i, t = offset, stop
-                else:
-                    stopped = -1
+                earliest_stop(i, t, stop, stopped, offset, gas)
             writing, kicked = -1, 0
             if ti.static(gas.uses.forced):
                 apply_forces(
@@ -928,23 +970,13 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 present = ti.min(present, n_bins - 1)  # for disks that meet it later in this window
             else:
                 events += 1
-                remove_event(i, bins, gas)
                 first, n_searching = i, 1
-                partner = gas.event_info[i].partner
-                if gas.motion[i].t_leave < gas.motion[i].t_hit:
-                    cross_side(i, keeps, x_low, x_high, y_low, y_high, region, gas)
-                elif partner >= 0:
-                    if gas.event_info[partner].number == gas.event_info[i].partner_number:
-                        remove_event(partner, bins, gas)
-                        collide(i, partner, t, tile, region, gas)
-                        second, n_searching = partner, 2
-                        pause_after(t, tile, moment, written, pausing, pauses, gas)
-                else:
-                    if ti.static(gas.uses.walled):
-                        meet_wall(i, partner, t, n, tile, n_searching, all_search, region, gas)
+                run_event(
+                    i, t, n, tile, bins, second, n_searching, all_search, keeps, x_low, x_high, y_low, y_high, moment,
+                    written, pausing, pauses, region, gas,
+                )  # fmt: skip
                 if events - checked > patience:
-                    check_progress(n, offset, t, window, checked_at, active, region, gas)
-                    checked, checked_at = events, t
+                    check_progress(n, offset, t, window, events, checked, checked_at, active, region, gas)
         for q in range(n_searching):
             i = first
             if q == 1:

@@ -1,11 +1,11 @@
-"""Starts of quadrants without syntax trees: which compiled program a kernel has, kept in the folder of the programs.
+"""Fast starts of quadrants: keys by which it finds the compiled program of a kernel without parsing the kernel.
 
 To find a program in its cache, a runtime traces the kernel: it parses the kernel and its functions and builds the
-compiler's representation of them, which takes more than half of a start. quadrants can look a program up by a name
-instead, as it does for kernels declared with `fastcache=True`, which may use no constant of a module. Here the key of
-that name is made from all that decides what a kernel of this package is: the sources of the package, the types of its
-arguments, the features, and the options of the compiler. A kernel is traced where its key is unknown, as with custom
-laws and forces, on a GPU, and by versions of quadrants that this was not tried with.
+compiler's representation of them, which takes more than half of a start. quadrants can look a program up by a key
+instead, as it does for kernels declared with `fastcache=True`, which may use no constant of a module. Here the key is
+made from everything that determines a kernel of this package: the sources of the package, the types of its arguments,
+the features, and the options of the compiler. A kernel is traced if its key is unknown, with custom laws and forces, on
+a GPU, and with versions of quadrants that this was not tested with.
 """
 
 import functools
@@ -37,7 +37,7 @@ def _sources() -> str:
 
 
 def look_up(kernel: Any) -> None:
-    """Have quadrants look the programs of a kernel of this package up before it traces it."""
+    """Make quadrants look up the program of a kernel of this package before it traces the kernel."""
     if _USED:
         primal = kernel._primal
         primal._try_load_fastcache = functools.partial(_load, primal)
@@ -45,20 +45,20 @@ def look_up(kernel: Any) -> None:
 
 
 class _Sources(set[Any]):
-    """A set of functions whose sources quadrants is to check: none, their hash is in the key."""
+    """An empty set of functions whose sources quadrants has to check: their hash is in the key."""
 
     def add(self, _function: Any) -> None:
         pass
 
 
 def _load(primal: Any, arguments: tuple[Any, ...], key: Any) -> set[str] | None:
-    """The names of parameters that quadrants noted with the program of a kernel, which this loads; None without one.
+    """Load the program of a kernel: the parameter names that quadrants stored with it, or None if there is none.
 
-    In place of a method of quadrants' `Kernel`. With a `fast_checksum`, quadrants writes down the program it compiles.
+    It replaces a method of quadrants' `Kernel`. With a `fast_checksum`, quadrants stores the program that it compiles.
     """
     from quadrants.lang._fast_caching import src_hasher
 
-    # Of an entry on the kernel alone, without arguments: there is none.
+    # There is no entry for the kernel alone, without arguments.
     primal._l1_key, primal._kernel_source_info_cached, primal._pruning_paths_from_l1 = "none", None, None
     primal.fast_checksum = _key(primal, arguments)
     found = primal.fast_checksum and src_hasher.load(primal.fast_checksum)
@@ -76,7 +76,7 @@ def _load(primal: Any, arguments: tuple[Any, ...], key: Any) -> set[str] | None:
 
 
 def _key(primal: Any, arguments: tuple[Any, ...]) -> str | None:
-    """Key of the program of a kernel for such arguments; None if other sources than those of this package decide it."""
+    """Key of the program of a kernel for these arguments; None if it depends on sources outside this package."""
     from quadrants.lang._fast_caching import args_hasher, config_hasher
 
     if on_gpu() or os.environ.get("QD_KERNEL_COVERAGE"):
@@ -100,7 +100,7 @@ def _key(primal: Any, arguments: tuple[Any, ...]) -> str | None:
 
 
 def _name(value: Any) -> str | None:
-    """What a feature is, as text; None of one with a function that is not of this package."""
+    """Text that identifies a feature; None if it contains a function from outside this package."""
     if isinstance(value, tuple):
         names = [_name(each) for each in value]
         return None if None in names else repr(names)
@@ -111,5 +111,5 @@ def _name(value: Any) -> str | None:
 
 
 def _is_own(function: types.FunctionType) -> bool:
-    """True of a function of a module of this package, which uses no variable of another function."""
+    """True if a function is of a module of this package and uses no variable of an enclosing function."""
     return function.__module__.startswith(f"{_PACKAGE}.") and function.__closure__ is None

@@ -1,6 +1,6 @@
 """Patches of the runtimes that shorten each start of a process by half a second or more. They change no kernel.
 
-For versions that they were not tried with none is applied: `apply` and `short_import` then do nothing.
+They are applied only to versions that they were tested with; for others `apply` and `short_import` do nothing.
 """
 
 import ast
@@ -19,7 +19,7 @@ from typing import Any
 def short_import() -> Iterator[None]:
     """Import the runtime without its search for the module of each frame that declares a function.
 
-    It wants the line of source there; `inspect` goes through all of `sys.modules` for that, again and again.
+    The runtime needs a line of source; to find it, `inspect` searches all of `sys.modules` each time.
     """
     whole = inspect.getframeinfo
     inspect.getframeinfo = _frame_info  # type: ignore[assignment]
@@ -38,9 +38,9 @@ def _frame_info(frame: FrameType, context: int = 1) -> inspect.Traceback:
 
 
 def apply(runtime: Any) -> None:
-    """Patch a runtime, the module, of a version that the patches are for."""
-    # For each declared function a runtime looks through the calling frames, with `inspect`, for a class around it.
-    # The line of source of that frame, which it wants, is in `linecache`.
+    """Patch the module of a runtime, of a version that the patches are for."""
+    # For each declared function a runtime searches the calling frames, with `inspect`, for a class around it.
+    # The line of source that it needs is in `linecache`.
     kernel_impl = runtime.lang.kernel_impl
     patterns = kernel_impl._KERNEL_CLASS_STACKFRAME_STMT_RES
     kernel_impl._inside_class = functools.partial(_inside_class, patterns)

@@ -567,7 +567,8 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
         "TrajectoryWriter.write": (write, {"state": STATE, "observables": {"a": 1.0}}),
         "concat": (ifrdem.concat, {"trajectories": [path]}),
         "plots.figure": (ifrdem.plots.figure, {"trajectory": run, "what": "temperatures", "frames": [0, 1],
-                                               "over": "t", "color": None, "make": Figure}),
+                                               "over": "t", "color": None, "make": Figure,
+                                               "size": (7.0, 5.0), "dpi": 100, "title": True}),
         "view": (ifrdem.view, {"trajectory": run, "frames": [0], "height": 640}),
     }  # fmt: skip
 

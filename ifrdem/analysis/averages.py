@@ -7,15 +7,15 @@ u = sum m v / sum m over all of these frames:
     P_ab = sum m V_a V_b / (F A) + (1 / (A t)) sum_c s p_a l_b,
     q_b = sum (m V^2 + I w^2) V_b / (2 F A) + (1 / (A t)) sum_c s (e - u.p) l_b,
 
-N disks over all frames, each in the bin of its centre. In a collision a disk gives the momentum p and the energy e to
-what it hits, along the line l from its centre to the contact, of which the part s lies in the bin (J. H. Irving and J.
-G. Kirkwood, J. Chem. Phys. 18, 817 (1950), doi:10.1063/1.1747782): momentum goes from centre to centre, and what a
-collision dissipates is lost at the contact. Collisions are those of histories. Kinetic stresses have N / (N - 1) too,
-so that they are n T.
+N is the number of disks summed over the frames, each in the bin of its centre, and t the duration. In a collision c a
+disk transfers the momentum p and the energy e along the line l from its centre to the contact; the fraction s of this
+line lies in the bin (J. H. Irving and J. G. Kirkwood, J. Chem. Phys. 18, 817 (1950), doi:10.1063/1.1747782). Momentum
+thus goes from centre to centre, and dissipated energy is lost at the contact. Collisions are read from histories.
+Kinetic stresses have the factor N / (N - 1) too, so that they equal n T.
 
-Errors are from blocks of frames by the jackknife: every formula is evaluated without one block after the other, and
-the pseudo-values (B. Efron and C. Stein, Ann. Stat. 9, 586 (1981), doi:10.1214/aos/1176345462) are averaged as any
-series, with the correlation of blocks.
+Errors are estimated by the jackknife over blocks of frames. Every formula is evaluated with one block left out at a
+time; the error is that of the mean of the pseudo-values (B. Efron and C. Stein, Ann. Stat. 9, 586 (1981),
+doi:10.1214/aos/1176345462), with the correlation of blocks.
 """
 
 from __future__ import annotations
@@ -48,28 +48,29 @@ AXES = ("x", "y", "r")
 MOST_BINS, MOST_CELLS = 10_000, 300
 BLOCKS = 20
 MOST_WORK = 20_000_000
-"""Disks times frames above which fewer frames are taken by default: some ten seconds."""
+"""Disks times frames above which fewer frames are taken by default (some ten seconds)."""
 EVENTS = 1_000_000
-"""Events of histories that are read at once."""
+"""Number of events of histories that are read at once."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Local(Brief):
-    """Quantities of bins, shape (...) as the bins; vectors (..., 2), tensors (..., 2, 2) in the bins' directions.
+    """Quantities in each bin: scalars have the shape of the bins (...), vectors (..., 2), tensors (..., 2, 2).
 
-    nan where too few disks are for a quantity, and where it is not known.
+    Components are along the `directions` of the bins. A value is nan where a bin has too few disks for it, and where
+    it is not known.
     """
 
     number_density: Array
     """[1/length^2]."""
     packing_fraction: Array
-    """Area of disks in the bin over its free area; immovable disks count here only."""
+    """Area of disks in the bin over its free area; the only quantity that includes immovable disks."""
     velocity: Array
     """Mean velocity u, weighted by mass, in the lab [length/time]."""
     temperatures: Array
     """T_a = <m V_a^2> [energy]."""
     temperature: Array
-    """Mean of both."""
+    """Mean of the two components of `temperatures` [energy]."""
     rotational_temperature: Array
     """T_rot = <I w^2> [energy]."""
     theta: Array
@@ -77,11 +78,11 @@ class Local(Brief):
     stress_kinetic: Array
     """Kinetic part of the pressure tensor P_ab, b along the normal [energy/length^2]."""
     stress: Array
-    """P_ab with its collisional part, from histories; else nan."""
+    """P_ab with its collisional part [energy/length^2]; nan without histories."""
     heat_flux_kinetic: Array
     """Kinetic part of the heat flux q [energy/(length time)]."""
     heat_flux: Array
-    """q with its collisional part, from histories; else nan."""
+    """q with its collisional part [energy/(length time)]; nan without histories."""
 
 
 UNITS = {
@@ -98,24 +99,25 @@ SYMBOLS = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BinAverages(Brief, ResultPlot):
-    """Averages in bins over frames: strips and rings are a profile, cells of a grid fields."""
+    """Averages over frames in bins: a profile in strips or rings, or fields in the cells of a grid."""
 
     axes: tuple[str, ...]
     """Coordinates that bins divide: ("y",), ("r",), or ("x", "y")."""
     edges: tuple[Array, ...]
-    """Edges of the bins along each [length], (bins + 1,)."""
+    """Edges of the bins along each coordinate [length], shape (bins + 1,)."""
     directions: tuple[str, str]
     """Components of vectors: x and y, or r (radial) and t (tangential, counter-clockwise)."""
     disks: Array
-    """Disks in each bin, added up over the frames."""
+    """Number of disks in each bin, summed over the frames."""
     mean: Local
     error: Local
-    """Standard errors; nan with less than two frames."""
+    """mean, error: the averages and their standard errors; errors are nan with fewer than two frames."""
     species: dict[str, BinAverages]
-    """Those of each species, by name; empty with one. Their stress and heat flux are the kinetic part only."""
+    """Averages of each species by name, with only the kinetic part of stress and heat flux; empty for one species."""
     times: tuple[float, float]
     """First and last time [time]."""
     frames: int
+    """Number of frames."""
     units: dict[str, str]
     """Unit of each quantity; empty in reduced units."""
 
@@ -130,9 +132,9 @@ class BinAverages(Brief, ResultPlot):
         return bool(np.isfinite(self.mean.stress).any())
 
     def columns(self) -> dict[str, Array]:
-        """Columns by name, a row for each bin: middles, then every component with its error, then those of species.
+        """Columns by name, with a row for each bin: middles, every component with its error, then those of species.
 
-        Without the collisional part, stress and heat flux are the kinetic part only.
+        Without histories the kinetic parts of stress and heat flux are the only ones.
         """
         grid = np.meshgrid(*self.middles, indexing="ij")
         found = dict(zip(self.axes, (one.ravel() for one in grid), strict=True)) | {
@@ -148,10 +150,10 @@ class BinAverages(Brief, ResultPlot):
         return found
 
     def to_xarray(self) -> xarray.Dataset:
-        """Every quantity and, as `NAME_error`, its error; of species as `species_NAME`, with the dimension `species`.
+        """Dataset of every quantity and of its error, `NAME_error`; those of species are `species_NAME`.
 
-        Vectors have the dimension `component`, the stress `component` (of momentum) and `normal`. InputError if xarray
-        is not installed.
+        Vectors have the dimension `component`, the stress `component` (of momentum) and `normal`, species `species`.
+        InputError if xarray is not installed.
         """
         package = optional_import("xarray", "analysis")
         coordinates: dict[str, Any] = dict(zip(self.axes, self.middles, strict=True))
@@ -202,8 +204,8 @@ def profiles(
     Parameters
     ----------
     trajectory : Trajectory
-        With positions and velocities; without spins T_rot is nan. With `output.histories_all`, also the collisional
-        part of stress and heat flux, exactly; of some tracked disks, scaled to all.
+        File with positions and velocities; without spins T_rot is nan. With `output.histories_all` stress and heat
+        flux have their exact collisional part; with the histories of some disks, it is scaled to all disks.
     axis : {"x", "y", "r"}, optional
         The coordinate. "r" is the distance from the centre of circular walls at rest. By default along gravity, or
         from wall to wall.
@@ -223,14 +225,14 @@ def profiles(
     Raises
     ------
     InputError
-        If a value is not one of these, there is no such axis or frame, or the file lacks a field.
+        If an argument is out of range, a frame does not exist, rings have no centre, or the file lacks a field.
 
     Notes
     -----
-    The area of each disk is shared among bins exactly. Free areas are those of the first frame; if walls move, their
-    mean over a frame of each block. What varies within a bin adds to T and P: take bins narrow enough. In a sheared box
-    velocities are relative to the imposed flow, which `velocity` contains. Impulses of disks at rest on others and
-    gravity are no collisions: the weight that sleeping disks hand on is not in P.
+    The area of each disk is divided exactly among bins. Free areas are those of the first frame; if walls move, they
+    are the mean over one frame of each block. A flow that varies within a bin increases T and P: choose narrow bins.
+    In a sheared box T and P use velocities relative to the imposed flow, and `velocity` includes that flow. Gravity and
+    contacts of disks at rest are not collisions: P does not include the weight that sleeping disks transmit.
 
     Examples
     --------
@@ -269,10 +271,10 @@ def mean_fields(
     trajectory: Trajectory, cells: tuple[_Cells, _Cells] | None = None, *, frames: _Frames = None,
     collisions: bool = True,
 ) -> BinAverages:  # fmt: skip
-    """Averages in the cells of a grid over the free area, so many along x and y; else as `profiles`.
+    """Averages over frames in the cells of a grid over the free area; else as `profiles`.
 
-    By default some 20 disks in a cell, and 200 cells along a side at most. `coarse_grain` takes a single frame, and
-    Gaussians instead of cells. InputError as for `profiles`.
+    `cells` are their numbers along x and y: by default a cell has some 20 disks, and a side at most 200 cells.
+    `coarse_grain` takes a single frame, and Gaussians instead of cells. InputError as for `profiles`.
 
     Examples
     --------
@@ -295,7 +297,7 @@ def mean_fields(
 
 
 def default_cells(lengths: Array, disks: int) -> tuple[int, int]:
-    """Cells along x and y of an area [length]: some 20 disks a cell, and 200 cells along a side at most."""
+    """Numbers of cells along x and y of an area with these sides [length]: some 20 disks a cell, at most 200 a side."""
     side = np.sqrt(float(np.prod(lengths)) * 20.0 / max(disks, 1))
     a, b = (int(number) for number in np.clip(np.rint(lengths / side), 1, 200))
     return a, b
@@ -304,9 +306,7 @@ def default_cells(lengths: Array, disks: int) -> tuple[int, int]:
 def _used(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int]:
     stored.require_fields(trajectory, "position", "velocity")
     if not trajectory.disks.n_movable:
-        raise InputError(
-            "mass: must be finite for one disk or more: averages are those of disks that can move"
-        )
+        raise InputError("mass: must be finite for at least one disk; averages are over disks that can move")
     every = stored.all_frames(trajectory, None)
     if frames is not None:
         return sorted({trajectory[i].index for i in frames})
@@ -337,14 +337,14 @@ def center_of_walls(trajectory: Trajectory) -> tuple[float, float]:
     if len(centers) != 1 or moving:
         reason = "they move" if moving else f"there are {len(centers)} centres"
         raise InputError(
-            f"axis = r: must have circular walls around one centre at rest: {reason}; choose x or y"
+            f"axis = r: must have circular walls around one centre at rest ({reason}); choose x or y"
         )
     ((x, y),) = centers
     return float(x), float(y)
 
 
 def free_range(trajectory: Trajectory, axis: str, used: Sequence[int]) -> tuple[float, float]:
-    """Lowest and highest coordinate of the free area [length]; of the disks, where an open box has no end."""
+    """Lowest and highest coordinate of the free area [length]; of the disks where an open box has no end."""
     center = np.array(center_of_walls(trajectory)) if axis == "r" else np.zeros(2)
     if axis == "r":
         walls = [wall for wall in trajectory.walls if wall.shape in ("container", "post")]
@@ -373,7 +373,7 @@ def _sampled(trajectory: Trajectory, used: Sequence[int]) -> list[int]:
 
 
 def _free_area(frame: Frame) -> FreeArea:
-    """The area that walls leave in a frame; gates count as open. In an open box walls take nothing."""
+    """The area that walls leave in a frame; gates count as open. In an open box walls take no area."""
     box = frame.trajectory.box
     fixed = () if box.is_open else tuple(wall for wall in frame.walls if not wall.gated)
     return FreeArea(box, fixed, frame.time)
@@ -470,7 +470,7 @@ def _block_ends(times: Array, blocks: Sequence[Any]) -> Array:
 
 
 def _collisions(trajectory: Trajectory, bins: Bins, areas: Array, ends: Array, *, wanted: bool) -> Sums:
-    """What collisions carry, of histories: momentum `virial` (blocks, bins, 4), energy `carried` (blocks, bins, 2).
+    """Sums over the collisions in histories: of momentum `virial` (blocks, bins, 4), of energy `carried` (..., 2).
 
     Both [energy time] and [energy length], nan without histories in these times; and `area_time` [length^2 time].
     """
@@ -519,9 +519,9 @@ def _events(trajectory: Trajectory, rows: int, first: float, last: float) -> Ite
 
 
 def _carried(trajectory: Trajectory, event: Mapping[str, Any]) -> tuple[Any, Array, Array, Array, Array]:
-    """Lines along which disks give momentum and energy in collisions: event, begin, line, momentum and energy of each.
+    """Lines along which collisions transfer momentum and energy: event, begin, line, momentum and energy of each.
 
-    From the disk's centre to the contact; and to an immovable disk, momentum goes on to its centre.
+    A line goes from the disk's centre to the contact. A second one goes on to the centre of an immovable disk.
     """
     disks, ids, partner = trajectory.disks, event["id"], event["partner"]
     m, before, after = disks.mass[ids], event["velocity_before"], event["velocity_after"]
@@ -568,6 +568,7 @@ def _quantities(sums: Mapping[str, Array], flow: Array, shape: tuple[int, ...], 
         T = T * (unbiased / N)[:, None]
         T_rot = spin / N if turning else np.full(len(N), np.nan)
         mean_T = T.mean(axis=1)
+        theta = np.where(mean_T > 0.0, T_rot / mean_T, np.nan)
         area, area_time = sums["area_frames"], sums["area_time"]
         kinetic = spread * (unbiased / area)[:, None, None]
         trace = np.trace(square, axis1=1, axis2=2)[:, None]
@@ -578,7 +579,7 @@ def _quantities(sums: Mapping[str, Array], flow: Array, shape: tuple[int, ...], 
         carried = sums["carried"] - np.einsum("na,nab->nb", w + flow, virial)
         found = Local(
             number_density=N / area, packing_fraction=sums["covered"] / area, velocity=u + flow, temperatures=T,
-            temperature=mean_T, rotational_temperature=T_rot, theta=T_rot / mean_T, stress_kinetic=kinetic,
+            temperature=mean_T, rotational_temperature=T_rot, theta=theta, stress_kinetic=kinetic,
             stress=kinetic + virial / area_time[:, None, None], heat_flux_kinetic=heat,
             heat_flux=heat + carried / area_time[:, None],
         )  # fmt: skip

@@ -1,7 +1,7 @@
-"""Bins of space: strips, cells of a grid, rings. Where a point is, what a disk covers, and where a line passes.
+"""Bins of space (strips, cells of a grid, rings): the bin of a point, and the parts of disks and lines in bins.
 
-A disk is shared among bins by its area, exactly. A line is cut where it leaves a bin. Both are continued through
-periodic sides by copies; what lies beyond the outermost edges belongs to no bin.
+The area of a disk is divided exactly among bins. A line is cut where it leaves a bin. Copies continue both through
+periodic sides; parts beyond the outermost edges belong to no bin.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class LinePieces(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bins(Brief, ABC):
-    """Bins of equal width in a box; numbers of bins count as in an array of `shape`, -1 is none."""
+    """Bins of equal width in a box, numbered as the elements of an array of `shape`; -1 is outside of all bins."""
 
     box: Box
     axes: tuple[str, ...]
@@ -65,7 +65,7 @@ class Bins(Brief, ABC):
 
     @property
     def continued(self) -> tuple[int, ...]:
-        """Axes across whose periodic sides things are copied: not along strips, which go all around the box."""
+        """Axes across whose periodic sides disks and lines are copied; not along strips, which span the box."""
         return (1, 0)
 
     def components(self, position: Array, vector: Array) -> Array:
@@ -86,7 +86,7 @@ class Bins(Brief, ABC):
 
     @abstractmethod
     def cuts(self, start: Array, vector: Array) -> Iterator[Array]:
-        """Parts of lines, 0 to 1, where they cross an edge, each (n,); others where they do not."""
+        """Fractions of lines, 0 to 1, at which they cross an edge, each (n,); other numbers where they do not."""
 
     def overlaps(self, position: Array, radius: Array, time: float) -> Overlaps:
         """Areas of disks in bins."""
@@ -96,7 +96,7 @@ class Bins(Brief, ABC):
         return found._replace(disk=which[found.disk])
 
     def pieces(self, start: Array, vector: Array, time: float = 0.0) -> LinePieces:
-        """Pieces of the lines from `start` to `start + vector` [length], (n, 2), which have a length, in bins."""
+        """Pieces in bins of the lines from `start` to `start + vector` [length], (n, 2); no vector may be zero."""
         low, high = np.minimum(vector, 0.0), np.maximum(vector, 0.0)
         which, moved = self._copies(start, low, high, time)
         step = vector[which]
@@ -110,7 +110,7 @@ class Bins(Brief, ABC):
         return LinePieces(which[line][inside], bins[inside], share[line, column][inside], middle[inside])
 
     def _copies(self, position: Array, low: Array, high: Array, time: float) -> tuple[Indices, Array]:
-        """Numbers and positions of things that reach from position + low to position + high, (n, 2), and of copies.
+        """Numbers and positions of bodies from position + low to position + high, (n, 2), and of their copies.
 
         A copy stands for the part beyond a periodic side.
         """
@@ -152,7 +152,7 @@ def area_beyond(a: Array, b: Array) -> Array:
     """Area of the part x > a, y > b of the unit disk."""
     a, b = np.clip(a, -1.0, 1.0), np.clip(b, -1.0, 1.0)
     cap_a, cap_b = _cap(a), _cap(b)
-    # With the corner (a, b) in the disk; else one of the caps, or what is left without both.
+    # `corner` if the point (a, b) is in the disk; else one of the caps, or the disk without both.
     corner = a * b + 0.5 * (cap_a + cap_b) - 0.25 * np.pi
     outside = np.where(
         a >= 0.0, np.where(b >= 0.0, 0.0, cap_a), np.where(b >= 0.0, cap_b, cap_a + cap_b - np.pi)
@@ -166,7 +166,7 @@ def _cap(u: Array) -> Array:
 
 
 def area_within(distance: Array, radius: Array, circle: Array) -> Array:
-    """Area that disks of a radius, at a distance from the centre of a circle, have in common with it [length^2]."""
+    """Area common to a circle and to disks at a distance from its centre [length^2]."""
     d, R, c = np.broadcast_arrays(distance, radius, np.maximum(circle, 0.0))
     smaller = np.minimum(R, c)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -212,7 +212,7 @@ def _joined(disk: list[Indices], bins: list[Indices], area: list[Array]) -> Over
 
 
 class Strips(_Along):
-    """Strips across x or y. In a sheared box a disk that sticks out above or below counts at its own x."""
+    """Strips across x or y. In a sheared box a disk that crosses the upper or lower side counts at its own x."""
 
     @property
     def axis(self) -> int:

@@ -45,7 +45,7 @@ NEAR = 1.25
 BINS = 81
 """Of distributions of velocities and spins."""
 MOST_SPECIES = 4
-"""Above which g(r) is not divided into those of pairs of species."""
+"""Most species for which g(r) is given for each pair."""
 SONINE = ("a20", "a02", "a11", "a30", "a03", "a21", "a12")
 Indices = NDArray[np.intp]
 
@@ -173,8 +173,8 @@ def of_pairs(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation
             else:
                 quality = f"chi^2 = {contact.chi_square:.1f} for {contact.degrees} degrees of freedom"
                 notes.append(f"parabola fitted to ln g{of} up to 1.25 diameters: {quality}")
-                error = contact.error if contact.describes else math.nan
-                rows.append(Reading(f"g at contact{of}", contact.g, error))
+                known = contact.error if contact.describes else math.nan
+                rows.append(Reading(f"g at contact{of}", contact.g, known))
                 poor += [f"g at contact{of}: {quality}"] * (not contact.describes)
         highest = float(found.r[np.argmax(found.g)])
         rows.append(Reading(f"r of the highest g{of}", highest, unit=unit(trajectory, "length")))
@@ -257,8 +257,11 @@ def of_profiles(
     return _of_bins(trajectory, found, rows)
 
 
+PER_DISK = ("temperature", "theta", "velocity")  # means over disks: nearly empty bins hold one disk's history
+
+
 def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[Reading]:
-    """Lowest and highest value over the bins of some quantities."""
+    """Lowest and highest value over the bins of some quantities; nearly empty ones only of density and stress."""
     last = found.directions[1] if found.axes[-1] == "y" else found.directions[0]
     normal = 1 if found.axes[-1] == "y" else 0
     chosen: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -269,6 +272,8 @@ def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[R
     for text, (name, at) in chosen.items():
         key = "stress_kinetic" if name == "stress" and not found.has_collisions else name
         value, error = (getattr(one, key)[(..., *at)].ravel() for one in (found.mean, found.error))
+        if name in PER_DISK and (filled := found.disks.ravel() >= found.frames).any():
+            value = np.where(filled, value, np.nan)
         if not np.isfinite(value).any():
             continue
         for which, place in (("lowest", np.nanargmin(value)), ("highest", np.nanargmax(value))):
@@ -279,17 +284,21 @@ def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[R
 def _of_bins(trajectory: Trajectory, found: averages.BinAverages, rows: list[Reading]) -> Evaluation:
     """Evaluation of averages in bins: notes on their errors and on the collisional part."""
     notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
+    if (found.disks < found.frames).any():
+        notes.append(
+            "lowest and highest temperature, theta and u: of bins with at least one disk a frame on average"
+        )
     if found.frames > 1:
         notes.append(f"errors from {min(averages.BLOCKS, found.frames)} blocks of frames")
     tracked, movable = len(trajectory.tracked), trajectory.disks.n_movable
     if found.has_collisions:
-        scaled = f", scaled to all {movable}: right if they are a random sample" if tracked < movable else ""
+        scaled = f", scaled to all {movable}: valid if they are a random sample" if tracked < movable else ""
         notes.append(f"collisional parts of P and q from histories of {tracked} disks{scaled}")
     elif trajectory.box.shear_rate:
         text = "a sheared box has no histories; `analyse stress` gives both parts for the whole gas"
         notes.append(f"P and q: kinetic part only: {text}")
     elif tracked:
-        notes.append("P and q: kinetic part only: these frames are not two or more within the histories")
+        notes.append("P and q: kinetic part only: fewer than two of these frames are within the histories")
     else:
         text = "for the collisional part set output.histories_all = true and run the case again"
         notes.append(f"P and q: kinetic part only: {text}")
@@ -317,7 +326,9 @@ def of_fields(
     movable = np.isfinite(disks.mass)
     position = frame.position[movable]
     if not len(position):
-        raise InputError("mass: must be finite for one disk or more: fields are those of disks that can move")
+        raise InputError(
+            "mass: must be finite for at least one disk; fields are those of disks that can move"
+        )
     lengths = np.ptp(position, axis=0) if box.is_open else np.array(box.lengths)
     a, b = cells or averages.default_cells(lengths, len(position))
     spin = frame.spin[movable] if "angular_velocity" in trajectory.fields else None
@@ -548,6 +559,10 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
             )
         )
     notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
+    if (found.disks < found.frames).any():
+        notes.append(
+            "lowest and highest temperature, theta and u: of bins with at least one disk a frame on average"
+        )
     notes.append(f"errors from {len(found.time)} blocks of time")
     warnings = []
     inside = (series.time >= span[0]) & (series.time <= span[1])

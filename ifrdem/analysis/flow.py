@@ -22,11 +22,11 @@ from .common import BoxLike, Positions, Times, cells_of
 from .structure import Bins, check_periodic, mode_amplitudes
 
 MOST_PAIRS = 4_000_000
-"""Pairs of a frame that are counted: some 1 s. In larger gases centres are drawn at random."""
+"""Most pairs of a frame that are counted (about 1 s). In larger gases centres are drawn at random."""
 BLOCK = 2_000_000
-"""Pairs at a time."""
+"""Number of pairs that are computed at a time."""
 SIDE = 5
-"""Cells along a side of the box by whose scatter the error is found."""
+"""Cells along a side of the box; errors come from the scatter between cells."""
 CLEAR = 3.0
 """Standard errors by which a correlation must be above 0 before its length is given."""
 
@@ -41,17 +41,17 @@ class VelocityCorrelation(Brief, ResultPlot):
     across: Array
     across_error: Array
     """r, along, across: middles of the bins [length]; <(v_i . e)(v_j . e)> / (<v^2> / 2) with e along r_j - r_i, and
-    across it; 0 for independent velocities, 1 for equal ones; and their standard errors by the scatter over 25 cells of
-    the box, of frames that count as one; shape (bins,)."""
+    across it; 0 for independent velocities, 1 for equal ones; and their standard errors from the scatter between 25
+    cells of the box. Frames count as fully correlated: more of them do not reduce the errors. Shape (bins,)."""
     pairs: Array
-    """Counted over all frames, shape (bins,)."""
+    """Number of pairs over all frames, shape (bins,)."""
     frames: int
 
     @property
     def length(self) -> float:
         """Size of vortices [length]: where the correlation across r first falls below 0; nan if none is seen.
 
-        It is not seen unless some bin before is above 0 by 3 standard errors. In a plane shear wave of wave number k,
+        It is nan, too, if no bin before that is above 0 by 3 standard errors. In a plane shear wave of wave number k
         it is 1.841 / k.
         """
         below = np.flatnonzero(self.across < 0.0)
@@ -120,7 +120,7 @@ def velocity_correlation(
 
 
 def mean_correlation(found: Sequence[VelocityCorrelation]) -> VelocityCorrelation:
-    """The mean of correlations of single frames, each with the weight of its pairs; frames count as one for errors."""
+    """Mean of correlations of single frames, weighted by their pairs; errors take frames as fully correlated."""
     weight = np.array([one.pairs for one in found])
     pairs = weight.sum(axis=0)
 
@@ -185,9 +185,9 @@ class VelocitySpectrum(Brief, ResultPlot):
     along_error: Array
     """k, across, along: mean |k| of the modes in each ring [1/length]; <|v_k|^2> / (n <v^2> / 2) with
     v_k = sum_j v_j exp(-i k r_j), its part across k, and along it; 1 for independent velocities; and their standard
-    errors, frames counting as one; shape (rings,)."""
+    errors, which take frames as fully correlated; shape (rings,)."""
     modes: NDArray[np.int64]
-    """Counted in a frame, of k and -k one, shape (rings,)."""
+    """Number of modes in a frame, counting one of k and -k, shape (rings,)."""
     frames: int
 
     @property
@@ -276,7 +276,7 @@ def velocity_spectrum(
         raise InputError("position has no frames: must have one or more")
     full = number > 0.0
     mean = sums[:, full] / number[full]
-    # A mode has the variance of its square; of one alone that is not seen, and it is taken to be as large as it.
+    # The square of a Gaussian mode has a standard deviation equal to its mean: the least, as one mode has no scatter.
     spread = np.maximum(squares[:, full] / number[full] - mean**2, mean**2)
     error = np.sqrt(spread / (number[full] / frames))
     whole = np.rint(number[full] / frames).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Gas of a trajectory as kinetic theory takes it: its temperatures from those of the first frame."""
+"""The gas of a trajectory for kinetic theory, which starts from the temperatures of the first frame."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from . import result
 Curves = tuple[Array, Array, Array, Array]
 """Times, T and T_rot [energy] and collisions per disk at them."""
 MOST_KINDS = 16
-"""Of disks: every pair of kinds is summed at every step, which takes seconds from there on."""
+"""Most kinds of disks: theory sums over all pairs of kinds at every step, which takes seconds beyond this."""
 LONGER = 1e6
-"""Longest curve of theory, in lengths of the run, if theory needs longer for the collisions of the run."""
+"""Longest curve of theory, in durations of the run, where theory needs more time for the collisions of the run."""
 
 
 @dataclass(frozen=True)
 class TheoryGas:
-    """Gas of a trajectory as kinetic theory takes it: temperatures at its start are those of each kind of disks."""
+    """The gas of a trajectory for kinetic theory: each kind of disks starts with its own temperatures."""
 
     disks: Disks
     laws: list[list[CollisionLaw]]

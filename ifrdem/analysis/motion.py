@@ -1,8 +1,8 @@
 """Displacements and velocity autocorrelations of files: over time, or of a cooling gas over collisions per disk.
 
-A gas that cools has no mean over origins of time: velocities go with sqrt(T), and so does D. In its own time, tau =
-collisions per disk, it has. While it is homogeneous, the collision rate nu goes with sqrt(T) too, so that paths between
-collisions keep their length, and velocities over their thermal speed keep their distribution.
+In a cooling gas a mean over time origins has no meaning: velocities and D decrease as sqrt(T). It has one in the gas's
+own time tau, the collisions per disk. While the gas is homogeneous, the collision rate nu also decreases as sqrt(T):
+the mean free path stays the same, and so does the distribution of velocities over the thermal speed.
 
 J. J. Brey, M. J. Ruiz-Montero, D. Cubero and R. Garcia-Rojo, Phys. Fluids 12, 876 (2000), doi:10.1063/1.870342.
 """
@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from .result import Columns, Evaluation, Groups, Reading, all_frames, kinds, tim
 from .steadiness import is_stationary, stationarity_warning
 
 DRIVES = ("energy_input", "wall_work", "wall_heat")
-"""Observables that are 0 in a gas without driving."""
+"""Observables that are 0 in a gas that is not driven."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,7 +46,7 @@ class _Plan(NamedTuple):
     """Frames that are used, origins, notes, warnings; and collisions per disk at the frames, if these are the clock."""
 
     used: list[int]
-    origins: str
+    origins: Literal["all", "first"]
     notes: list[str]
     warnings: list[str]
     tau: Array | None = None
@@ -62,10 +62,10 @@ class _Plan(NamedTuple):
 
 
 def _plan(trajectory: Trajectory, frames: Sequence[int] | None, consequence: str) -> _Plan:
-    """Suitable frames and time origins, and a warning with its `consequence` if only the temperature changes.
+    """Suitable frames and time origins; a warning that names the `consequence` if the temperature changes.
 
-    All frames if the gas is steady, else their second half if it is steady there. Else all: of a gas that cools without
-    driving in its own time, of others from the first one on.
+    All frames of a steady gas, else their second half if the gas is steady there. Otherwise all frames: in its own time
+    for a gas that cools without driving, with the first frame as the only origin for others.
     """
     used = all_frames(trajectory, frames)
     if len(used) < 4:
@@ -131,7 +131,7 @@ def _parts(
     size = max(1, 2_000_000 // len(used))
     for first in range(0, trajectory.n, size):
         disks = slice(first, min(first + size, trajectory.n))
-        own = slice(None)
+        own: slice | NDArray[np.intp] = slice(None)
         if ids is not None:
             wanted = ids[(ids >= disks.start) & (ids < disks.stop)]
             if not len(wanted):
@@ -171,7 +171,7 @@ def _thermal_speeds(
 
 
 def thermal_path(when: Array, tau: Array, speed: Array) -> float:
-    """Way at the thermal speed sqrt(T / m) per collision of a disk of the whole gas [length].
+    """Distance covered at the thermal speed sqrt(T / m) per collision of a disk of the whole gas [length].
 
     Between two times, the mean of a speed that falls by Haff's law from u to w is u w ln(u / w) / (u - w).
     """
@@ -192,7 +192,7 @@ def smooth_restitution(trajectory: Trajectory) -> float | None:
 
 
 def _marks(groups: Groups, name: str) -> tuple[str, str]:
-    """What a row and a column say of the group they are of."""
+    """Endings of the names of a row and of a column of a group of disks."""
     return ("", "") if len(groups) == 1 else (f" of {name}", f" [{name}]")
 
 
@@ -231,7 +231,7 @@ def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
         of, mark = _marks(groups, name)
         found = displacement.mean_square_displacement(
             plan.clock(trajectory), paths(ids), origins=plan.origins
-        )  # type: ignore[arg-type]
+        )
         fit = displacement.diffusion_coefficient(found)
         thermal = math.nan
         if plan.tau is None:
@@ -288,8 +288,8 @@ def _confined_axes(trajectory: Trajectory) -> list[bool]:
 def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "velocity")
     if trajectory.box.shear_rate:
-        text = "velocities in the lab of a sheared gas say little"
-        raise InputError(f"{text}: the displacement across the flow is `msd`")
+        text = "is not supported for a sheared box: velocities contain the flow"
+        raise InputError(f"vacf {text}; use msd, the displacement across the flow")
     words = (
         ": velocities shrink or grow with sqrt(T), so their decay is not only loss of correlation. Choose frames "
         "over which T changes by "
@@ -312,7 +312,7 @@ def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
             (part - moving.velocity if moving else part) / scale[:, None, None]
             for part in _parts(trajectory, used, "velocity", ids)
         )
-        found = displacement.velocity_autocorrelation(plan.clock(trajectory), parts, origins=plan.origins)  # type: ignore[arg-type]
+        found = displacement.velocity_autocorrelation(plan.clock(trajectory), parts, origins=plan.origins)
         first = found.value[0] if found.value[0] > 0.0 else np.nan
         below = np.flatnonzero(found.value < first / math.e)
         lag_unit = unit(trajectory, "time") if plan.tau is None else ""

@@ -1,4 +1,4 @@
-"""Temperatures of the species of a mixture, their ratios, and kinetic theory beside them."""
+"""Temperatures of the species of a mixture, their ratios, and those of kinetic theory."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class _Rows(NamedTuple):
 def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     groups = kinds(trajectory)
     if len(groups) < 2:
-        raise InputError(f"{trajectory.path} has one species: must be two or more")
+        raise InputError(f"{trajectory.path} has one species: must have two or more")
     names = [*groups]
     used = stored.all_frames(trajectory, frames)
     rows = _of_series(trajectory, names, None if frames is None else times(trajectory, used))

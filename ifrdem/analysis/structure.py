@@ -72,7 +72,7 @@ class ContactValue:
 
     @property
     def describes(self) -> bool:
-        """False where deviations from the fit have a probability below 0.001 by chance."""
+        """False if chance would give such deviations from the fit with a probability below 0.001."""
         from scipy.stats import chi2
 
         return bool(chi2.sf(self.chi_square, self.degrees) >= CHANCE)
@@ -103,7 +103,7 @@ def pair_correlation(
     time : float or one for each frame
         Needed for sheared boxes [time].
     others : array (m, 2) or frames of them, optional
-        Centres of other disks, which are the second of a pair [length]: g is relative to their density.
+        Centres of the second disk of each pair [length]; g is relative to their density.
 
     Examples
     --------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -87,7 +87,7 @@ class VelocityDistribution(Brief, ResultPlot):
     nothing spins; shape (bins,)."""
     sonine: SonineCoefficients
     tail: dict[float, tuple[float, float]]
-    """Part of the disks with |c| above each of `TAIL`, over exp(-c^2) of a Gaussian gas, and its standard error."""
+    """Fraction of disks with |c| above each speed of `TAIL`, over exp(-c^2) of a Gaussian gas, and its error."""
 
 
 @validated
@@ -217,7 +217,7 @@ def _sonine(means: Array, frames: int) -> SonineCoefficients:
         return float(q.mean() - 1.0), float(np.std(influence, ddof=1) / np.sqrt(n))
 
     def moment(q: Array, power_x: int, power_y: int) -> Array:
-        """Influence of each disk on a moment over powers of <x> and <y>: at 1, those fall off by their exponents."""
+        """Influence of each disk on a moment divided by powers of <x> and <y>, which are 1."""
         influence: Array = q - np.mean(q) * sum(
             power * each for power, each in ((power_x, x), (power_y, y)) if power
         )
@@ -226,11 +226,12 @@ def _sonine(means: Array, frames: int) -> SonineCoefficients:
     # d(m4 / m2^2) = dm4 - 2 m4 dm2 at m2 = 1, and so for the mixed one.
     i20, i02, i11 = moment(0.5 * xx, 2, 0), moment(yy / 3.0, 0, 2), moment(xy, 1, 1)
     second = estimate(0.5 * xx, i20), estimate(yy / 3.0, i02), estimate(xy, i11)
-    sixth = (  # of each: what it is, and the influence
+    sixth = (  # terms of each, and influence of each disk
         (1.5 * xx - xxx / 6.0, 3.0 * i20 - moment(xxx / 6.0, 3, 0)),
         (yy - yyy / 15.0, 3.0 * i02 - moment(yyy / 15.0, 0, 3)),
         (0.5 * xx + 2.0 * xy - 0.5 * xxy, i20 + 2.0 * i11 - moment(0.5 * xxy, 2, 1)),
         (yy / 3.0 + 2.0 * xy - xyy / 3.0, i02 + 2.0 * i11 - moment(xyy / 3.0, 1, 2)),
     )
     found = [(value - 1.0, error) for value, error in (estimate(*each) for each in sixth)]
-    return SonineCoefficients(*itertools.chain(*second, *found), disks=n, frames=frames)
+    numbers: list[Any] = [*itertools.chain(*second, *found), n, frames]
+    return SonineCoefficients(*numbers)

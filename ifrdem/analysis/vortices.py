@@ -15,7 +15,7 @@ from . import result as stored
 from .result import Columns, Evaluation, Reading, second_half, times, unit
 
 FARTHEST, HIGHEST = 60.0, 64
-"""Mean diameters up to which correlations are found, and waves along the longest side, at most."""
+"""Largest distance of correlations in mean diameters; most waves of a spectrum along the longest side."""
 
 
 def _velocities(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:

@@ -99,20 +99,20 @@ def cost_of_ratio(ratio: float) -> float:
 STEP_SECONDS, STEP_SECONDS_PER_DISK = 8e-4, 3e-7
 """Time of one thread for a step of forces that ends a window: for the window, and for each disk."""
 SEARCH_SECONDS = 8e-8
-"""Time of one thread for each disk in a step of forces within a window, after which all look for collisions again."""
+"""Time of one thread per disk and step within a window, to search for the next collisions."""
 FORCE_SECONDS = {
     "drag": 2e-8, "langevin": 7e-8, "random_torque": 4e-8, "random_force": 1.2e-7, "table_friction": 9.5e-7,
 }  # fmt: skip
 """The same for the force itself, by its kind. Measured 2026-11-26, as those above, for 1,000 and 4,000 disks at
 phi = 0.3 in steps of 0.05 mean free times (`results/forces.md`)."""
 ENDS_WINDOW = "rescale"
-"""Kind of a force that ends windows, for it needs sums over all disks at that time."""
+"""Kind of a force that ends windows, because it needs sums over all disks at that time."""
 
 
 def step_seconds(steps: Mapping[str, Mapping[float, float]], n: int, threads: int) -> float:
     """Time [s] of one or more threads for steps of forces on n disks: their number by kind and length of the step.
 
-    Forces that act at the same times search once. Where `rescale` acts, all that do end a window.
+    Forces that act at the same times need one search. A force that acts at the times of `rescale` ends windows, too.
 
     Examples
     --------

@@ -294,7 +294,7 @@ def _when(case: CaseSections, force: ForceSection) -> str:
     if case.run.device != "cpu":
         return "between windows, as all forces on a GPU"
     if force.kind == ENDS_WINDOW:
-        return "between windows, for it needs sums over all disks"
+        return "between windows, because it needs sums over all disks"
     if any(each.kind == ENDS_WINDOW and each.step == force.step for each in case.force):
         return f"between windows, at the times of {ENDS_WINDOW}"
     return "within windows"
@@ -369,7 +369,7 @@ def _cpu_time(gas: CaseGas, estimate: RunEstimate, threads: int) -> Iterator[Rep
             seconds = 1e3 * step_seconds(steps, n, threads)
             yield ReportRow(
                 "run time of a force step",
-                f"about {seconds:.2g}, for as many as there are until the end",
+                f"about {seconds:.2g} for each step until the end",
                 "ms",
             )
     if phi > 0.0:

@@ -20,8 +20,11 @@ from .options import (
     Bins,
     Cells,
     Color,
+    Dpi,
     Force,
     Frames,
+    NoTitle,
+    Size,
     Style,
     flag,
     one_trajectory,
@@ -335,6 +338,9 @@ def plot(
     ] = None,
     color: Color = None,
     style: Style = None,
+    size: Size = None,
+    dpi: Dpi = 200,
+    no_title: NoTitle = False,
     force: Force = False,
 ) -> None:
     """Draw a trajectory, several, or a study: temperatures, disks, velocity, rdf, structure-factor, msd.
@@ -342,6 +348,7 @@ def plot(
     Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
     and so on; of a study, with bands of two standard errors over seeds, and kinetic theory. Of one trajectory,
     temperatures, energy, ledger, mechanisms, walls and piston can be drawn `--over tau`, too.
+    For a column of a journal: `--size 3.4in --dpi 300 --no-title --style paper -o NAME.pdf`.
     """
     if list:
         echo(PICTURE_LIST)
@@ -351,11 +358,22 @@ def plot(
     *sources, what = words
     options = _options([what], axis=axis, bins=bins, cells=cells, average=average).get(what, {})
     together = len(sources) > 1 or sources[0].endswith(".nc")
+    form: dict[str, Any] = {"size": size, "dpi": dpi, "title": not no_title}
     with styled(style):
         if together or by is not None or (over is not None and what not in PICTURES):
-            _plot_together(sources, what, over, by, frames, output, force=force)
+            _plot_together(sources, what, over, by, frames, output, force=force, form=form)
         else:
-            _plot_one(sources[0], what, frames, output, force=force, over=over or "t", color=color, **options)
+            _plot_one(
+                sources[0],
+                what,
+                frames,
+                output,
+                force=force,
+                over=over or "t",
+                color=color,
+                **form,
+                **options,
+            )
 
 
 def _plot_one(
@@ -399,6 +417,7 @@ def _plot_together(
     output: str | None,
     *,
     force: bool,
+    form: dict[str, Any],
 ) -> None:
     """A quantity of a study or of several trajectories."""
     from ..study import figure, results
@@ -418,7 +437,7 @@ def _plot_together(
             found = figure.of_trajectories([stack.enter_context(opened(file)) for file in files])
     path = _as_picture(Path(output or f"{Path(sources[0]).stem}-{what}.png"))
     check_files([path], force=force)
-    drawn = figure.draw(found, what, over, by)
+    drawn = figure.draw(found, what, over, by, **form)
     from ..plots import run
 
     run.save(drawn, path)

@@ -64,7 +64,7 @@ def _members(cls: type) -> Iterator[str]:
 
 
 def _signature(value: object) -> str:
-    """Names and defaults of the arguments; empty for classes that one does not call."""
+    """Names and defaults of the arguments; empty for classes that users do not call."""
     if isinstance(value, type) and issubclass(value, Exception | enum.Enum):
         return ""
     if isinstance(value, type) and issubclass(value, BaseModel):

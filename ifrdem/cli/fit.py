@@ -144,7 +144,8 @@ class FitOptions:
         option(
             "E",
             "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal "
-            "[rad]; estimate: those not given, by the residuals; repeatable. Columns such as delta_2_error come first",
+            "[rad]; estimate (default): missing ones from the residuals; repeatable. Columns such as "
+            "delta_2_error take precedence",
         ),
     ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
@@ -167,8 +168,10 @@ class FitOptions:
     """fit rolling friction rho too, from Rw_2 or e_t_apparent"""
     bootstrap: Annotated[int, counting(40)] = 0
     """additional intervals from N synthetic data sets"""
+    kind: Annotated[int | None, counting(0)] = None
+    """fit only the N-th pair of kinds of disks (mass, radius, k), from 1; 0 fits all together (default: one by one)"""
     min_quality: Annotated[float, QUALITY] = 0.01
-    """lines of less quality, a column that `ifrdem collisions` writes, are left out (default: 0.01)"""
+    """least quality (a column that `ifrdem collisions` writes) of lines that are used (default: 0.01)"""
     seed: Annotated[int | None, counting(0, MOST_SEED)] = None
     """seed of the bootstrap and of --draw (default: 1)"""
 
@@ -225,7 +228,7 @@ def fit(
     pair = _disks(disks, options.rolling, problems)
     both = _collision_disks(disks, problems)
     form = form_of(table, problems, options.known)
-    errors = _errors(options.error or [], problems)
+    errors = _errors(options.error or ["estimate"], problems)
     fixed = _pairs("--fix", options.fix, problems)
     ranges = _ranges(options.range, problems)
     if options.range and options.law is None:
@@ -268,18 +271,24 @@ def fit(
         )
     from ..fit import maximum, report  # import SciPy, which is slow
 
-    with _progress(sets * number_of_laws) as bar:
-        found = maximum.fit(
-            measured, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
+    parts = _parts(measured, options.kind, written)
+    with _progress(sets * number_of_laws * len(parts)) as bar:
+        every = [maximum.fit(
+            part, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
             robust=options.robust, level=0.01 * options.level, cross_validate=options.cross_validate,
             bootstrap=sets, seed=seed,
             progress=None if bar is None else bar.update,
-        )  # fmt: skip
-    echo(report.table(found))
-    if further:
-        from ..fit.next_experiment import design
+        ) for part in parts]  # fmt: skip
+    for i, found in enumerate(every, start=1):
+        if len(every) > 1:
+            echo("\n" * (i > 1) + f"pair of kinds of disks {i} of {len(every)} (--kind {i}):")
+        echo(report.table(found))
+        if further:
+            from ..fit.next_experiment import design
 
-        echo("\n" + design(found, further).table())
+            echo("\n" + design(found, further).table())
+    if len(every) > 1:
+        echo("\n" + report.overview(every))
     if sample is not None:
         write_text(sample, report.draws(found, drawn, seed))
     if record is not None:
@@ -300,6 +309,29 @@ def fit(
     if written:
         note(f"\nwrote {', '.join(map(str, written))}")
     return status
+
+
+def _parts(measured: Any, kind: int | None, written: Sequence[Path]) -> list[Any]:
+    """The tables to fit: one for each pair of kinds of disks, or by `kind` one of them or all together."""
+    from ..fit.data import Data
+
+    if isinstance(measured, Data):
+        if kind is not None:
+            raise InputError("--kind: cannot be combined with a table of angles")
+        return [measured]
+    if kind == 0:
+        return [measured]
+    parts: list[Any] = measured.kinds()
+    if kind is not None:
+        if kind > len(parts):
+            raise InputError(f"--kind {kind}: must be an integer from 0 to {len(parts)}")
+        return [parts[kind - 1]]
+    if len(parts) > 1 and written:
+        raise InputError(
+            f"{written[0]}: there are {len(parts)} pairs of kinds of disks; choose one by --kind 1 to {len(parts)}, or "
+            "fit all together by --kind 0"
+        )
+    return parts
 
 
 def _progress(fits: int) -> AbstractContextManager[Any]:
@@ -461,7 +493,7 @@ def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
 
 TRACKS = """\
 TRACKS is a CSV file with a line for each disk in each frame: id (or particle, ...), x, y, and t or
-frame (with --fps); angle where disks are seen to turn. Units stand in brackets, as in x (mm) or
+frame (with --fps); angle if rotation is visible. Units stand in brackets, as in x (mm) or
 angle (rad); angles are in degrees by default, counter-clockwise, with y upwards.
 
   ifrdem collisions tracks.csv --fps 120 --disk 1.19e-3,10.5e-3,2 -o hits.csv
@@ -505,9 +537,9 @@ def collisions(
         ),
     ] = None,
     flip: Annotated[
-        list[str] | None, option("AXIS", "y, if it points down, or angle, if clockwise; repeatable")
+        list[str] | None, option("AXIS", "reverse y (if it points down) or angle (if clockwise); repeatable")
     ] = None,
-    repair_swaps: Annotated[bool, flag("exchange ids back that two tracks have exchanged")] = False,
+    repair_swaps: Annotated[bool, flag("undo exchanges of ids between two tracks")] = False,
     table: TableOptions = TableOptions(),
     output: Output = None,
     force: Force = False,
@@ -539,7 +571,7 @@ def collisions(
     loaded = of_tracks.read(source, fps=fps, form=form, flip=flip or ())
     around += [of_tracks.straight_or_round(each, loaded) for each in drawn]
     every = disks.pop(None, None)
-    given = {one: each for one in loaded.time if (each := disks.get(one, every)) is not None}
+    given = {one: made for one in loaded.time if (made := disks.get(one, every)) is not None}
     found = impacts.find(loaded, given, walls=around, window=window, error=noise, repair_swaps=repair_swaps)
     shown = [
         f"{source}: {len(loaded.time)} disks, {sum(map(len, loaded.time.values()))} positions",
@@ -585,7 +617,7 @@ def _wall_numbers(text: str, problems: OptionProblems) -> tuple[float, ...] | No
         found = ()
     right = all(map(math.isfinite, found)) and len(found) in (3, 4)
     if not right or (len(found) == 3 and found[2] <= 0.0) or (len(found) == 4 and found[:2] == found[2:]):
-        problems.append(f"--wall {text}: must be X1,Y1,X2,Y2, two different points, or X,Y,R, a circle")
+        problems.append(f"--wall {text}: must be X1,Y1,X2,Y2 (two different points) or X,Y,R (a circle)")
         return None
     return found
 

@@ -6,6 +6,7 @@ import contextlib
 import json
 import math
 import os
+import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -161,8 +162,8 @@ NoPicture = Annotated[bool, flag("draw no picture at the end")]
 Frames = Annotated[
     str | None,
     option(
-        "A:B:C",
-        "which frames: one number, or from A to before B, every C-th, as in Python, such as -5: for the last five "
+        "FRAMES",
+        "which frames, as in Python: one number; A to B, every C-th, as in 10:50:2; -5: for the last five "
         "(default: all that suit)",
     ),
 ]
@@ -193,7 +194,7 @@ Cells = Annotated[
 ]
 Average = Annotated[bool, flag("of fields: averages over the frames with errors, not a single frame")]
 Style = Annotated[
-    str | None, option("STYLE", "a style of Matplotlib, such as dark_background, or a file of one")
+    str | None, option("STYLE", "paper, or a style of Matplotlib such as dark_background, or a file of one")
 ]
 Color = Annotated[
     str | None,
@@ -206,17 +207,51 @@ Color = Annotated[
 Force = Annotated[bool, flag("replace files that exist")]
 
 
+def _inches(_kind: object, tokens: Sequence[Token]) -> tuple[float, ...]:
+    """Width and height of a figure, from 3.4in, 8.6cm or 3.4x2.6in."""
+    found = re.fullmatch(r"([\d.]+)(?:x([\d.]+))?(in|cm|mm)", tokens[-1].value.lower())
+    try:
+        sides = [float(each) / UNITS[found[3]] for each in found.groups()[:2] if each] if found else []
+    except ValueError:  # 3.4.1
+        sides = []
+    if not sides or not all(1.0 <= side <= 40.0 for side in sides):
+        text = "must be a width from 1 to 40 inches, such as 3.4in or 8.6cm, or width x height, such as 3.4x2.6in"
+        raise invalid_value(tokens, text)
+    return tuple(sides)
+
+
+UNITS = {"in": 1.0, "cm": 2.54, "mm": 25.4}
+"""Lengths in an inch."""
+Size = Annotated[
+    tuple[float, ...] | None,
+    option(
+        "SIZE",
+        "of the figure: 3.4in, 8.6cm, 3.4x2.6in (default: for a screen)",
+        converter=_inches,
+        n_tokens=1,
+    ),
+]
+Dpi = Annotated[int, integer("N", "resolution of a PNG in dots per inch (default: 200)", 30, 2400)]
+NoTitle = Annotated[bool, flag("no title; warnings go to the terminal")]
+
+
 @contextlib.contextmanager
 def styled(style: str | None) -> Iterator[None]:
-    """Draw in a style of Matplotlib; InputError names near ones if there is none of this name."""
+    """Draw in a style of Matplotlib or in "paper"; InputError names near ones if there is none of this name."""
     with contextlib.ExitStack() as stack:
-        if style is not None:
+        if style == "paper":
+            from matplotlib import rc_context
+
+            from ..plots.style import PAPER
+
+            stack.enter_context(rc_context(PAPER))
+        elif style is not None:
             import matplotlib.style
 
             try:
                 stack.enter_context(matplotlib.style.context(style))
             except OSError:
-                near = nearest(style, matplotlib.style.available)
+                near = nearest(style, ["paper", *matplotlib.style.available])
                 text = f"neither a style of Matplotlib nor a file of one{near}"
                 raise InputError(f"--style {style}: {text}") from None
         yield

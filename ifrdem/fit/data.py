@@ -302,6 +302,37 @@ class Collisions:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.arctan2(y, x), np.sqrt(y**2 * variance[0] + x**2 * variance[1]) / length**2
 
+    def kinds(self) -> list[Collisions]:
+        """The collisions of each pair of kinds of disks (mass, radius, k), the most frequent pair first."""
+        n = len(self)
+        one, two = (
+            np.stack([*_per_collision(disk, n).values()], axis=-1) for disk in (self.disk_1, self.disk_2)
+        )
+        rows: dict[tuple[tuple[float, ...], ...], list[int]] = {}
+        for i in range(n):
+            rows.setdefault(tuple(sorted((tuple(one[i].tolist()), tuple(two[i].tolist())))), []).append(i)
+        if len(rows) == 1:
+            return [self]
+        return [self._part(each) for each in sorted(rows.values(), key=lambda each: -len(each))]
+
+    def _part(self, rows: Sequence[int]) -> Collisions:
+        """The collisions of these rows."""
+        n = len(self)
+        disks = [
+            _of_columns({key: value[rows] for key, value in _per_collision(disk, n).items()})
+            for disk in (self.disk_1, self.disk_2)
+        ]
+        return Collisions(
+            disk_1=disks[0],
+            disk_2=disks[1],
+            measured={name: np.asarray(value)[rows] for name, value in self.measured.items()},
+            errors={name: np.asarray(value)[rows] for name, value in self.errors.items()},
+            covariance={name: np.broadcast_to(value, (n,))[rows] for name, value in self.covariance.items()},
+            source=self.source,
+            line=np.arange(1, n + 1)[rows] if self.line is None else self.line[rows],
+            notes=self.notes,
+        )
+
     def problem(self, pair: Pair | None = None) -> CollisionProblem:
         """The collisions as a fit sees them."""
         phi, s_phi = self.normal()

@@ -1,13 +1,13 @@
 """Collisions from tracks: impacts in positions per frame, with the flights before and after.
 
-Two disks have met where their distance has a minimum near the sum of their radii, a disk and a wall where theirs is
-near its radius. There, the positions of both are fitted by straight flights that meet at one time t_c,
+Two disks have collided where their distance has a minimum near the sum of their radii; a disk has hit a wall where its
+distance from the wall has one near its radius. There, straight flights that meet at one time t_c are fitted:
 
     x(t) = x_c + v (t - t_c) before, x_c + v' (t - t_c) after,   |x_c2 - x_c1| = R_1 + R_2,
 
-and so is, where it was tracked, the angle by which each has turned. Flights end at other impacts of the disk, and where
-a change point makes two straight pieces far more likely than one, under Student-t noise. Normal and velocities share
-x_c and t_c, so that their errors are correlated; the table has the covariances.
+and straight lines for the angle of each disk, if it was tracked. Flights end at other impacts of the disk, and where a
+change point makes two straight pieces far more likely than one, under Student-t noise. Normal and velocities share x_c
+and t_c, so that their errors are correlated; the table has the covariances.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LEAST = 3
 """Frames of a flight that are needed at least."""
 
 POOR = 0.01
-"""Quality below which something else has changed the flights of a collision."""
+"""Quality below which a collision is not used by default: something else has changed its flights."""
 
 _CONTACT = 5e-3  # how well the sum of the radii is known, over itself
 _SURE = 4.0  # errors by which an impact must change the velocity along the normal
@@ -84,7 +84,7 @@ class FoundCollisions:
         return Counter(each.reason for each in (*self.left_out, *self.cut))
 
     def report(self) -> str:
-        """Each of these, as CSV."""
+        """Encounters that were left out and flights that were cut, as CSV."""
         rows = [
             f"{each.time:.6g},{each.ids[0]},{each.ids[1] if len(each.ids) > 1 else ''},{each.reason}"
             for each in sorted((*self.left_out, *self.cut), key=lambda each: each.time)
@@ -117,7 +117,7 @@ def find(
     Parameters
     ----------
     tracks : Tracks
-        What was seen.
+        Positions of disks per frame, and angles if they were tracked.
     disks : Disk, or mapping of int to Disk
         All disks, or each by its id: mass [mass], radius [length], k.
     walls : sequence of Wall
@@ -125,9 +125,9 @@ def find(
     window : int
         Frames of a flight that are used at most.
     error : float, optional
-        Standard error of a coordinate of a position [length]; from the scatter of the tracks without it.
+        Standard error of a coordinate of a position [length]; by default from the scatter of the tracks.
     repair_swaps : bool
-        Exchange ids back that two tracks have exchanged; else impacts after it have quality 0.
+        Undo exchanges of ids between two tracks; otherwise impacts after an exchange have quality 0.
     """
     problems = []
     if window < LEAST:
@@ -156,7 +156,7 @@ class _Encounter:
 
 
 class _Finder:
-    """The search of one set of tracks."""
+    """Search for impacts in one set of tracks."""
 
     def __init__(
         self,
@@ -192,7 +192,7 @@ class _Finder:
             raise InputError(f"{tracks.source}: no impact was found: no disk has 3 frames at equal steps")
         if not found.typical > 1e-9 * min(self.radius.values()):
             how = option_name("--noise", "error")
-            text = f"the positions do not scatter about the flights: {how} must say how exact they are"
+            text = f"the positions do not scatter about the flights: give their standard error by {how}"
             raise InputError(f"{tracks.source}: {text}")
         return found
 
@@ -291,7 +291,7 @@ class _Finder:
         at = times.get(meeting, meeting.time)
         others = [times[each] for each in self.of[one] if each is not meeting and each in times]
         others += self.exchanged_at.get(one, [])
-        # Frames in contact with another body count too: noise hides impacts after which it hardly moves away.
+        # Frames in contact with another body count too: noise hides impacts after which a disk hardly moves away.
         own = (meeting.ids, meeting.wall)
         others += [float(t) for body, touching in self.touching[one] if body != own for t in touching]
         return max((t for t in others if t <= at), default=-math.inf), min(
@@ -633,7 +633,7 @@ def _spin_warnings(tables: Sequence[Mapping[str, Array]], source: str) -> list[s
     text = f"{source}: spins respond to impacts with {slope:.3g} +- {error:.2g} times what the impulses give"
     if slope < -5.0 * error:
         flips = option_name("--flip y or --flip angle", "flip = ['y'] or ['angle']")
-        raise InputError(f"{text}: y points down or angles run clockwise; {flips} turns one of them")
+        raise InputError(f"{text}: y points down or angles run clockwise; {flips} reverses one of them")
     if abs(slope - 1.0) < 0.1 + 5.0 * error:
         return []
     for factor, unit in ((180.0 / math.pi, "deg"), (math.pi / 180.0, "rad")):

@@ -6,7 +6,7 @@ import json
 import math
 import os
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from itertools import combinations
 from typing import Any
@@ -59,6 +59,25 @@ def table(fit: Fit) -> str:
         lines += _fitted(fit, fitted)
     if fit.warnings:
         lines += ["", *_wrapped(fit.warnings)]
+    return "\n".join(lines)
+
+
+def overview(fits: Sequence[Fit]) -> str:
+    """Table of the coefficients of the best law of each fit, with a line for each pair of kinds of disks."""
+    lines = [f"{'mass':>24}{'radius':>24}{'impacts':>9}  law, coefficients with standard errors"]
+    for fit in fits:
+        assert not isinstance(fit.data, Data)
+        pair = (fit.data.disk_1, fit.data.disk_2)
+        sizes = [
+            ", ".join(sorted(f"{float(np.asarray(getattr(disk, key)).flat[0]):.5g}" for disk in pair))
+            for key in ("mass", "radius")
+        ]
+        values = ", ".join(
+            f"{name} {each.value:.4g} +- {each.standard_error:.2g}"
+            for name, each in fit.laws[fit.best].estimates.items()
+            if name not in _UNITS
+        )
+        lines.append(f"{sizes[0]:>24}{sizes[1]:>24}{len(fit.data):>9}  {fit.best}: {values}")
     return "\n".join(lines)
 
 

@@ -30,7 +30,7 @@ _SPELLINGS = {
     **dict.fromkeys(("orientation", "theta"), "angle"),
 }
 FLIPS = ("y", "angle")
-"""Axes that may run the other way."""
+"""Axes that can be reversed."""
 
 _MOST_DISKS = 500
 _OWN_NOISE = 200  # second differences from which a coordinate of a disk has its own noise
@@ -59,7 +59,7 @@ def read(
     """Read tracks: a line a frame and disk, with columns id, x, y, and t or frame; angle if disks were seen to turn.
 
     `fps`, frames per time, is needed with a column frame; `form` gives other names, units and signs of the file; axes
-    in `flip`, of `FLIPS`, run the other way.
+    in `flip`, of `FLIPS`, are reversed.
 
     Raises InputError with a line for each thing that is wrong.
     """
@@ -113,7 +113,7 @@ class Exchange:
 
 
 def exchanges_in(tracks: Tracks, radius: Mapping[int, float]) -> list[Exchange]:
-    """Pairs of tracks of which each goes on, in the same frame, where the other was about to go; ascending in time."""
+    """Pairs of tracks each of which continues, from one frame on, where the other was expected; in order of time."""
     jumps: dict[tuple[float, float], list[tuple[int, int, Array]]] = {}
     for one, t in tracks.time.items():
         x = tracks.position[one]
@@ -166,10 +166,11 @@ class Noise:
 
 
 def noise(tracks: Tracks, events: Mapping[int, Sequence[float]]) -> Noise:
-    """Noise from second differences, which straight flights at equal steps do not have.
+    """Noise from second differences of positions, which vanish for straight flights at equal time steps.
 
-    Those over an event of the disk (impacts, by id) do not count; nor do outliers, because the width is that of the
-    middle half, and then that of all within three of it. A coordinate with few frames has the noise of all.
+    Differences across an event of the disk are left out; `events` has times of impacts by id. Outliers hardly matter:
+    the width is first that of the middle half, then that of all values within three widths. A coordinate with few
+    frames gets the noise of all disks.
     """
     of = {one: _second(t, tracks.position[one], events.get(one, ())) for one, t in tracks.time.items()}
     turned = [_second(tracks.time[one], a[:, None], events.get(one, ())) for one, a in tracks.angle.items()]
@@ -184,7 +185,7 @@ def noise(tracks: Tracks, events: Mapping[int, Sequence[float]]) -> Noise:
 
 
 def _second(t: Array, x: Array, events: Sequence[float]) -> Array:
-    """Second differences (m, d) of x (n, d) at equal steps of t (n,), as wide as x; none over an event."""
+    """Second differences (m, d) of x (n, d) at equal steps of t (n,), scaled to the errors of x; none across events."""
     if len(t) < 3:
         return np.empty((0, x.shape[1]))
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
@@ -209,7 +210,7 @@ def _width(values: Array) -> float:
 
 
 def straight_or_round(numbers: Sequence[float], tracks: Tracks) -> Wall:
-    """The wall of X1,Y1,X2,Y2, a line through two points, or of X,Y,R, a circle; the disks are on its side of most."""
+    """The wall X1,Y1,X2,Y2 (a line through two points) or X,Y,R (a circle); most disks are on its inner side."""
     places = np.concatenate([*tracks.position.values()])
     if len(numbers) == 3:
         centre, radius = (numbers[0], numbers[1]), numbers[2]

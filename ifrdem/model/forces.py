@@ -68,7 +68,7 @@ class Force(ReadOnlyAttributes):
         How many sums over all disks `act` needs; `measure` gives each disk's share of them.
     totals_ahead : bool
         True if `measure` reads only mass, radius, k, inertia and `step.random`, so that totals do not depend on the
-        motion. On a CPU a force that has this, or no totals, acts within windows, which is much faster.
+        motion. On a CPU a force with this, or without totals, acts within windows, which is much faster.
     keeps_rest : bool
         True if a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
         goes to its end without further steps.

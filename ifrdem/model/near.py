@@ -19,10 +19,10 @@ _MOST_CELLS = 2**31  # along an axis
 
 
 def near_pairs(box: Box, reach: float, points: Array, others: Array | None = None) -> Pairs:
-    """Indices i of points and j of others no further apart than `reach` [length]; of one list, pairs i < j.
+    """Indices i of points and j of others no further apart than `reach` [length]; without others, i < j.
 
-    By cells; without scipy, whose import takes longer than a usual search. A pair whose distance is `reach` but for
-    rounding may be missing.
+    The search uses cells, and not scipy, whose import takes longer than a usual search. Pairs at a distance of `reach`
+    to rounding may be missing.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def _with_images(box: Box, reach: float, points: Array) -> tuple[NDArray[np.intp
 
 
 def near_pairs_by_trees(box: Box, reach: float, points: Array, others: Array | None = None) -> Pairs:
-    """The same pairs in the order of trees, by which packings add forces up: their bits depend on it."""
+    """The same pairs in the order of scipy's trees: packings add up forces in it, and their bits depend on it."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(points, boxsize=box.periods)

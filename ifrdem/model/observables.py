@@ -189,7 +189,7 @@ def species_sums(disks: Disks, state: State, species: Mapping[str, int]) -> Arra
     """Sums over the disks of each species that `from_totals` takes, shape (species, columns of SPECIES)."""
     numbers = np.array(list(species.values()), dtype=np.int64)
     if numbers.sum() != disks.n:
-        raise InputError(f"species = {dict(species)}: must be of {disks.n} disks together")
+        raise InputError(f"species = {dict(species)}: must add up to {disks.n} disks")
     movable = disks.movable
     mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
     v = state.peculiar_velocity

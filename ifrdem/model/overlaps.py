@@ -70,7 +70,7 @@ def close_pairs(
 ) -> NDArray[np.intp]:
     """Every pair (i, j), i != j, that may be closer than contact + `margin` [length]; shape (pairs, 2).
 
-    `near` finds a superset; by size class, so that small disks need not look as far as the largest reach.
+    `near` finds a superset, by size class, so that the search around small disks is short.
     """
     # A size class spans a factor 2: with more classes there are more searches, with fewer more pairs.
     classes = list(size_classes(radius, 2.0))

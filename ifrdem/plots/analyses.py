@@ -27,6 +27,7 @@ from .style import (
     from_zero,
     grid,
     label,
+    legend,
     legend_above,
     place_axes,
     unit_of,
@@ -38,8 +39,13 @@ BARS: dict[str, Any] = {"color": ACROSS, "ec": TRANSLATION, "ecolor": ROTATION, 
 POINTS: dict[str, Any] = {"fmt": "o", "lw": 0.8, "mfc": "none", "color": TRANSLATION}
 
 
-def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
-    """Distributions of velocity components and spins, logarithmic, with Gaussians and their Sonine expansion."""
+def velocity(left: Axes, *rest: Any) -> None:
+    """Distributions of velocity components and spins, logarithmic, with Gaussians and their Sonine expansion.
+
+    `rest` is the axes for spins, unless there are none, the trajectory or None, and the result.
+    """
+    *spins, _, evaluation = rest
+    right = spins[0] if spins else None
     x = np.linspace(-5.0, 5.0, 400)
     lowest = highest = float(analysis.gaussian(x).max())
     for i, (name, found) in enumerate(evaluation.result.items()):
@@ -49,6 +55,8 @@ def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation:
             (right, found.spin, found.spin_density, found.spin_density_error),
         ):
             positive = density > 0.0
+            if axes is None:
+                continue
             if np.any(positive):
                 lowest, highest = min(lowest, density[positive].min()), max(highest, density[positive].max())
                 axes.errorbar(
@@ -56,6 +64,8 @@ def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation:
                 )
     sonine = next(iter(evaluation.result.values())).sonine
     for axes, a2, text in ((left, sonine.a20, "a_{20}"), (right, sonine.a02, "a_{02}")):
+        if axes is None:
+            continue
         axes.plot(x, analysis.gaussian(x), "-", color=RATIO, lw=1.2, label="Gaussian")
         if np.isfinite(a2) and len(evaluation.result) == 1:
             expansion = analysis.sonine_density(x, a2)
@@ -64,15 +74,15 @@ def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation:
             shown = np.where(np.abs(x) < end, expansion, np.nan)
             highest = max(highest, float(np.nanmax(shown)))
             axes.plot(x, shown, "--", color=ROTATION, lw=1.2, label=rf"with ${text} = {a2:.3g}$")
-        if not axes.lines or not np.isfinite(a2):
-            axes.text(0.5, 0.5, "no spins", transform=axes.transAxes, ha="center")
         axes.set(yscale="log", xlim=(-5.0, 5.0))
         legend_above(axes)
     left.set_ylim(0.3 * lowest, 2.0 * highest)
-    right.set_ylim(left.get_ylim())
     left.set(xlabel=r"$c = v_{x,y} / \sqrt{2 T / m}$", ylabel="probability density")
-    right.set_xlabel(r"$w = \omega / \sqrt{2 T_\mathrm{rot} / I}$")
-    grid(left, right)
+    grid(left)
+    if right is not None:
+        right.set_ylim(left.get_ylim())
+        right.set_xlabel(r"$w = \omega / \sqrt{2 T_\mathrm{rot} / I}$")
+        grid(right)
 
 
 WIDEST = 0.05
@@ -108,7 +118,7 @@ def pairs(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> 
     whole, *of_pairs = evaluation.result.items()
     for i, (name, found) in enumerate(of_pairs):
         r, g, error = merged(found)
-        style = {"color": KINDS[i % len(KINDS)]}
+        style: dict[str, Any] = {"color": KINDS[i % len(KINDS)]}
         axes.fill_between(r / unit, g - error, g + error, lw=0.0, alpha=0.3, **style)
         axes.plot(r / unit, g, "-", lw=1.2, label=f"{name}, band: standard error" if not i else name, **style)
     found = whole[1]
@@ -118,7 +128,7 @@ def pairs(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> 
     text = "$r$" if trajectory is None else "$r$ (mean diameters)"
     axes.set(xlim=(0.0, float(found.r[-1]) / unit), xlabel=text, ylabel="$g(r)$")
     axes.set_ylim(bottom=0.0)
-    axes.legend(loc="best", frameon=False)
+    legend(axes)
     grid(axes)
 
 
@@ -153,7 +163,7 @@ def structure(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation)
     axes.errorbar(k, found.S, found.S_error, ms=3, label="disks", **POINTS)
     axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label="ideal gas")
     axes.set(xscale="log", yscale="log", xlabel=text, ylabel="$S(k)$")
-    axes.legend(loc="best", frameon=False)
+    legend(axes)
     grid(axes)
 
 
@@ -190,6 +200,7 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
         if abs(fit.exponent - 1.0) > 0.2:
             text += f"\n(no diffusion: exponent {fit.exponent:.2f})"
         line_color = ROTATION if alone else KINDS[i % len(KINDS)]
+        used &= line > 0.0  # a logarithmic axis would draw a line that falls below 0 as a vertical one
         axes.plot(t[used], line[used], "-", color=line_color, lw=2.0, zorder=5, label=text)
     axes.set(xscale="log", yscale="log", ylim=(0.5 * lowest, 3.0 * highest))
     few_labels(axes)
@@ -197,7 +208,7 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
     scaled = own_time and np.isfinite(next(iter(evaluation.result.values())).free_path)
     text = r"$\langle |\Delta r|^2 \rangle"
     axes.set_ylabel(rf"{text} \,/\, \lambda^2$" if scaled else label(trajectory, f"{text}$", "length^2"))
-    axes.legend(loc="lower right", frameon=False)
+    legend(axes, "lower right")
     grid(axes)
 
 
@@ -224,7 +235,7 @@ def vacf(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> N
         if row.name == "decay by kinetic theory, collisions per disk":
             axes.plot(t, np.exp(-t / row.value), "--", color=ROTATION, lw=1.2, label="kinetic theory")
     if len(axes.lines) > 2 or len(evaluation.result) > 1:
-        axes.legend(loc="best", frameon=False)
+        legend(axes)
     axes.set_xlabel(OWN_LAG if own_time else label(trajectory, "lag $t$", "time"))
     text = r"\langle c(0) \cdot c(\tau) \rangle" if own_time else r"\langle v(0) \cdot v(t) \rangle"
     axes.set_ylabel(rf"${text} \,/\, \langle {'c' if own_time else 'v'}^2 \rangle$")
@@ -389,7 +400,7 @@ def _order(right: Axes, value: Array, whole: float) -> None:
     right.axvline(value.mean(), color=ROTATION, ls="--", lw=1.5, label=f"mean {value.mean():.3f}")
     right.axvline(whole, color=RATIO, ls=":", lw=1.5, label=rf"$|\langle\psi_6\rangle|$ {whole:.3f}")
     right.set(xlabel=r"$|\psi_6|$", ylabel="probability density", xlim=(0.0, 1.0))
-    right.legend(loc="best", frameon=False)
+    legend(right)
     grid(right)
 
 
@@ -423,7 +434,7 @@ def _haff(axes: Axes, trajectory: Trajectory | None, haff: analysis.HaffFit, end
         axes.set(xscale="log", yscale="log")
         few_labels(axes)
     axes.set(xlabel="$1 + (t - t_0) / t_H$", ylabel=label(trajectory, "temperature $T$", "energy"))
-    axes.legend(loc="best", frameon=False)
+    legend(axes)
     grid(axes)
 
 
@@ -441,7 +452,7 @@ def _approach(axes: Axes, ratio: analysis.RatioFit, first: float, last: float) -
 def _thetas(axes: Axes) -> None:
     axes.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
     axes.set_ylim(bottom=0.0)
-    axes.legend(loc="best", frameon=False)
+    legend(axes)
     grid(axes)
 
 
@@ -503,7 +514,7 @@ def impact(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: E
     left.set(xlabel=r"angle of impact $\psi$ (degrees)", ylabel="probability density (1/rad)")
     left.set(xlim=(0.0, 90.0))
     left.set_ylim(bottom=0.0)
-    left.legend(loc="best", frameon=False)
+    legend(left)
     share, error = np.array(list(found.regimes.values())).reshape(-1, 2).T
     right.barh(list(found.regimes), share, xerr=error, **BARS)
     right.set(xlim=(0.0, 1.0), xlabel="share of collisions, bars: standard error")

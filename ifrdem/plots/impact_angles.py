@@ -18,7 +18,7 @@ from ..model.state import Disks
 from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
 from .run import PicturePath, Run, save
-from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid
+from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid, legend
 
 
 @validated
@@ -62,7 +62,7 @@ def impact_scan(run: Run, path_png: PicturePath = None) -> Figure:
     lower.set_ylabel("simulated $-$ law")
     lower.set_xlabel(r"$\tan\psi$, $\psi$: angle of impact from the line of centres")
     grid(upper, lower)
-    upper.legend(loc="best", frameon=False)
+    legend(upper)
     upper.set_title(
         f"{name}: {len(tan_psi)} impacts, $e_n$ = {law.e_n:g}, $e_t$ = {law.e_t:g}, $\\mu$ = {law.mu:g}; "
         f"largest deviation {np.abs(off).max():.1g}"

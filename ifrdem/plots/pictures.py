@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import textwrap
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, there_are
-from ..tools.checked import instance, validated
+from ..tools.checked import Count, Positive, instance, validated
 from .names import OPTIONS
 from .names import PICTURES as PICTURES
 
@@ -31,7 +32,8 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 @validated
 def figure(
     trajectory: Trajectory, what: str, *, frames: Sequence[int] | None = None, over: str = "t",
-    color: str | None = None, make: Callable[..., Any] | None = None, **options: Any,
+    color: str | None = None, make: Callable[..., Any] | None = None, size: tuple[Positive, ...] | None = None,
+    dpi: Count = 200, title: bool = True, **options: Any,
 ) -> Figure:  # fmt: skip
     """A figure by its name, with a title, and the warnings of the analysis below it.
 
@@ -48,6 +50,13 @@ def figure(
         Of the disks, as `Frame.plot` has it.
     make : callable, optional
         Makes the figure of a size (width, height) [inches], instead of `matplotlib.figure.Figure`.
+    size : (float,) or (float, float), optional
+        Width, and height if not that of the usual shape [inches]. Below a width of 5, panels stand in one
+        column.
+    dpi : int
+        Points an inch.
+    title : bool
+        False leaves the title out; warnings of the analysis are then warnings of Python.
     **options
         Of profiles `axis` and `bins`, of fields `cells` and `average`.
 
@@ -69,19 +78,24 @@ def figure(
     from ..analysis.result import span_text
     from ..trajectory.reader import Trajectory
     from .disks import figure_size
-    from .run import title
+    from .run import title as title_of
     from .style import ROTATION
 
     instance("trajectory", trajectory, Trajectory)
     layout, frames = _layout(trajectory, what), _numbers(trajectory, frames)
     wide = layout.get("ncols", 1) > 1
-    size = (12.0, 8.0) if what in ("walls", "profiles") else (12.0, 5.2) if wide else (7.5, 6.2)
+    usual = (12.0, 8.0) if what in ("walls", "profiles") else (12.0, 5.2) if wide else (7.5, 6.2)
     if what == "disks" and "position" in trajectory.fields:
-        size = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
-    drawn: Figure = make(size) if make is not None else Figure(size, dpi=200, layout="constrained")
+        usual = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
+    layout, size = _sized(layout, usual, size)
+    drawn: Figure = make(size) if make is not None else Figure(size, dpi=dpi, layout="constrained")
     axes = drawn.subplots(squeeze=False, **layout).ravel()
     evaluation = _draw(axes, trajectory, what, frames, over, color, **options)
-    head = title(trajectory)
+    if not title:
+        for warning in evaluation.warnings if evaluation is not None else ():
+            warnings.warn(f"{what}: {warning}", stacklevel=2)
+        return drawn
+    head = title_of(trajectory)
     if size[0] < 7.0:
         head = ",\n".join(head.rsplit(", ", 1))
     if evaluation is not None:
@@ -94,6 +108,23 @@ def figure(
             drawn.supxlabel(text.replace("$", r"\$"), x=0.01, ha="left", fontsize="small", color=ROTATION)
     drawn.suptitle(head, fontsize="medium")
     return drawn
+
+
+def _sized(
+    layout: dict[str, Any], usual: tuple[float, float], size: tuple[float, ...] | None
+) -> tuple[dict[str, Any], tuple[float, float]]:
+    """The arguments of `Figure.subplots` and the size of a figure; two panels of a narrow one are above each other."""
+    from .style import NARROW
+
+    if size is None:
+        return layout, usual
+    if len(size) not in (1, 2):
+        raise InputError(f"size = {size}: must be (width,) or (width, height)")
+    width = size[0]
+    shape = usual[1] / usual[0]
+    if width < NARROW and (layout.get("nrows", 1), layout.get("ncols", 1)) == (1, 2):
+        layout, shape = {"nrows": 2}, 1.7
+    return layout, (width, size[1] if len(size) > 1 else shape * width)
 
 
 def panels(
@@ -143,7 +174,16 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
         return LAYOUTS[what]
     from .analyses import PANELS
 
+    if what == "velocity" and not _spins(trajectory):
+        return {}
     return PANELS[what].layout
+
+
+def _spins(trajectory: Trajectory) -> bool:
+    """True if disks spin in the first, the middle or the last frame."""
+    if "angular_velocity" not in trajectory.fields:
+        return False
+    return any(trajectory[i].spin.any() for i in {0, len(trajectory) // 2, len(trajectory) - 1})
 
 
 def _numbers(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int] | None:
@@ -165,12 +205,16 @@ def _draw(
 
     checked.choice("over", over, tuple(series.AXES))
     if over != "t" and what not in OVER:
-        raise InputError(f"over = {over}: only of {', '.join(OVER)}, not of {what}")
+        raise InputError(
+            f"over = {over}: cannot be combined with {what}; it is an option of {', '.join(OVER)}"
+        )
     if color is not None and what != "disks":
-        raise InputError(f"color = {color}: only of disks, not of {what}")
+        raise InputError(f"color = {color}: cannot be combined with {what}; it is an option of disks")
     for name, value in options.items():
         if OPTIONS[name] != what:
-            raise InputError(f"{name} = {value}: only of {OPTIONS[name]}, not of {what}")
+            raise InputError(
+                f"{name} = {value}: cannot be combined with {what}; it is an option of {OPTIONS[name]}"
+            )
     if what == "disks":
         disks.last_frame(axes[0], trajectory, frames[-1] if frames else -1, color)
     elif what == "dissipation":

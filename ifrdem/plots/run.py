@@ -167,6 +167,9 @@ def gas(trajectory: Trajectory) -> str:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a picture, of the format that its ending says (`FORMATS`, else PNG); it appears whole or not at all."""
+    from matplotlib import rc_context
+
     figure.draw_without_rendering()  # margins fit the labels that this layout has chosen from the next one on
     kind = path.suffix.lower()[1:]
-    write_aside(path, lambda aside: figure.savefig(aside, format=kind if kind in FORMATS else "png"))
+    with rc_context({"pdf.fonttype": 42}):  # TrueType: journals refuse Type 3
+        write_aside(path, lambda aside: figure.savefig(aside, format=kind if kind in FORMATS else "png"))

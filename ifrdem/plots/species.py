@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
 from ..analysis.result import Evaluation
 from ..trajectory.reader import Trajectory
 from .series import AXES
-from .style import KINDS, foreground, from_zero, grid, label, legend_above, positive
+from .style import KINDS, foreground, from_zero, grid, label, legend, legend_above, positive
 
 
 def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: Evaluation) -> None:
@@ -17,7 +19,7 @@ def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: E
     tau = found.collisions_per_disk
     x = found.time if tau is None else tau
     for i, name in enumerate(found.names):
-        style = {"color": KINDS[i % len(KINDS)], "lw": 1.2}
+        style: dict[str, Any] = {"color": KINDS[i % len(KINDS)], "lw": 1.2}
         T, T_rot = found.temperature[:, i], found.rotational_temperature[:, i]
         upper.plot(x, positive(T), "-", label=f"$T$ of {name}", **style)
         curves = [(T, T_rot, found.temperature[:, 0], "-")]
@@ -44,5 +46,5 @@ def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: E
     lower.set_ylabel("ratio")
     from_zero(lower)
     legend_above(upper)
-    lower.legend(loc="best", frameon=False, fontsize="small")
+    legend(lower)
     grid(upper, lower)

@@ -119,11 +119,41 @@ def from_zero(axes: Axes) -> None:
     axes.set_ylim(0.0, 1.12 * highest if highest > 0.0 else 1.0)
 
 
+NARROW = 5.0
+"""Width of a figure [inches] below which it has one column of panels, and legends above them."""
+PAPER: Any = {
+    "font.size": 8.0, "axes.titlesize": 8.0, "axes.labelsize": 8.0, "figure.titlesize": 8.0, "legend.fontsize": 7.0,
+    "xtick.labelsize": 7.0, "ytick.labelsize": 7.0, "axes.linewidth": 0.6, "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6, "xtick.minor.width": 0.4, "ytick.minor.width": 0.4, "xtick.direction": "in",
+    "ytick.direction": "in", "font.family": "serif", "font.serif": ["STIX Two Text", "STIXGeneral"],
+    "mathtext.fontset": "stix",
+}  # fmt: skip
+"""Settings of Matplotlib of the style "paper": text of 7 and 8 points, thin axes, fonts of journals."""
+
+
+def is_narrow(axes: Axes) -> bool:
+    """True if the figure of these axes has the width of a column of a journal."""
+    figure = axes.get_figure(root=True)
+    return figure is not None and figure.get_size_inches()[0] < NARROW
+
+
+def legend(axes: Axes, location: str = "best") -> None:
+    """A legend where it covers the least, in narrow figures above the axes; none without entries."""
+    if is_narrow(axes):
+        legend_above(axes, 2)
+    elif axes.get_legend_handles_labels()[1]:
+        axes.legend(loc=location, frameon=False)
+
+
 def legend_above(axes: Axes, columns: int = 3) -> None:
     """A legend over the axes, in rows, where it can hide no curve; figures laid out as "constrained" make the room."""
-    entries = len(axes.get_legend_handles_labels()[1])
-    if entries:
-        location: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": min(columns, entries)}
+    labels = axes.get_legend_handles_labels()[1]
+    if labels:
+        if is_narrow(axes) and max(map(len, labels)) > 24:
+            columns = 1
+        location: Any = {
+            "loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": min(columns, len(labels))
+        }  # fmt: skip
         axes.legend(frameon=False, fontsize="small", **location)
 
 

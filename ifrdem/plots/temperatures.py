@@ -15,7 +15,18 @@ from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Driving
 from ..trajectory.reader import Trajectory
 from .series import along, axis_label
-from .style import RATIO, ROTATION, TRANSLATION, few_labels, foreground, from_zero, grid, label, positive
+from .style import (
+    RATIO,
+    ROTATION,
+    TRANSLATION,
+    few_labels,
+    foreground,
+    from_zero,
+    grid,
+    label,
+    legend,
+    positive,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,7 +117,7 @@ def draw(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = No
         upper.tick_params(which="both", labelbottom=False)
     if not (cools or decades):
         from_zero(upper)
-    upper.legend(loc="best", frameon=False)
+    legend(upper)
     if upper.get_xscale() == "log":
         few_labels(upper)
 

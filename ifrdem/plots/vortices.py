@@ -9,12 +9,12 @@ from ..analysis.flow import VelocityCorrelation, VelocitySpectrum
 from ..analysis.result import Columns, Evaluation
 from ..trajectory.reader import Trajectory
 from .series import AXES
-from .style import OPEN, RATIO, ROTATION, TRANSLATION, from_zero, grid, label
+from .style import OPEN, RATIO, ROTATION, TRANSLATION, from_zero, grid, label, legend
 
 
 def correlation_alone(axes: Axes, trajectory: Trajectory | None, found: VelocityCorrelation) -> None:
     """Correlations along and across r with their errors, and where the one across r falls below 0."""
-    # Not bins that contact cuts.
+    # Without bins that contact cuts.
     shown = found.pairs > 0.5 * found.pairs.sum() * found.r / found.r.sum()
     for value, error, colour, text in (
         (found.along, found.along_error, TRANSLATION, r"along $r$, $C_\parallel$"),
@@ -30,7 +30,7 @@ def correlation_alone(axes: Axes, trajectory: Trajectory | None, found: Velocity
         )
     axes.set_xlabel(label(trajectory, "distance $r$", "length"))
     axes.set_ylabel(r"$\langle v_i v_j \rangle \,/\, (\langle v^2 \rangle / 2)$")
-    axes.legend(loc="best", frameon=False)
+    legend(axes)
     grid(axes)
 
 
@@ -51,7 +51,7 @@ def spectrum_alone(axes: Axes, trajectory: Trajectory | None, found: VelocitySpe
     axes.set(xscale="log", yscale="log")
     axes.set_xlabel(label(trajectory, "$k$", "1/length"))
     axes.set_ylabel(r"$\langle |v_k|^2 \rangle \,/\, (n \langle v^2 \rangle / 2)$")
-    axes.legend(loc="best", frameon=False)
+    legend(axes)
     grid(axes)
 
 

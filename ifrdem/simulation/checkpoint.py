@@ -29,7 +29,7 @@ from ..tools import files
 from ..tools.versions import package_versions
 from ..trajectory import damage
 
-FORMAT = 10
+FORMAT = 11
 OF_DISKS = (
     "disk", "meta", "past", "hits", "dissipated", "asleep", "held", "listed",
     "state_position", "state_velocity", "state_spin", *(f"disks_{name}" for name in COLUMNS),
@@ -334,7 +334,7 @@ def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], devi
 
 
 def report_runtime(record: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
-    """Log that a gas runs on with another runtime, which gives the same bits (`check_versions`)."""
+    """Log that a gas resumes with another runtime, which gives the same bits (`check_versions`)."""
     written, here = map(runtime.of_versions, (record["versions"], package_versions()))
     if written != here:
         LOG.info("%s was written by %s %s; %s %s gives the same bits on a CPU", path, *written, *here)

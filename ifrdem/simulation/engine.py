@@ -12,7 +12,7 @@ where the state at their beginning says. Any number of threads, any tiles, any h
 in order give the same bits; so do frames, series, tracked disks and the ledger, which only look. A run that stops
 within a window changes no bit of what comes after: a gas in one tile pauses there, tiles store planned moments as
 they pass them, and run the window again only for those that were not predicted.
-Only what something else does to the disks (a force that needs sums over all, a change by the user) ends a window.
+Only changes from outside (a force that needs sums over all disks, a change by the user) end a window.
 
 Open space. Disks lie in tiles over what they fill, which have no end at its edge. Once they have spread they are
 loaded again, into wider cells; once no two of them approach each other the rest is one flight.
@@ -242,7 +242,7 @@ class Engine:
         )
         self.n: int = counts.n
         if given.species and sum(number for _, number in given.species) != self.n:
-            raise InputError(f"species = {dict(given.species)}: must be of {self.n} disks together")
+            raise InputError(f"species = {dict(given.species)}: must add up to {self.n} disks")
         self._before, self._asleep_before = [counts.collisions, counts.wall_collisions], counts.asleep
         start = StartSlice.of(comm, disks, state)
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
@@ -371,7 +371,7 @@ class Engine:
         return self._next_change(self.force_steps.ends_window)
 
     def _next_change(self, force: float) -> float:
-        """The same where a `force` acts at this time [time]."""
+        """The same for a `force` that acts at this time [time]."""
         kick, now = min(force, self.turning.next_time), self.time
         if self.arrays.uses.timed:
             times = [time for wall in self.walls for time in wall.moving_times]
@@ -526,7 +526,7 @@ class Engine:
             self._mark_changed()
 
     def _install_forces(self) -> None:
-        """Have the forces of `force_steps` act from now on, where a window begins."""
+        """Install the forces of `force_steps` at the beginning of a window."""
         mass = self.disks_here.mass
         heaviest = float(mass[np.isfinite(mass)].max(initial=0.0))
         self.force_steps.install(self.windows, self.comm.largest(heaviest))

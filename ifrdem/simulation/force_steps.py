@@ -45,7 +45,7 @@ _kernels = functools.cache(kernels_of)  # compiled once for all objects of a cla
 
 @functools.cache
 def _compiled(kind: Any, number: int, first: int) -> k.CompiledForce:
-    """What acts within windows, of a class of forces."""
+    """The part of a class of forces that acts within windows."""
     return k.CompiledForce(declared(kind.act), kind.totals, tuple(kind.parameters), number, first)
 
 
@@ -63,7 +63,7 @@ def acts_within(force: Force, arrays: DeviceArrays) -> bool:
 class ForceSteps:
     """The forces of one engine, in the order in which they act at a time at which several do.
 
-    What was to act until the present `time` [time] has acted. InputError if a force cannot act on these disks.
+    Steps until the present `time` [time] count as done. InputError if a force cannot act on these disks.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class ForceSteps:
         self._free, self._values = (False, False), np.zeros(0)
 
     def install(self, windows: Windows, heaviest: float) -> None:
-        """Have the forces act from now on, between two windows, on disks of which the heaviest has this mass."""
+        """Install the forces, between two windows; `heaviest` is the largest mass of a disk [mass]."""
         arrays, first, compiled = self.arrays, 0, []
         for number, i in enumerate(self._within):
             kind: Any = type(self.forces[i])
@@ -130,7 +130,7 @@ class ForceSteps:
     def _n_acted(self, moment: float | None) -> int:
         """Planned steps that have acted until a moment of the present window; without one, until its beginning.
 
-        As kernels see it, which compare in the precision of the run.
+        Times are compared in the precision of the run, as kernels do.
         """
         acted = int(self.arrays.clock.acted)
         if moment is None or not len(self._planned):
@@ -150,7 +150,7 @@ class ForceSteps:
 
     @property
     def ends_window(self) -> float:
-        """Time at which forces end the window [time]: one of those that do acts, or planned steps have an end."""
+        """Time at which forces end the window [time]: a force that does acts, or the planned steps are used up."""
         if not self.forces:
             return math.inf
         others = [i for i in range(len(self.forces)) if i not in self._within]
@@ -206,14 +206,14 @@ class ForceSteps:
         return bool(self._within)
 
     def begin_window(self, moment: float | None) -> None:
-        """Drop what is planned: a window begins at a moment of the present one, or where this begins, without one."""
+        """Drop the planned steps: a window begins at a moment of the present one, or (None) where that begins."""
         clock = self.arrays.clock
         if moment is not None:  # as where one window follows another (`kernels/planner.py`)
             clock.recent = max(self._windows.now - float(clock.begin), 0.5 * float(clock.recent))
         self._fold(moment)
 
     def _fold(self, moment: float | None) -> None:
-        """Drop what is planned; steps until a moment of the present window have acted."""
+        """Drop the planned steps; those until a moment of the present window have acted."""
         self._next = self._after(self._n_acted(moment))
         self._planned, self._until, self.arrays.clock.acted = np.zeros((0, KICK.width)), math.nan, 0.0
 
@@ -347,7 +347,7 @@ class ForceSteps:
         self._given[index] += gained[0]
         return float(gained[1])
 
-    # ------------------------------------------------------------------ what they put in
+    # ------------------------------------------------------------------ energy
 
     @property
     def energy_inputs(self) -> NDArray[np.float64]:

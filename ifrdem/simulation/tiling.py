@@ -29,7 +29,7 @@ LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, a
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
 CHAINS, GPU_CHAINS = 4.0, 4.0  # halo for disks that hit one another in chains, in largest diameters
 GPU_COLLISIONS, GPU_TILE = 0.4, 64  # collisions of a disk in a window, and disks of a tile, for a GPU
-LOCAL_COLLISIONS = 2.0  # of a disk in a window where most happen, over those of the mean, for blocks of a GPU
+LOCAL_COLLISIONS = 2.0  # of a disk in a window at the busiest place, over the mean, for blocks of a GPU
 BLOCK_DEVIATIONS = 4.5  # of the number of disks around a tile, for which a block of a GPU has room too
 DENSEST = 0.85  # packing fraction beyond which tiles and windows stay the same
 DENSEST_FLUID = 0.8  # packing fraction beyond which the estimate of collision rates stays the same: a crystal
@@ -120,7 +120,7 @@ class Tiling:
     collisions : float
         Of a disk in a window.
     local_collisions : float
-        Of a disk where most happen, in a window at most; FAR: any number.
+        Most collisions of a disk in a window, where they are most frequent; FAR: no limit.
     path : float
         What a disk covers between so many collisions at the rms speed [length].
     chain_halo : float

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest, option_name
+from ..plots.style import NARROW, legend
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, QUANTITIES, at_equal_collisions
 from .results import Results
@@ -30,6 +31,11 @@ SYMBOLS = {
     PER_DISK: r"collisions per disk $\tau$",
     "time": "time $t$",
 }
+KEY_SYMBOLS = {
+    "e_n": "$e_n$", "e_t": "$e_t$", "mu": r"$\mu$", "rho": r"$\rho$", "beta": r"$\beta$", "beta_0": r"$\beta_0$",
+    "packing_fraction": r"packing fraction $\phi$", "number": "$N$", "shear_rate": r"shear rate $\dot\gamma$",
+}  # fmt: skip
+"""Symbols of keys of a case, by their last part."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # Okabe and Ito's
 MOST_PANELS = 12
 BAND = 2.0
@@ -55,12 +61,15 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
     return Results(variables, {"axes": json.dumps({FILE: [FILE]}), "title": ", ".join(names), "keys": "{}"})
 
 
-def draw(results: Results, what: str, over: str | None = None, by: str | None = None) -> Figure:
+def draw(
+    results: Results, what: str, over: str | None = None, by: str | None = None, *,
+    size: tuple[float, ...] | None = None, dpi: int = 200, title: bool = True,
+) -> Figure:  # fmt: skip
     """Draw a quantity: its mean over seeds, a band of two standard errors, and kinetic theory, dashed.
 
     `what` is its name, or T, T_rot. It is drawn over the rows (tau, t), or `over` another of its dimensions, or a swept
     key, where the last row counts. Each value of the swept key `by` (the first one without it) is a curve, every
-    combination of the others a panel.
+    combination of the others a panel. `size` is the width, and the height if given, of the figure [inches].
 
     Raises InputError if there is no such quantity or key, or there are too many panels.
     """
@@ -83,9 +92,12 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
     if len(panels_at) > MOST_PANELS:
         text = f"{len(panels_at)} panels, one for each {', '.join(panels)}"
         raise InputError(f"{text}: {MOST_PANELS} at most are drawn")
-    columns = min(3, len(panels_at))
+    columns = min(3 if size is None or size[0] >= NARROW else 1, len(panels_at))
     lines = math.ceil(len(panels_at) / columns)
-    figure = Figure(figsize=(2.2 + 4.4 * columns, 0.9 + 3.9 * lines), dpi=200, layout="constrained")
+    width, height = 2.2 + 4.4 * columns, 0.9 + 3.9 * lines
+    if size is not None:
+        width, height = size[0], size[1] if len(size) > 1 else height / width * size[0]
+    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
     grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
     for axes, panel in itertools.zip_longest(grid.ravel(), panels_at):
         if panel is None:
@@ -93,8 +105,8 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
             continue
         fixed = dict(zip(panels, panel, strict=True))
         _panel(axes, results, name, x, curve, fixed)
-        title = ", ".join(f"{dim} = {_value(results, dim, i)}" for dim, i in fixed.items())
-        axes.set_title(title, fontsize="medium")
+        values = ", ".join(f"{_symbol(results, dim)} = {_value(results, dim, i)}" for dim, i in fixed.items())
+        axes.set_title(values, fontsize="medium")
     first = grid.ravel()[0]
     _scales(list(grid.ravel()[: len(panels_at)]))
     _legend(
@@ -104,7 +116,8 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
         axes.set_xlabel(_label(results, x))
     for line in grid:
         line[0].set_ylabel(_label(results, name))
-    figure.suptitle(results.attributes.get("title", ""), fontsize="medium")
+    if title:
+        figure.suptitle(results.attributes.get("title", ""), fontsize="medium")
     return figure
 
 
@@ -140,7 +153,7 @@ def _panel(
         panel = {**fixed, **({curve: i} if curve is not None else {})}
         colour = COLOURS[i % len(COLOURS)] if count <= len(COLOURS) else _shade(i, count)
         value = _value(results, curve, i)
-        label = value if curve in (None, FILE) else f"{curve} = {value}"
+        label = value if curve in (None, FILE) else f"{_symbol(results, curve)} = {value}"
 
         def along(which: str, panel: Mapping[str, int] = panel) -> NDArray[Any] | None:
             one = results.variables.get(which)
@@ -201,7 +214,7 @@ def _legend(axes: Axes, theory: bool, error: bool, rows: bool) -> None:
         axes.errorbar([], [], [], fmt="none", color="black", capsize=2, label=label)
     if theory:
         axes.plot([], [], "--", color="black", lw=1.1, label="kinetic theory (homogeneous)")
-    axes.legend(frameon=False, fontsize="small")
+    legend(axes)
 
 
 def _shade(i: int, count: int) -> Any:
@@ -221,4 +234,14 @@ def _label(results: Results, name: str) -> str:
     key = json.loads(results.attributes["keys"]).get(name)
     one = results.variables.get(name) or results.variables.get(f"{name}_mean")
     unit = f" ({one.unit})" if one is not None and one.unit else ""
-    return SYMBOLS.get(name, key or name.replace("_", " ")) + unit
+    return (_symbol(results, name) if key else SYMBOLS.get(name, name.replace("_", " "))) + unit
+
+
+def _symbol(results: Results, name: str) -> str:
+    """The symbol of a swept key: that of its last part, or the whole key where another one has the same last part."""
+    keys: Mapping[str, str] = json.loads(results.attributes["keys"])
+    key = keys.get(name, name)
+    last = key.rpartition(".")[2]
+    if [each.rpartition(".")[2] for each in keys.values()].count(last) > 1:
+        return key
+    return KEY_SYMBOLS.get(last, last.replace("_", " "))

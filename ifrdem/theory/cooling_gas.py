@@ -212,7 +212,7 @@ def cooling(
 
 
 _STEP = 0.35
-"""Step of `cooling_until`, as a part of the collisions in which temperatures change."""
+"""Step of `cooling_until`, as a fraction of the collisions in which temperatures change."""
 _SETTLED = 1e-10
 _MOST = 200.0  # of |ln(T/T0)|
 
@@ -220,12 +220,12 @@ _MOST = 200.0  # of |ln(T/T0)|
 def cooling_until(
     law: ClosedLaw, k: float, theta0: float, *, collisions: float = math.inf, time: float = math.inf
 ) -> tuple[float, float]:
-    """Collisions per disk, and time times the rate at the start, when either is reached in a gas that cools.
+    """Collisions per disk and time, over 1 / (initial collision rate), at which a cooling gas reaches either limit.
 
-    To 1e-5, in milliseconds: for estimates. By the rule of Runge and Kutta over collisions per disk, in which the
-    equations are not stiff; from where theta = T_rot / T has settled, each collision takes the same part of T (Haff's
-    law), and the rest is a closed form. The time is infinite if T has first fallen to e^-200 of that of the start.
-    `theta0` is that of the start.
+    For estimates: to 1e-5, in milliseconds. A Runge-Kutta method integrates over collisions per disk, in which the
+    equations are not stiff. Once theta = T_rot / T is constant, each collision removes the same fraction of T (Haff's
+    law), and the rest has a closed form. The time is infinite if T first falls to e^-200 of its initial value.
+    `theta0` is the initial theta.
     """
 
     def slope(y: Array) -> Array:
@@ -252,14 +252,14 @@ def cooling_until(
         step = min(_STEP / (relaxation + abs(float(now[1])) / (1.0 + y[1])), collisions - done)
         new = later(y, now, step)
         if new[2] >= time:
-            for _ in range(6):  # Newton's rule for the step that ends there
+            for _ in range(6):  # Newton's method for the step that ends there
                 step -= (new[2] - time) / math.exp(-0.5 * new[0])
                 new = later(y, now, step)
             return done + step, time
         done, y = done + step, new
         if done >= collisions:
             return collisions, float(y[2])
-    # 1 / speed grows by this part in each collision.
+    # Relative growth of 1 / speed in each collision.
     growth, pace = -0.5 * float(now[0]), float(now[2])
     if math.isinf(time):
         left = collisions - done

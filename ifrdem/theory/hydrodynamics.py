@@ -145,12 +145,12 @@ def thermal_conductivity(packing_fraction: Packed, T: Positive, mass: Positive, 
 def self_diffusion(e_n: Fraction) -> float:
     """D m nu / T of smooth equal disks: D is the coefficient of self-diffusion, nu the collision rate of a disk.
 
-    4 / (1 + e_n)^2, in the first Sonine approximation, whether the gas is dense or dilute (by Enskog's theory) and
-    while it cools. With Maxwellian velocities, the mean velocity u of tagged disks changes at
-    -(1 + e_n) / 2 n sigma g times the integral of n <g_n^2> over normals n, to first order in u
-    -(1 + e_n) n sigma g sqrt(pi T / m) u = -(1 + e_n) / 2 nu u. In units of sqrt(T), which falls at the rate
-    nu (1 - e_n^2) / 4, that is nu (1 + e_n)^2 / 4, by which the velocity autocorrelation decays. J. J. Brey et al.,
-    Phys. Fluids 12, 876 (2000), doi:10.1063/1.870342, have the same for spheres.
+    It is 4 / (1 + e_n)^2 in the first Sonine approximation, at any density (Enskog's theory), also while the gas cools.
+    With Maxwellian velocities, the mean velocity u of tagged disks changes at the rate -(1 + e_n) / 2 n sigma g times
+    the integral of n <g_n^2> over normals n. To first order in u this is
+    -(1 + e_n) n sigma g sqrt(pi T / m) u = -(1 + e_n) / 2 nu u. The unit sqrt(T) falls at the rate nu (1 - e_n^2) / 4.
+    The difference, nu (1 + e_n)^2 / 4, is the decay rate of the velocity autocorrelation. J. J. Brey et al., Phys.
+    Fluids 12, 876 (2000), doi:10.1063/1.870342, give the same for spheres.
 
     Examples
     --------

@@ -39,7 +39,7 @@ from .cooling_gas import checked_times, cooled, integrated
 from .driven_gas import Driving
 
 SETTLED, LONGEST = 1e-8, 1e6
-"""Change of ratios of temperatures per collision that counts as none; collisions per disk within which it comes."""
+"""Change of temperature ratios per collision that counts as none; most collisions per disk until then."""
 MOST_SPECIES = 64  # every pair of them is summed at every step
 
 
@@ -298,12 +298,12 @@ def mixture_cooling(
 def mixture_cooling_ratios(mixture: Mixture, theta0: NonNegative = 1.0) -> tuple[Array, Array]:
     """Ratios T_i / T and T_rot,i / T of species in the state to which a cooling mixture tends, shape (s,) each.
 
-    T is the mean over all disks. Cooling rates of all temperatures are equal there: of smooth disks, whose rotational
-    temperatures do not change (0 here), those of V. Garzo and J. Dufty, Phys. Rev. E 60, 5706 (1999),
-    doi:10.1103/PhysRevE.60.5706, with Maxwellian velocities; of rough disks those of A. Santos, Phys. Rev. E 98, 012904
-    (2018), doi:10.1103/PhysRevE.98.012904.
+    T is the mean over all disks. In this state all temperatures cool at equal rates. For smooth disks, whose rotational
+    temperatures do not change (0 here), the rates are those of V. Garzo and J. Dufty, Phys. Rev. E 60, 5706 (1999),
+    doi:10.1103/PhysRevE.60.5706, with Maxwellian velocities; for rough disks those of A. Santos, Phys. Rev. E 98,
+    012904 (2018), doi:10.1103/PhysRevE.98.012904.
 
-    InputError if a law depends on the speed, or ratios do not settle.
+    InputError if a law depends on the speed, or ratios do not become constant.
 
     Parameters
     ----------
@@ -321,7 +321,9 @@ def mixture_cooling_ratios(mixture: Mixture, theta0: NonNegative = 1.0) -> tuple
     """
     s, x = mixture.species, mixture.fraction
     if any(isinstance(law, Viscoelastic) for row in mixture.law for law in row):
-        raise InputError("law: must not depend on the speed, ratios of temperatures do not settle else")
+        raise InputError(
+            "law: must not depend on the speed; else ratios of temperatures do not become constant"
+        )
     smooth = not np.any(_rates(mixture, np.ones(s), np.ones(s), np.ones((s, s)))[1])
     start = np.concatenate([np.ones(s), np.full(s, 0.0 if smooth else theta0)])
     rate = float(x @ mixture.collision_rates(np.ones(s)).sum(axis=1))

@@ -1,4 +1,4 @@
-"""Packages whose names are imported when they are first used, with spelling help for a name that is none."""
+"""Packages whose names are imported when they are first used, with spelling help for an unknown name."""
 
 from __future__ import annotations
 

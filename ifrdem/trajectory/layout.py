@@ -39,7 +39,7 @@ TIMESERIES = "timeseries"
 REDUCED = "reduced"
 """Unit of every quantity where there are none."""
 RUNTIMES = "versions/runtimes"
-"""Parameter with the runtimes of kernels that wrote a file, in turn: of fixed length, as a resumed run adds its own."""
+"""Parameter with the runtimes that wrote a file, in order; its length is fixed, because a resumed run adds its own."""
 RUNTIMES_TYPE = "S200"
 SI_SYMBOLS = ("m", "kg", "s", "rad", "J", "N", "Hz")
 STATIC: dict[str, DTypeLike] = {

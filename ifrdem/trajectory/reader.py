@@ -199,7 +199,7 @@ DERIVED: dict[str, tuple[str, ...]] = {
     "theta": ("rotational_temperature", "temperature"),
     "species_theta": ("species_rotational_temperature", "species_temperature"),
 }
-"""Name of a quantity that is computed -> what it follows from."""
+"""Name of a computed quantity -> the quantities that it is computed from."""
 
 
 class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
@@ -208,10 +208,10 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
     A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`,
     `series["walls_work/wall 0 line"]`; by the name of a group of walls, their sum: `series["walls_work/paddle"]`.
 
-    What the file holds can be iterated over. Three more follow from it (`derived`):
+    Iterating gives the quantities in the file. Three more are computed from them (`derived`):
 
     - "collisions_per_disk": tau, twice the collisions over the number of disks;
-    - "collision_rate": nu, that of a disk since the row before [1/time]; nan in the first row;
+    - "collision_rate": nu, the rate of a disk since the previous row [1/time]; nan in the first row;
     - "theta", of species "species_theta": the rotational over the translational temperature, nan at rest.
 
     Attributes
@@ -283,7 +283,7 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
 
     @property
     def derived(self) -> tuple[str, ...]:
-        """Names of quantities that follow from what the file holds."""
+        """Names of quantities that are computed from those in the file."""
         known = self._columns
         return tuple(
             name

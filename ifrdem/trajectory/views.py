@@ -172,6 +172,22 @@ def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
     offsets["id"] = np.zeros(frames, dtype=np.int64)
 
 
+LONG_NAMES = {
+    "time": "time of each frame", "collisions_per_disk": "collisions per disk so far, mean over all disks",
+    "cell_lengths": "lengths of the edges of the periodic cell", "cell_angles": "angles between these edges",
+    "coordinates": "positions of the centres, in the box; z is 0", "velocities": "velocities; z is 0",
+    "angle": "angle turned since the start, counter-clockwise",
+    "angular_velocity": "angular velocity, counter-clockwise", "asleep": "1 for disks that sleep",
+    "collisions": "collisions of each disk so far", "image": "box lengths travelled through periodic sides; z is 0",
+    "last_partner": "partner of the latest collision; -1 none yet, -2 - w wall w",
+    "Z": "0: disks are no chemical elements", "radius": "radius", "mass": "mass",
+    "material": "number of the material",
+}  # fmt: skip
+"""What each variable of a NetCDF file holds."""
+DIMENSIONAL = ("position", "velocity", "angle", "angular_velocity", "radius", "mass")
+"""Quantities with a unit, none where the units are not known; all others are pure numbers."""
+
+
 def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
     frames, n = len(trajectory), trajectory.n
     for name, value in (
@@ -198,14 +214,16 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
     def attach(variable: h5py.Dataset, *names: str, unit: str | None = None) -> None:
         for axis, name in zip(variable.dims, names, strict=True):
             axis.attach_scale(axes[name])
-        if unit is not None:
-            variable.attrs.create("units", np.bytes_(unit.encode()))
+        text = LONG_NAMES.get(variable.name[1:])
+        for key, value in (("units", unit), ("long_name", text)):
+            if value is not None:
+                variable.attrs.create(key, np.bytes_(value.encode()))
 
     units = trajectory.units
     attach(file.create_dataset("time", data=trajectory.times), "frame", unit=units.get("time"))
     if "collisions" in trajectory.observables:
         per_disk = 2.0 * trajectory.observables["collisions"] / n
-        attach(file.create_dataset("collisions_per_disk", data=per_disk), "frame")
+        attach(file.create_dataset("collisions_per_disk", data=per_disk), "frame", unit="1")
     lengths, angles = np.zeros((frames, 3)), np.full((frames, 3), 90.0)
     box = trajectory.box
     if any(box.periodic):
@@ -222,12 +240,16 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
             continue
         tail = (3,) if len(trajectory.shape(name)) == 3 else ()
         view = _view(file, names.get(name, name), trajectory, name, (frames, n, *tail))
-        unit = units.get({"position": "length"}.get(name, ""))
+        unit = units.get({"position": "length"}.get(name, name), None if name in DIMENSIONAL else "1")
         attach(view, "frame", "atom", *(("spatial",) if tail else ()), unit=unit)
     for zeros in file[ZEROS].values():
         attach(zeros, "frame", "atom")
-    attach(file.create_dataset("Z", shape=(n,), dtype=np.int32), "atom")
+    attach(file.create_dataset("Z", shape=(n,), dtype=np.int32), "atom", unit="1")
     for name in CONSTANT:
         # ASE takes `atom_types` for numbers of chemical elements, so materials keep their own name.
         view = _view(file, name, trajectory, name, (n,))
-        attach(view, "atom", unit=units.get({"radius": "length"}.get(name, name)))
+        attach(
+            view,
+            "atom",
+            unit=units.get({"radius": "length"}.get(name, name), None if name in DIMENSIONAL else "1"),
+        )

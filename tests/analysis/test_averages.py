@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, Wall, analysis
-from ifrdem.analysis import averages
+from ifrdem.analysis import averages, catalogue
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 
@@ -414,6 +414,29 @@ def test_an_impulse_is_shared_along_the_line_of_centres(
     expected = np.zeros(40)
     expected[13], expected[14], expected[15] = 4.0 * 0.4, 4.0 * 0.5, 4.0 * 0.1
     np.testing.assert_allclose(momentum, expected, atol=1e-9)
+
+
+def test_a_bin_with_a_disk_in_some_frames_is_no_extreme_of_means_over_disks(tmp_path: Path) -> None:
+    """A disk is alone in the top strip in 2 of 10 frames: its u_x = 100 and T = 0 are no extremes, its area is."""
+    frames = iter(range(10))
+
+    def make(rng, disks):
+        position = rng.random((disks.n, 2)) * BOX.lengths * (1.0, 0.75)
+        position[:, 1] += 0.2
+        v, spin = thermal(rng, disks)
+        if next(frames) < 2:
+            position[0], v[0] = (10.0, 9.5), (100.0, 0.0)
+        return position, v, spin
+
+    with Trajectory(write(tmp_path / "a.h5", make, n=400)) as run:
+        found = catalogue.of_profiles(run, range(10), axis="y", bins=5)
+    rows = {row.name: row.value for row in found.rows}
+    assert found.result.disks[-1] == 2
+    assert found.result.mean.velocity[-1, 0] == pytest.approx(100.0)
+    assert np.isnan(found.result.mean.theta[-1])
+    assert rows["highest u_x"] == found.result.mean.velocity[:-1, 0].max() < 10.0
+    assert rows["lowest temperature"] == found.result.mean.temperature[:-1].min() > 1.0
+    assert rows["lowest packing fraction"] == found.result.mean.packing_fraction[-1]
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import ifrdem
 from ifrdem import analysis, theory
 from ifrdem.analysis import catalogue, motion
+from ifrdem.plots import analyses as draw
 
 BOX = ifrdem.Box((50.0, 50.0))
 
@@ -37,6 +39,25 @@ def walk(path: Path, *, cools: bool = False) -> ifrdem.Trajectory:
             file.write(state, {"temperature": slower**2, "collisions": i * n // 2})
             x, time = x + way, time + 1.0 / slower
     return ifrdem.Trajectory(path)
+
+
+def test_line_of_a_free_flight_is_drawn_where_it_is_positive(tmp_path: Path) -> None:
+    """The straight line through t^2 is below 0 at small lags, which a logarithmic axis cannot show."""
+    disks = ifrdem.Disks(50, mass=1.0, radius=0.1)
+    v = np.random.default_rng(1).normal(size=(50, 2))
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, ifrdem.Box.open(), precision="f8") as file:
+        for time in range(40):
+            file.write(ifrdem.State(v * time + 100.0 * v, v, np.zeros(50), float(time)))
+    axes = Figure().subplots()
+    with ifrdem.Trajectory(tmp_path / "a.h5") as run:
+        found = motion.of_msd(run, None)
+        draw.msd(axes, run, found)
+    (line,) = [one for one in axes.lines if "no diffusion" in str(one.get_label())]
+    (fit,) = [one.fit for one in found.result.values()]
+    t, y = np.asarray(line.get_data())
+    assert len(t) > 2
+    assert y.min() > 0.0
+    assert t[0] > fit.lags[0]
 
 
 def test_diffusion_of_each_species(tmp_path: Path) -> None:

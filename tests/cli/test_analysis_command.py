@@ -539,11 +539,15 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
     assert run("plot", "run.h5", "temperatures", "--over", "tau") == 0
     for words, message in (
         (("disks", "--color", "sped"), "--color sped: must be one of spin, speed"),
-        (("energy", "--color", "speed"), "color = speed: only of disks, not of energy"),
+        (
+            ("energy", "--color", "speed"),
+            "color = speed: cannot be combined with energy; it is an option of disks",
+        ),
         (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
         (
             ("rdf", "--over", "tau"),
-            "over = tau: only of temperatures, energy, ledger, mechanisms, walls, piston, not of rdf",
+            "over = tau: cannot be combined with rdf; it is an option of temperatures, energy, ledger, mechanisms, "
+            "walls, piston",
         ),
     ):
         assert run("plot", "run.h5", *words, "-o", "no.png") == 2
@@ -614,7 +618,9 @@ def test_profiles_and_fields_take_bins_from_the_command_line(
     profile, grid = (table(Path("run-analysis") / f"run-{name}.csv") for name in ("profiles", "fields"))
     with Trajectory("run.h5") as trajectory:
         found = analysis.profiles(trajectory, "x", 5, frames=range(4, FRAMES))
-        with pytest.raises(InputError, match=r"bins = 3: only of profiles, not of msd"):
+        with pytest.raises(
+            InputError, match=r"bins = 3: cannot be combined with msd; it is an option of profiles"
+        ):
             trajectory.plot("msd", bins=3)
     np.testing.assert_allclose(profile["x"].astype(float), [4.0, 12.0, 20.0, 28.0, 36.0])
     np.testing.assert_allclose(

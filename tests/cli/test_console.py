@@ -97,6 +97,7 @@ def test_help_names_every_option_in_eighty_columns_and_without_colors_in_a_pipe(
     assert lines[0].startswith(f"Usage: ifrdem {command}")
     assert max(map(len, lines)) <= 80
     assert "\x1b" not in shown.out
+    assert max(shown.out) < "\U0001f000"  # no emoji, which rich makes of A:B:C
     for argument in app[command].assemble_argument_collection(default_parameter=app.default_parameter):
         assert argument.parameter.help
         for name in {*argument.names} - {"*"}:  # a group of options has no name of its own

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from support import track_simulator as simulator
 
 from ifrdem import fit
@@ -25,9 +28,9 @@ MATERIAL = np.arange(20) % 2
 DISKS = {i: fit.Disk(mass=simulator.MASS[m], radius=simulator.RADIUS[m]) for i, m in enumerate(MATERIAL)}
 
 
-def loaded(folder: Path, text: str, fps: float, **options: object) -> tracks.Tracks:
+def loaded(folder: Path, text: str, fps: float, **options: Any) -> tracks.Tracks:
     (folder / "tracks.csv").write_text(text, encoding="utf-8")
-    return tracks.read(folder / "tracks.csv", fps=fps, **options)  # type: ignore[arg-type]
+    return tracks.read(folder / "tracks.csv", fps=fps, **options)
 
 
 def worst(row: dict[str, float], motion: simulator.Motion) -> float:
@@ -49,8 +52,8 @@ def worst(row: dict[str, float], motion: simulator.Motion) -> float:
     return max(pulls)
 
 
-def rows(columns: dict[str, object]) -> list[dict[str, float]]:
-    return [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]  # type: ignore[call-overload]
+def rows(columns: Mapping[str, NDArray[np.float64]]) -> list[dict[str, float]]:
+    return [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]
 
 
 @pytest.mark.parametrize(
@@ -59,10 +62,10 @@ def rows(columns: dict[str, object]) -> list[dict[str, float]]:
     ids=["120", "240", "1000", "lost frames", "swapped ids"],
 )
 def test_impacts_in_a_walled_tray_are_right_within_their_errors(
-    fps: float, spoilt: dict[str, float], tmp_path: Path
+    fps: float, spoilt: dict[str, Any], tmp_path: Path
 ) -> None:
     motion = simulator.simulate(fps, 3.0, seed=2)
-    observed = loaded(tmp_path, simulator.film(motion, 3, **spoilt), fps)  # type: ignore[arg-type]
+    observed = loaded(tmp_path, simulator.film(motion, 3, **spoilt), fps)
     found = impacts.find(observed, DISKS, walls=WALLS, repair_swaps=True)
     assert found.noise.typical == pytest.approx(3e-4, rel=0.03)
     assert found.noise.angle == pytest.approx(np.radians(1.0), rel=0.05)
@@ -175,3 +178,20 @@ def test_command_writes_tables_that_a_fit_takes(
     for name, true in zip(("e_n", "e_t", "mu"), simulator.WALL, strict=True):
         each = law.estimates[name]
         assert abs(each.value - true) < 4.0 * each.standard_error
+
+
+def test_each_pair_of_materials_has_its_coefficients(tmp_path: Path) -> None:
+    motion = simulator.simulate(240.0, 6.0, seed=11)
+    found = impacts.find(loaded(tmp_path, simulator.film(motion, 12), 240.0), DISKS, walls=WALLS)
+    (tmp_path / "hits.csv").write_text(impacts.csv(found.pairs), encoding="utf-8")
+    data = fit.read(tmp_path / "hits.csv")
+    assert isinstance(data, fit.Collisions)
+    parts = data.kinds()
+    assert len(parts) == 3
+    for part in parts:
+        masses = (float(np.asarray(disk.mass)[0]) for disk in (part.disk_1, part.disk_2))
+        one, two = sorted(simulator.MASS.index(mass) for mass in masses)
+        law = fit.fit(part, model=["ifr-percussion"], profile=False).laws["ifr-percussion"]
+        for name, true in zip(("e_n", "e_t", "mu"), simulator.PAIR[one, two], strict=True):
+            each = law.estimates[name]
+            assert abs(each.value - true) < 4.0 * each.standard_error

@@ -58,7 +58,7 @@ def test_sums_over_a_species(options: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(("species", "message"), [
-    ({"light": 300}, "must be of 500 disks together"),
+    ({"light": 300}, "must add up to 500 disks"),
     ({"light": 0, "heavy": 500}, "species\\['light'\\] = 0"),
     ([300, 200], "must be a mapping"),
 ])  # fmt: skip

@@ -324,9 +324,9 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     assert "8 of 8 runs" in capsys.readouterr().out
     assert cli.main(["plot", str(study.output), "T", "--over", "tau", "--by", "material[0].e_n"]) == 0
     panels = drawn[0].axes
-    assert [each.get_title() for each in panels] == ["mu = 0.1", "mu = 0.5"]
+    assert [each.get_title() for each in panels] == [r"$\mu$ = 0.1", r"$\mu$ = 0.5"]
     labels = panels[0].get_legend_handles_labels()[1]
-    assert labels[:2] == ["e_n = 0.7", "e_n = 0.9"]
+    assert labels[:2] == ["$e_n$ = 0.7", "$e_n$ = 0.9"]
     assert any("kinetic theory" in label for label in labels)
     handles = dict(zip(labels, panels[0].get_legend_handles_labels()[0], strict=True))
     assert isinstance(handles[r"$\pm 2$ standard errors"], PolyCollection)  # a band, as is drawn
@@ -335,7 +335,7 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     )
     ends, names = drawn[1].axes[0].get_legend_handles_labels()
     assert isinstance(ends[names.index(r"$\pm 2$ standard errors")], ErrorbarContainer)
-    solid = next(line for line in panels[0].lines if line.get_label() == "e_n = 0.9")
+    solid = next(line for line in panels[0].lines if line.get_label() == "$e_n$ = 0.9")
     mean = study.dataset().temperature_mean
     assert np.array_equal(solid.get_ydata(), mean.sel(e_n=0.9, mu=0.1))
     assert cli.main(["plot", str(study.output), "theta", "--by", "foo"]) == 2

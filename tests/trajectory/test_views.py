@@ -11,6 +11,7 @@ import pytest
 from support.layout_files import BOX, FIELDS, add_series, some_state, write
 
 import ifrdem
+from ifrdem.case.case import UNITS
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.trajectory.reader import Trajectory
@@ -154,6 +155,25 @@ def test_xarray_reads_every_frame(run, engine):
             for i in range(FRAMES):
                 assert np.array_equal(data[names.get(name, name)][i].values, stored(name, i, dtype)), name
         assert data.coordinates.dtype == dtype
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_every_variable_of_netcdf_has_units_and_a_long_name(tmp_path: Path, stated: bool) -> None:
+    units = {
+        "time": "s", "cell_lengths": "m", "coordinates": "m", "velocities": "m s-1", "angular_velocity": "rad s-1",
+        "radius": "m", "mass": "kg",
+    }  # fmt: skip
+    write(tmp_path / "run.h5", n=N, frames=2, units=UNITS["SI"] if stated else None)
+    write_views(tmp_path / "run.h5")
+    with h5py.File(tmp_path / "run.nc") as file:
+        shown = {name: each for name, each in file.items() if isinstance(each, h5py.Dataset)}
+        variables = {name: each for name, each in shown.items() if len(each.dims) and not each.is_scale}
+        assert {*units, "material", "image", "collisions"} <= set(variables)
+        for name, variable in variables.items():
+            assert variable.attrs["long_name"], name
+            unit = variable.attrs.get("units", b"").decode()
+            other = "degree" if name == "cell_angles" else "1"
+            assert unit == ((units[name] if stated else "") if name in units else other), name
 
 
 def test_ase_reads_every_frame(run):

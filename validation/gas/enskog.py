@@ -1,8 +1,8 @@
 """Monte Carlo of Enskog's equation: rough disks in a uniform flow u_x = y, in units of mass, diameter and shear rate.
 
-As J. M. Montanero and A. Santos, Phys. Rev. E 54, 438 (1996), doi:10.1103/PhysRevE.54.438, by Kac's process: in every
-step of `STEP` mean free times each disk has one partner, at a random angle, and both collide with the probability
-dt 8 phi chi (g_n > 0). Velocities of disks that are going to collide have no correlations.
+The method is that of J. M. Montanero and A. Santos, Phys. Rev. E 54, 438 (1996), doi:10.1103/PhysRevE.54.438, with
+Kac's process: in every step of `STEP` mean free times each disk has one partner, at a random angle, and both collide
+with the probability dt 8 phi chi (g_n > 0). Velocities of colliding disks are uncorrelated before the collision.
 """
 
 from __future__ import annotations

@@ -1,19 +1,19 @@
-r"""Profiles of gases: momentum and heat that cross them, against walls, weight and the recorded stress.
+r"""Profiles of gases: fluxes of momentum and heat, compared with walls, weight and the recorded stress.
 
-Units: mass of a disk, and its diameter but in the dilute gas. All averages are `analysis.profiles` of trajectories.
+Units: mass of a disk and (not in the dilute gas) its diameter. All averages are `analysis.profiles` of trajectories.
 
 *Momentum.* Under gravity g the flux P_yy at a height carries the weight of what is above it and the pressure of the
-ceiling, P_yy(y) = P_top + g int_y rho dy, whatever the equation of state; and, over a finite time, what the momentum
-above has changed by.
+ceiling, P_yy(y) = P_top + g int_y rho dy, for any equation of state. Over a finite time, the change of the
+momentum above is added.
 
 *Barometer.* A dilute elastic gas in equilibrium has one temperature T, and n ~ exp(-m g y / T).
 
-*Heat.* Elastic disks between two walls of different temperatures hand on what the cold wall takes: q_x is the heat of
-that wall over its length and the time, and what the energy between has changed by.
+*Heat.* Elastic disks conduct heat between two walls of different temperatures: q_x is the heat that the cold wall takes
+per length and time, plus the change of the energy between.
 
-*Collisions.* Pieces of histories add up to the virial that the engine adds up, to rounding.
+*Collisions.* The virial from histories, summed over the bins, equals that of the engine, to rounding.
 
-*Shear.* u_x is rate (y - L_y / 2), and the kinetic part of P_xy the recorded one.
+*Shear.* u_x is rate (y - L_y / 2), and the kinetic part of P_xy equals the recorded one.
 """
 
 from __future__ import annotations

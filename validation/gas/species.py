@@ -1,17 +1,18 @@
 r"""Cooling mixtures, and self-diffusion of a cooling gas in its own time.
 
-Smooth disks that differ in mass do not keep one temperature. Where their ratios no longer change, all temperatures fall
-at the same rate: V. Garzo and J. Dufty, Phys. Rev. E 60, 5706 (1999), doi:10.1103/PhysRevE.60.5706. With Maxwellian
-velocities the rate of species i is, up to a factor of all,
+Smooth disks that differ in mass have different temperatures. Once the ratios are constant, all temperatures fall at the
+same rate: V. Garzo and J. Dufty, Phys. Rev. E 60, 5706 (1999), doi:10.1103/PhysRevE.60.5706. With Maxwellian
+velocities the rate of species i is, up to a common factor,
 
     zeta_i = sum_j x_j g_ij s_ij mu_ji (1 + e) [(th_i + th_j) / (th_i th_j)]^(1/2)
              {1 - mu_ji (1 + e) (th_i + th_j) / (2 th_j)},  th_i = m_i / T_i, mu_ji = m_j / (m_i + m_j).
 
-A cooling gas forgets its velocities at a constant rate per collision: c = v / <v^2>^(1/2) of equal smooth disks decays
-by Enskog's theory as exp(-((1 + e) / 2)^2 tau), and D m nu / T = 4 / (1 + e)^2, where disks without memory have 1:
-J. J. Brey et al., Phys. Fluids 12, 876 (2000), doi:10.1063/1.870342.
+The velocity autocorrelation of a cooling gas decays at a constant rate per collision. By Enskog's theory that of
+c = v / <v^2>^(1/2) of equal smooth disks is proportional to exp(-((1 + e) / 2)^2 tau), and D m nu / T = 4 / (1 + e)^2,
+which would be 1 without correlation of velocities: J. J. Brey et al., Phys. Fluids 12, 876 (2000),
+doi:10.1063/1.870342.
 
-Gases are small and cool for a few collisions only: streams have not grown then.
+Gases are small and cool for a few collisions only, so that no streams form.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ def own_time(e_n: float, seed: int) -> tuple[Array, Array, float]:
     """Lags tau, <c(0) . c(tau)>, and D m nu / T of a cooling gas of equal disks."""
     gas = fluid(800, PHI, seed, IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), melting=2.0)
     states, _ = sampled_run(gas, FRAMES, collisions_per_disk=0.5 * END)
-    tau = 0.5 * END / FRAMES * np.arange(FRAMES + 1)
+    tau = np.linspace(0.0, 0.5 * END, FRAMES + 1)
     v, when = np.array([one.velocity for one in states]), np.array([one.time for one in states])
     speed = np.sqrt(0.5 * np.mean(np.sum(v**2, axis=2), axis=1))
     vacf = analysis.velocity_autocorrelation(tau, v / (np.sqrt(2.0) * speed[:, None, None]))

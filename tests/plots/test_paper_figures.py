@@ -1,0 +1,112 @@
+"""Figures of the size of a column of a journal: legends off the data, fonts, titles, no empty panels."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from support import layout_files
+
+import ifrdem
+from ifrdem.cli import main as cli
+from ifrdem.plots import pictures
+from ifrdem.study import figure as study_figure
+from ifrdem.study.results import Results
+from ifrdem.study.task import Variable
+
+COLUMN = (3.4,)  # inches
+
+
+@pytest.fixture
+def trajectory(tmp_path: Path) -> Path:
+    path = tmp_path / "gas.h5"
+    layout_files.write(path, n=50, frames=6)
+    layout_files.add_series(path)
+    return path
+
+
+def geometry(figure: Figure) -> tuple[int, int]:
+    spec = figure.axes[0].get_subplotspec()
+    assert spec is not None
+    return spec.get_gridspec().get_geometry()
+
+
+def assert_legends_are_off_the_data(figure: Figure) -> None:
+    figure.draw_without_rendering()
+    figure.draw_without_rendering()
+    found = [(axes, one) for axes in figure.axes if (one := axes.get_legend()) is not None]
+    assert found
+    for axes, legend in found:
+        data, box = axes.get_window_extent(), legend.get_window_extent()
+        assert box.y0 >= data.y1 - 1.0  # pixels
+        assert box.height < figure.bbox.height
+
+
+def test_two_panels_of_a_column_are_above_each_other_with_legends_off_the_data(trajectory: Path) -> None:
+    with ifrdem.Trajectory(trajectory) as run:
+        wide = pictures.figure(run, "velocity")
+        figure = pictures.figure(run, "velocity", size=COLUMN, dpi=300, title=False)
+    assert geometry(wide) == (1, 2)
+    assert geometry(figure) == (2, 1)
+    assert figure.get_size_inches() == pytest.approx((3.4, 1.7 * 3.4))
+    assert figure.dpi == 300
+    assert wide.get_suptitle() != ""
+    assert figure.get_suptitle() == ""
+    assert_legends_are_off_the_data(figure)
+
+
+def test_disks_without_spins_have_no_panel_of_spins(tmp_path: Path) -> None:
+    path, box, disks = tmp_path / "smooth.h5", layout_files.BOX, layout_files.some_disks(50)
+    with ifrdem.TrajectoryWriter(path, disks, box) as file:
+        state = layout_files.some_state(50, 0)
+        file.write(ifrdem.State(state.position, state.velocity, np.zeros(50)))
+    with ifrdem.Trajectory(path) as run:
+        assert len(pictures.figure(run, "velocity").axes) == 1
+
+
+def test_a_figure_of_three_sizes_is_refused(trajectory: Path) -> None:
+    with ifrdem.Trajectory(trajectory) as run, pytest.raises(ifrdem.InputError, match="size = "):
+        pictures.figure(run, "energy", size=(3.0, 2.0, 1.0))
+
+
+def test_pdf_of_the_style_paper_has_fonts_of_type_42(
+    trajectory: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(trajectory.parent)
+    words = ["--size", "3.4x3in", "--dpi", "300", "--no-title", "--style", "paper", "-o", "a.pdf"]
+    assert cli.main(["plot", "gas.h5", "velocity", *words]) == 0
+    pdf = Path("a.pdf").read_bytes()
+    assert b"/CIDFontType2" in pdf
+    assert b"/Type3" not in pdf
+    # Points: 72 an inch.
+    assert b"/MediaBox [ 0 0 244.8 216 ]" in pdf
+
+
+@pytest.mark.parametrize("size", ["3.4", "in", "0.1in", "3.4x2x1in", "3.4.1in", "50in"])
+def test_wrong_sizes_are_refused(trajectory: Path, size: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["plot", str(trajectory), "energy", "--size", size]) == 2
+    assert "--size" in capsys.readouterr().err
+
+
+def test_swept_keys_have_symbols_unless_two_keys_share_one() -> None:
+    mean = Variable(("e_n", "mu"), np.array([[1.0, 2.0], [3.0, 4.0]]), "J")
+    variables = {
+        "e_n": Variable(("e_n",), np.array([0.7, 0.9])),
+        "mu": Variable(("mu",), np.array([0.1, 0.2])),
+        "temperature_mean": mean,
+    }
+
+    def drawn(keys: dict[str, str]) -> Figure:
+        axes = json.dumps({"e_n": ["e_n"], "mu": ["mu"]})
+        results = Results(variables, {"axes": axes, "title": "a study", "keys": json.dumps(keys)})
+        return study_figure.draw(results, "T", "e_n", size=COLUMN, title=False)
+
+    (axes,) = (figure := drawn({"e_n": "material[0].e_n", "mu": "material[0].mu"})).axes
+    assert axes.get_xlabel() == "$e_n$"
+    assert [line.get_label() for line in axes.lines] == [r"$\mu$ = 0.1", r"$\mu$ = 0.2"]
+    assert_legends_are_off_the_data(figure)
+    (axes,) = drawn({"e_n": "material[0].e_n", "mu": "pair[0].e_n"}).axes
+    assert axes.get_xlabel() == "material[0].e_n"
