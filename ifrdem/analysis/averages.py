@@ -252,6 +252,10 @@ def profiles(
     if bins is None:
         bins = int(np.clip((high - low) / (2.0 * trajectory.disks.mean_radius), 8, 40))
     edges = (low + (high - low) * np.arange(bins + 1) / bins,)
+    if not np.all(np.diff(edges[0]) > 0.0):
+        raise InputError(
+            f"span = ({low:g}, {high:g}): must be wider, as {bins} bins have no width by rounding"
+        )
     if axis == "r":
         found: Bins = Rings(trajectory.box, (axis,), edges, center_of_walls(trajectory))
     else:

@@ -131,8 +131,9 @@ class Bins(Brief, ABC):
 
 
 def _index(edges: Array, coordinate: Array) -> Indices:
-    """Number of the interval between edges of equal distance, which may be outside."""
-    return np.floor((coordinate - edges[0]) * ((len(edges) - 1) / (edges[-1] - edges[0]))).astype(np.intp)
+    """Number of the interval between edges of equal distance; -1 below and the number of intervals above them."""
+    n = len(edges) - 1
+    return np.clip(np.floor((coordinate - edges[0]) * (n / (edges[-1] - edges[0]))), -1, n).astype(np.intp)
 
 
 def _inside(index: Indices, edges: Array) -> NDArray[np.bool_]:

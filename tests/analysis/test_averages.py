@@ -450,6 +450,7 @@ def test_a_bin_with_a_disk_in_some_frames_is_no_extreme_of_means_over_disks(tmp_
         ({"frames": []}, r"frames has shape \(0,\): must be an array of integers, 1 or more"),
         ({"frames": 3}, r"frames has shape \(\): must be an array of integers"),
         ({"span": (3.0, 2.0)}, r"span = \(3, 2\): must be two finite numbers"),
+        ({"span": (3.0, math.nextafter(3.0, 4.0)), "bins": 7}, r"span = \(3, 3\): must be wider"),
     ],
 )
 def test_bad_input_is_refused(tmp_path: Path, given: dict, message: str) -> None:

@@ -61,6 +61,20 @@ def test_a_disk_on_a_corner_of_cells_is_shared_in_quarters() -> None:
     assert sorted(found.bin) == [5, 6, 9, 10]
 
 
+@pytest.mark.parametrize("kind", ["x", "xy"])
+def test_bins_far_narrower_than_a_disk_and_a_line_take_their_parts_of_them(kind: str) -> None:
+    """Of a disk and a line through its centre: a chord of 2 R times the width, and the width over the length."""
+    edges = 5.0 + np.linspace(0.0, 1e-9, 4)
+    across = (4.0 + np.linspace(0.0, 1e-9, 3),) if kind == "xy" else ()
+    bins: Bins = Grid(BOX, ("x", "y"), (edges, *across)) if across else Strips(BOX, ("x",), (edges,))
+    area = np.diff(edges)[0] * (np.diff(across[0])[0] if across else 2.0)
+    found = bins.overlaps(np.array([[5.0, 4.0]]), np.array([1.0]), 0.0)
+    np.testing.assert_allclose(of_each(found, bins, 0), area, rtol=1e-5, atol=1e-15)
+    pieces = bins.pieces(np.array([[4.5, 4.0]]), np.array([[1.0, 0.0]]))
+    assert pieces.bin.tolist() == ([0, 2, 4] if across else [0, 1, 2])
+    np.testing.assert_allclose(pieces.share, np.diff(edges), rtol=1e-5)
+
+
 def test_two_circles_have_a_lens_in_common() -> None:
     """Equal circles at the distance d: 2 R^2 acos(d / 2R) - (d / 2) sqrt(4 R^2 - d^2)."""
     d, R = 0.7, 0.6
