@@ -559,10 +559,6 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
             )
         )
     notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
-    if (found.disks < found.frames).any():
-        notes.append(
-            "lowest and highest temperature, theta and u: of bins with at least one disk a frame on average"
-        )
     notes.append(f"errors from {len(found.time)} blocks of time")
     warnings = []
     inside = (series.time >= span[0]) & (series.time <= span[1])
