@@ -256,7 +256,7 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
             return value
         if column not in columns:
             group = [i for i, one in enumerate(columns) if re.fullmatch(rf"{re.escape(column)} \d+ .*", one)]
-            if group:  # of walls
+            if group and whole.startswith("walls_"):  # parts of one wall
                 return np.asarray(value[:, group].sum(axis=1))
             raise NameMissing(
                 f"{self._kind} {whole!r} of the file has no column {column!r}{there_are(column, columns)}"

@@ -96,6 +96,16 @@ def test_series_of_a_run(tmp_path: Path) -> None:
         assert json.loads(run.parameters["species"])[1]["name"] == "heavy"
 
 
+def test_species_are_not_added_up_by_the_beginning_of_their_names(tmp_path: Path) -> None:
+    """As parts of a wall are, which are numbered."""
+    species = [one | {"name": f"light {i} {one['name']}"} for i, one in enumerate(CASE["species"])]  # type: ignore[attr-defined]
+    case = ifrdem.Case(**(CASE | {"species": species}))
+    with case.run_to(tmp_path / "two.h5", picture=False) as run:
+        assert run.series["species_temperature/light 0 light"][0] == pytest.approx(1.0, rel=1e-9)
+        with pytest.raises(KeyError, match=r"species_temperature.*'light'"):
+            run.series["species_temperature/light"]
+
+
 def test_one_species_has_no_columns(tmp_path: Path) -> None:
     sections = CASE | {"species": CASE["species"][:1]}  # type: ignore[index]
     with ifrdem.Case(**sections).run_to(tmp_path / "one.h5", picture=False) as run:
