@@ -355,6 +355,10 @@ def _cpu_time(gas: CaseGas, estimate: RunEstimate, threads: int) -> Iterator[Rep
     """Rows on the time of the run, and what it includes, and on the speed."""
     n, phi, forces = gas.n, estimate.packing_fraction, bool(gas.case.force)
     seconds = estimate.seconds(gas, threads)
+    unknown_number = math.isnan(estimate.collisions)
+    if not forces and (unknown_number or math.isnan(seconds)):
+        unknown = "number of collisions" if unknown_number else "time at the end"
+        yield ReportRow("run time", f"not estimated: the {unknown} is not known")
     if estimate.collisions > 0.0 or forces:
         known = not math.isnan(seconds)
         collisions = not math.isnan(estimate.collisions)

@@ -380,3 +380,10 @@ def test_the_estimated_time_names_the_compilation_separately(folder, capsys):
     shown = capsys.readouterr().out
     assert "  run time (collisions, windows, frames and output) " in shown
     assert re.search("compilation of kernels, before +a second or two if ", shown)
+
+
+def test_a_run_time_that_is_not_known_is_stated_with_the_reason(capsys):
+    assert cli.main(["check", "heap"]) == 0
+    assert re.search(
+        "run time +not estimated: the number of collisions is not known", capsys.readouterr().out
+    )
