@@ -194,6 +194,7 @@ IMPORTS_OF_KERNELS = {
     "collections",
     "contextlib",
     "ctypes",
+    "dataclasses",
     "functools",
     "importlib",
     "inspect",

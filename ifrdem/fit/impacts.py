@@ -192,7 +192,7 @@ class _Finder:
             raise InputError(f"{tracks.source}: no impact was found: no disk has 3 frames at equal steps")
         if not found.typical > 1e-9 * min(self.radius.values()):
             how = option_name("--noise", "error")
-            text = f"the positions do not scatter about the flights: give their standard error by {how}"
+            text = f"{how}: must be given, as the positions do not scatter about the flights"
             raise InputError(f"{tracks.source}: {text}")
         return found
 

@@ -228,9 +228,9 @@ def test_a_kind_with_one_disk_has_no_distribution_and_the_others_have(tmp_path: 
             writer.write(State(position[:n], velocity[:n], spin[:n]))
     with Trajectory(tmp_path / "61.h5") as file:
         found = catalogue.ANALYSES["velocity"].of(file, None)
-    assert [row.name for row in found.rows] == [
-        f"{name} of material 0, R = 0.1" for name in ("a20", "a02", "a11")
-    ]
+    names = [row.name for row in found.rows]
+    assert names[:3] == [f"{name} of material 0, R = 0.1" for name in ("a20", "a02", "a11")]
+    assert all(name.endswith(" of material 0, R = 0.1") for name in names)
     # By hand: the fourth moment about the mean of the 60, over the square of the second.
     square = np.sum((velocity[:60] - velocity[:60].mean(axis=0)) ** 2, axis=1)
     expected = np.mean(square**2) / (2.0 * np.mean(square) ** 2) - 1.0

@@ -165,6 +165,7 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
     shown = capsys.readouterr().out
     assert re.search(
         r"force 0 +random_force \(power = 3\)\n +force 0: step +0\.05\n"
+        r" +force 0: acts +within windows\n"
         r" +force 0: step / shortest mean free time at the start +[\d.]+\n",
         shown,
     )

@@ -53,7 +53,7 @@ def test_places_without_scatter_need_their_error(tmp_path: Path) -> None:
     rows = [f"{s},{i},{(2 * i - 1) * (COIN.radius + abs(0.15 - s))},0\n" for s in t for i in (0, 1)]
     (tmp_path / "exact.csv").write_text("t,id,x,y\n" + "".join(rows), encoding="utf-8")
     observed = tracks.read(tmp_path / "exact.csv")
-    with pytest.raises(InputError, match="do not scatter about the flights: error"):
+    with pytest.raises(InputError, match="error: must be given, as the positions do not scatter"):
         impacts.find(observed, DISK)
     assert len(impacts.find(observed, DISK, error=1e-5)) == 1
 
