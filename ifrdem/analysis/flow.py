@@ -19,7 +19,7 @@ from ..tools.checked import Array, Positive, validated
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import BoxLike, Positions, Times, cells_of
-from .structure import Bins, check_periodic, mode_amplitudes
+from .structure import Bins, mode_amplitudes, ring_edges
 
 MOST_PAIRS = 4_000_000
 """Most pairs of a frame that are counted (about 1 s). In larger gases centres are drawn at random."""
@@ -233,16 +233,8 @@ def velocity_spectrum(
     >>> bool(abs(found.across[-1] - 1.0) < 0.3)  # independent velocities: 1
     True
     """
-    check_periodic(box)
-    lengths = np.array(box.lengths)
-    least = 2.0 * np.pi / lengths.max()
-    if not k_max > least:
-        raise InputError(
-            f"k_max = {k_max:g}: must be above 2 pi / L = {least:.4g}, the smallest k that the box allows"
-        )
-    count = min(rings, max(1, int(k_max / least)))
-    edges = np.linspace(0.0, k_max, count + 1)
-    edges[0] = 1e-9 * least
+    edges = ring_edges(box, k_max, rings)
+    lengths, count = np.array(box.lengths), len(edges) - 1
     modes = np.ceil(k_max * lengths / (2.0 * np.pi)).astype(int)
     if box.shear_rate:  # the skew moves k_y by up to k_x / 2 Lx / Ly
         modes[1] += int(np.ceil(0.5 * modes[0])) + 1

@@ -33,7 +33,8 @@ class SpeciesTemperatures(Brief):
     rotational_temperature: Array
     """temperature, rotational_temperature: about the mean velocity of the whole gas [energy], shape (rows, s)."""
     theory: tuple[Array, Array] | None
-    """The same two by kinetic theory, from the temperatures of the first frame; None where it does not hold."""
+    """T and T_rot of each species by kinetic theory, from those of the first frame [energy], two arrays of shape
+    (rows, s); None where the theory does not apply."""
 
 
 class _Rows(NamedTuple):

@@ -319,6 +319,22 @@ def check_periodic(box: Box) -> None:
         raise InputError(f"box = {box}: must be periodic along x and y for spectra and S(k)")
 
 
+def ring_edges(box: Box, k_max: float, rings: int) -> Array:
+    """Edges of rings in k up to k_max [1/length], without k = 0, shape (rings + 1,) or fewer.
+
+    InputError if the box is not periodic or k_max is below the smallest k that it allows.
+    """
+    check_periodic(box)
+    least = 2.0 * np.pi / np.array(box.lengths).max()
+    if not k_max > least:
+        raise InputError(
+            f"k_max = {k_max:g}: must be above 2 pi / L = {least:.4g}, the smallest k that the box allows"
+        )
+    edges = np.linspace(0.0, k_max, min(rings, max(1, int(k_max / least))) + 1)
+    edges[0] = 1e-9 * least  # k = 0 is no fluctuation
+    return edges
+
+
 @validated
 def structure_factor(
     position: Positions,
@@ -356,16 +372,8 @@ def structure_factor(
     >>> bool(abs(found.S[-1] - 1.0) < 0.2)  # points at random: 1
     True
     """
-    check_periodic(box)
-    lengths = np.array(box.lengths)
-    least = 2.0 * np.pi / lengths.max()
-    if not k_max > least:
-        raise InputError(
-            f"k_max = {k_max:g}: must be above 2 pi / L = {least:.4g}, the smallest k that the box allows"
-        )
-    count = min(rings, max(1, int(k_max / least)))
-    edges = np.linspace(0.0, k_max, count + 1)
-    edges[0] = 1e-9 * least  # k = 0 is no fluctuation
+    edges = ring_edges(box, k_max, rings)
+    lengths, count = np.array(box.lengths), len(edges) - 1
     number, sum_S, sum_k = np.zeros((3, count))
     frames = 0
     by_mode: list[Array] = []  # sums over frames

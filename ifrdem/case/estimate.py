@@ -103,7 +103,7 @@ SEARCH_SECONDS = 8e-8
 FORCE_SECONDS = {
     "drag": 2e-8, "langevin": 7e-8, "random_torque": 4e-8, "random_force": 1.2e-7, "table_friction": 9.5e-7,
 }  # fmt: skip
-"""The same for the force itself, by its kind. Measured 2026-11-26, as those above, for 1,000 and 4,000 disks at
+"""Time of one thread per disk and step to apply a force, by its kind. Measured 2026-11-26 for 1,000 and 4,000 disks at
 phi = 0.3 in steps of 0.05 mean free times (`results/forces.md`)."""
 ENDS_WINDOW = "rescale"
 """Kind of a force that ends windows, because it needs sums over all disks at that time."""

@@ -92,7 +92,7 @@ class Species:
         return all(each.low == each.high for each in (self.summary.mass, self.summary.radius))
 
     def at_temperature(self, temperature: float) -> Species:
-        """The same with the rms speed of this temperature [energy]: <v^2> = 2 T <1/m>."""
+        """This species with the rms speed that belongs to a temperature [energy]: <v^2> = 2 T <1/m>."""
         numbers = range(self.number if self.mass is None else 1)
         per_mass = sum(float(np.sum(1.0 / self.columns(ids)[0])) for ids in distribution.blocks(numbers))
         return replace(self, speed_rms=float(np.sqrt(2.0 * temperature * per_mass / len(numbers))))

@@ -80,7 +80,7 @@ class FoundCollisions:
 
     @property
     def reasons(self) -> Mapping[str, int]:
-        """How many encounters were left out, and flights cut, for each reason."""
+        """Numbers of encounters left out and of flights cut, by reason."""
         return Counter(each.reason for each in (*self.left_out, *self.cut))
 
     def report(self) -> str:

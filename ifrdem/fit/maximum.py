@@ -606,5 +606,5 @@ def _group_errors(problem: FitProblem, groups: tuple[str, ...]) -> dict[str, flo
 
 
 def _error_of(group: str) -> str:
-    """How the error of a group of quantities is given."""
+    """The option, or the argument in Python, that sets the standard error of a group of quantities."""
     return option_name(f"--error {group}=VALUE", f"errors = {{'{group}': VALUE}}")

@@ -74,7 +74,7 @@ def _with_images(box: Box, reach: float, points: Array) -> tuple[NDArray[np.intp
 
 
 def near_pairs_by_trees(box: Box, reach: float, points: Array, others: Array | None = None) -> Pairs:
-    """The same pairs in the order of scipy's trees: packings add up forces in it, and their bits depend on it."""
+    """The pairs of `near_pairs` in the order of scipy's trees, on which the bits of packings depend."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(points, boxsize=box.periods)

@@ -209,7 +209,7 @@ def device_of(case: CaseSections) -> str:
 
 
 class RootOutput:
-    """What the root writes during a run: frames, rows of the series, status, progress, checkpoints."""
+    """Output of the root during a run: frames, rows of the series, status, progress, checkpoints."""
 
     def __init__(self, running: Run, stops: Stops) -> None:
         gas, plan = running.file.gas, running.plan

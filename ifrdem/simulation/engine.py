@@ -371,7 +371,7 @@ class Engine:
         return self._next_change(self.force_steps.ends_window)
 
     def _next_change(self, force: float) -> float:
-        """The same for a `force` that acts at this time [time]."""
+        """Time of the next event that ends a window [time], if a force acts at the time `force`."""
         kick, now = min(force, self.turning.next_time), self.time
         if self.arrays.uses.timed:
             times = [time for wall in self.walls for time in wall.moving_times]

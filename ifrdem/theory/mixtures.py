@@ -339,7 +339,7 @@ def mixture_cooling_ratios(mixture: Mixture, theta0: NonNegative = 1.0) -> tuple
     while np.abs(slope(y)).max() > SETTLED * np.abs(y).max():
         if step > LONGEST:
             raise InputError(
-                f"mixture: ratios of temperatures do not settle within {LONGEST:g} collisions per disk"
+                f"mixture: ratios of temperatures do not become constant within {LONGEST:g} collisions per disk"
             )
         y = integrated(lambda _, at: slope(at), y, np.array([step]), "mixture").ravel()
         step *= 2.0

@@ -80,7 +80,7 @@ CASE = {
 
 
 def test_series_of_a_run(tmp_path: Path) -> None:
-    """The series has a column of each species by its name; a resumed gas goes on with it."""
+    """The series has a column of each species by its name."""
     case = ifrdem.Case(**CASE)
     with case.run_to(tmp_path / "two.h5", picture=False) as run:
         series = run.series

@@ -62,7 +62,7 @@ def equal_rates(e_n: float) -> float:
 
 
 def temperature_ratio(e_n: float, seed: int) -> float:
-    """T_2 / T_1 of a gas after it has settled, by the sums of each species that the engine adds up."""
+    """T_2 / T_1 of a gas in the steady ratio of temperatures, from the sums of the engine over each species."""
     number = (N * FRACTION).astype(int)
     disks = Disks(N, np.repeat(MASS, number), np.repeat(RADIUS, number))
     box = Box.from_packing_fraction(disks.radius, PHI)
