@@ -6,11 +6,11 @@ drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simulati
 """
 
 from .columns import BODY, DSMC_TABLES
-from .contact import collided
-from .language import spread_of_loops, ti
+from .laws.contact import collided
+from .compiler.language import spread_of_loops, ti
 from .layout import BLOCK
 from .random import DRAWS, library_normals, unit, words
-from .signature import Arrays, kernel
+from .compiler.signature import Arrays, kernel
 
 NONE = 1 << 30  # later than any candidate
 # In streams of random numbers, indices that no force has
