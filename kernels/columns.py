@@ -148,6 +148,8 @@ PAST = Columns(**columns("latest", "angle"))
 HITS = Columns(**columns("wall_collisions", "last_partner"))
 # What collisions take, by mechanism.
 MECHANISM = Columns(**columns("normal", "restitution", "sliding", "sticking", "rolling", "walls", "rest"))
+# What one collision of two disks takes (`laws/contact.py`); friction is sliding or sticking.
+LOSS = Columns(**columns("normal", "restitution", "friction", "rolling"))
 KIND = Columns(**columns("inverse_mass", "k", "radius", "material", "mass", "inertia"))
 # Forces at contacts of a disk that may rest, as last solved for: of each the other's id (FIRST_WALL - wall for a wall,
 # or NO_PARTNER) and four forces.
@@ -436,7 +438,8 @@ TABLES: dict[str, Columns] = {
     "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT, "pair": PAIR,
     "counter": COUNTER, "clock": CLOCK, "grid": GRID, "scale": SCALE, "sums": TALLY, "total": TOTAL,
     "walls": WALL, "law": LAW,
-    "totals": READOUT, "when": WHEN, "counter_words": COUNTER_WORDS, "kicks": KICK, "force_values": FORCE_VALUES,
+    "totals": READOUT, "species_totals": SPECIES,
+    "when": WHEN, "counter_words": COUNTER_WORDS, "kicks": KICK, "force_values": FORCE_VALUES,
 }  # fmt: skip
 """Tables of the columns of arrays, by the names that kernels give them; others have numbers."""
 TYPES: dict[str, str] = {
@@ -453,7 +456,7 @@ TYPES: dict[str, str] = {
 """Types of the numbers of arrays on the device."""
 AXES = {
     "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2,
-    "species_totals": 2, "todo": 2, "pairs": 2, "kicks": 2,
+    "species_totals": 3, "todo": 2, "pairs": 2, "kicks": 2,
 }  # fmt: skip
 """Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
 SINGLE = (

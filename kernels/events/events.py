@@ -13,7 +13,8 @@ Positions and clocks of disks change at collisions only, never at crossings, and
 histories depend neither on the cells nor on the region, only on the disks in it.
 """
 
-from ..columns import MECHANISM, TALLY
+from ..columns import LOSS, MECHANISM, TALLY
+from ..compiler.records import NamedVector
 from ..laws.contact import ELASTIC, ROLLS, STICKS, collided
 from ..forces.force_events import act_on_all, kick_time
 from ..disks.flights import bits_of, contact_delay, contact_signs, real_of, rounding
@@ -198,20 +199,22 @@ def friction_column(regime):
 @ti.func
 def enter_losses(tile, regime, lost, gas: ti.template()):
     """Add the losses and the regime of a collision of two disks to the tally."""
-    add(tile, TALLY.losses.normal, lost[0], gas)
-    add(tile, TALLY.losses.restitution, lost[1], gas)
-    add(tile, TALLY.losses[friction_column(regime)], lost[2], gas)
-    add(tile, TALLY.losses.rolling, lost[3], gas)
+    loss = NamedVector(lost, LOSS)
+    add(tile, TALLY.losses.normal, loss.normal, gas)
+    add(tile, TALLY.losses.restitution, loss.restitution, gas)
+    add(tile, TALLY.losses[friction_column(regime)], loss.friction, gas)
+    add(tile, TALLY.losses.rolling, loss.rolling, gas)
     add(tile, TALLY.regimes[ti.min(regime, ELASTICALLY)], 1.0, gas)
 
 
 @ti.func
 def charge_half(i, regime, lost, gas: ti.template()):
     """Add half of the losses of a collision to those of the disk in slot i."""
-    charge(i, MECHANISM.normal, 0.5 * lost[0], gas)
-    charge(i, MECHANISM.restitution, 0.5 * lost[1], gas)
-    charge(i, friction_column(regime), 0.5 * lost[2], gas)
-    charge(i, MECHANISM.rolling, 0.5 * lost[3], gas)
+    loss = NamedVector(lost, LOSS)
+    charge(i, MECHANISM.normal, 0.5 * loss.normal, gas)
+    charge(i, MECHANISM.restitution, 0.5 * loss.restitution, gas)
+    charge(i, friction_column(regime), 0.5 * loss.friction, gas)
+    charge(i, MECHANISM.rolling, 0.5 * loss.rolling, gas)
 
 
 @ti.func
