@@ -52,7 +52,7 @@ from . import backend
 from .device import Device
 from .measuring.tracking import Statistics
 from .start import checks
-from .start.features import features_of, validate_record, validate_species
+from .start.features import features_of, validate_record
 from .start.start import StartCounts, StartSlice
 from .steps.schedule import RunPoint
 from .steps.turning import TurningGravity, check_turning
@@ -93,7 +93,6 @@ class EngineOptions:
     collapse: Collapse | None = None
     seed: int = 0
     record: frozenset[str] = frozenset()
-    species: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
         checked_values = {
@@ -102,7 +101,6 @@ class EngineOptions:
             "collapse": validate_collapse(self.collapse),
             "seed": seeds.of_device(self.seed),
             "record": validate_record(self.record),
-            "species": validate_species(self.species),
         }
         for name, value in checked_values.items():
             object.__setattr__(self, name, value)
@@ -242,8 +240,6 @@ class Engine:
             lambda: checks.check(disks, box, state, counts, materials, self.walls, forces, given, comm.size)
         )
         self.n: int = counts.n
-        if given.species and sum(number for _, number in given.species) != self.n:
-            raise InputError(f"species = {dict(given.species)}: must add up to {self.n} disks")
         self._before, self._asleep_before = [counts.collisions, counts.wall_collisions], counts.asleep
         start = StartSlice.of(comm, disks, state)
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
@@ -943,7 +939,7 @@ class Engine:
         """Sums over each species (`kernels/tiles/readout.py`); None without species."""
         from .measuring.readout import species_totals
 
-        if not self.options.species:
+        if not self.kinds.species:
             return None
         with self.exclusive_update():
             return species_totals(self)
