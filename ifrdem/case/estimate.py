@@ -162,7 +162,7 @@ RANK_BYTES = 280_000_000
 RANK_BYTES_PER_DISK = 700
 """The same for each disk of a rank and of the halos around them, at most: when the start is put together, and later."""
 RADIUS_BYTES = 80
-"""More for each of them where radii are drawn: their rows of `kinds` (`simulation/ranks.py`)."""
+"""More for each of them where radii are drawn: their rows of `kinds` (`simulation/windows/ranks.py`)."""
 PLACED_BYTES_PER_DISK = 100
 """The same for each disk of its own, or of its strips, while it places random ones; 80 bytes were seen."""
 HOST_BYTES_PER_DISK = 300
@@ -185,7 +185,7 @@ def strip_bytes(gas: CaseGas, ranks: int) -> float:
 
 @dataclass(frozen=True)
 class RankPlan:
-    """Estimated memory and disks of each of several ranks of MPI in a run (`simulation/ranks.py`)."""
+    """Estimated memory and disks of each of several ranks of MPI in a run (`simulation/windows/ranks.py`)."""
 
     ranks: int
     disks: float

@@ -28,9 +28,10 @@ from ..model.walls import crush
 from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall, free_directions, smooth_materials, wall_names
 from ..mpi import SERIAL, Communicator, current, distribution
-from ..simulation import backend, checks
+from ..simulation import backend
 from ..simulation.simulation import Simulation
-from ..simulation.turning import FASTEST_DRUM
+from ..simulation.start import checks
+from ..simulation.steps.turning import FASTEST_DRUM
 from ..tools import seeds
 from . import pair_rules, rules
 from .case import GROWN, IMPACT_SCAN, CaseSections, ForceSection

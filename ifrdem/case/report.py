@@ -290,7 +290,7 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
 
 
 def _when(case: CaseSections, force: ForceSection) -> str:
-    """Text that says whether a force acts within windows, and why not (`simulation/force_steps.py`)."""
+    """Text that says whether a force acts within windows, and why not (`simulation/steps/force_steps.py`)."""
     if case.run.device != "cpu":
         return "between windows, as all forces on a GPU"
     if force.at_random_times:

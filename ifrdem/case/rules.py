@@ -29,9 +29,9 @@ from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall, pieces
 from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
-from ..simulation.checks import check_pistons
-from ..simulation.schedule import first_after, time_of
-from ..simulation.tiling import tiles_on_ranks
+from ..simulation.start.checks import check_pistons
+from ..simulation.steps.schedule import first_after, time_of
+from ..simulation.windows.tiling import tiles_on_ranks
 from .case import GROWN, IMPACT_SCAN, CaseSections
 from .laws_section import FileKeys
 from .objects import options_of

@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from ..errors import InputError, option_name, refuse
-from ..kernels import runtime
 from ..kernels.columns import BYTES_PER_DISK
-from ..simulation import backend, checks
+from ..kernels.compiler import runtime
+from ..simulation import backend
+from ..simulation.start import checks
 from .case import GROWN, CaseSections
 from .estimate import (
     GROWTH_BYTES_PER_DISK,

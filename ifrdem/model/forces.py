@@ -15,9 +15,9 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InputError
-from ..kernels.language import ti
+from ..kernels.compiler.language import ti
+from ..kernels.forces.table_friction import advance, step_tolerance
 from ..kernels.random import normals, uniforms
-from ..kernels.table_friction import advance, step_tolerance
 from ..tools import checked
 from ..tools.checked import NonNegative, Positive, validated
 from ..tools.read_only import ReadOnlyAttributes
@@ -512,9 +512,9 @@ class TableFriction(Force):
     """Disks that lie on a table: Coulomb friction spread evenly over their faces, of velocity and spin together.
 
     The exact solution over a step of dv/dt = -mu g F(eps), d(R omega)/dt = -k mu g T(eps) with eps = v/(R |omega|)
-    (`kernels/table_friction.py`; Farkas et al. 2003, doi:10.1103/PhysRevLett.90.248302): a disk that spins brakes the
-    less, and both motions stop together, after a finite time. A disk at rest stays there exactly, and when all are, the
-    run goes to its end without further steps.
+    (`kernels/forces/table_friction.py`; Farkas et al. 2003, doi:10.1103/PhysRevLett.90.248302): a spinning disk brakes
+    the less, and both motions stop together, after a finite time. A disk at rest stays there exactly, and when all are,
+    the run goes to its end without further steps.
 
     Parameters
     ----------

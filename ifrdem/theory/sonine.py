@@ -82,7 +82,7 @@ def cooling_sonine(e_n: Fraction) -> float:
 def heated_sonine(e_n: Fraction, kick_energy: NonNegative = 0.0) -> float:
     """a_2 of smooth disks in the steady state of white noise: 16 (1 - e) (1 - 2 e^2) / (185 - 153 e + 30 e^2 (1 - e)).
 
-    Of kicks at random times, `kick_energy` is the mean energy of one, given to a disk at rest, over T: power / (rate T).
+    Of kicks at random times, `kick_energy` is the mean energy of one (of a disk at rest) over T, power / (rate T).
     To first order in a_2. InputError if e_n is not from 0 to 1, or the energy negative.
 
     Examples

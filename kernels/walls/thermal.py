@@ -9,8 +9,8 @@ wall just what it gets back, and stays what it is. R. Tehver et al., Phys. Rev. 
 doi:10.1103/PhysRevE.57.R17, show what goes wrong with other densities.
 """
 
-from ..language import ti
-from ..particle import collisions_in_window, kind_of
+from ..compiler.language import ti
+from ..disks.particle import collisions_in_window, kind_of
 from ..random import DRAWS, library_normals, rayleigh
 
 OF_WALLS = 0xFFFF * DRAWS  # in streams of random numbers: the index that no force has

@@ -20,7 +20,7 @@ from ifrdem.errors import InputError
 from ifrdem.model.observables import MECHANISMS, measure
 from ifrdem.runs import run
 from ifrdem.runs.recorder import COLUMNS, Ledger
-from ifrdem.simulation.schedule import Trigger
+from ifrdem.simulation.steps.schedule import Trigger
 from ifrdem.tools import seeds
 from ifrdem.trajectory import layout
 from ifrdem.trajectory.writer import TrajectoryWriter
