@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ifrdem.kernels.language import ti
-from ifrdem.simulation.tracking import KICK
 from support.force_examples import SMOOTH, still
 from support.gases import COIN, equal_disks, gas_of, mixture, run_to, start
 
 from ifrdem import Device
 from ifrdem.errors import EngineError, InputError
+from ifrdem.kernels.compiler.language import ti
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, PoissonForce, PoissonKicks, PoissonSpinKicks, RandomKicks, normals
 from ifrdem.model.gravity import Gravity
@@ -24,6 +23,7 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.measuring.tracking import KICK
 from ifrdem.simulation.simulation import Simulation
 
 LOSSY = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
