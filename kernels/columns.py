@@ -203,7 +203,7 @@ EVENT_INFO = Columns(**columns(
 # lists it.
 IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_collisions", "home_tile"))
 START_POSITION = Columns(**columns("x", "y"))
-# The next action of a force on the disk alone (`forces/force_times.py`): time of the run, number of the slice of time,
+# The next action of a force on the disk alone (`disks/force_times.py`): time of the run, number of the slice of time,
 # number in it, number of the force among those within windows; actions so far in the window.
 ACTION = Columns(**columns("time", "slice", "draw", "force", "count"))
 CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))

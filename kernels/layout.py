@@ -105,7 +105,7 @@ class CompiledForce:
     names: tuple[str, ...]  # of its parameters
     number: int  # among these forces
     first: int  # of its numbers, in `force_values`
-    alone: bool = False  # it acts on single disks, each at times of its own (`forces/force_times.py`)
+    alone: bool = False  # it acts on single disks, each at times of its own (`disks/force_times.py`)
 
     @property
     def first_parameter(self) -> int:

@@ -17,7 +17,7 @@ from ..columns import LOSS, MECHANISM, TALLY
 from ..compiler.records import NamedVector
 from ..laws.contact import ELASTIC, ROLLS, STICKS, collided
 from ..forces.force_events import act_alone, act_on_all, kick_time
-from ..forces.force_times import action_time
+from ..disks.force_times import action_time
 from ..disks.flights import bits_of, contact_delay, contact_signs, real_of, rounding
 from ..compiler.language import on_gpu, ti
 from ..layout import (

@@ -18,7 +18,7 @@ from ..disks.particle import add, fly_to, kind_of, note_speed, void_latest_partn
 from ..random import DRAWS
 from ..compiler.records import NamedNumbers
 from ..disks.shear import flow_at
-from .force_times import action_stream, interval, next_action
+from ..disks.force_times import action_stream, interval, next_action
 
 
 @ti.func

@@ -25,7 +25,7 @@ Bad tiles are run again, from the same beginning, with wider halos. Nothing is e
 
 from ..columns import HELD, MECHANISM, TALLY
 from ..disks.flights import on_grid
-from ..forces.force_times import begin_actions
+from ..disks.force_times import begin_actions
 from ..compiler.language import on_gpu, ti
 from ..layout import (
     ASLEEP,

@@ -7,7 +7,7 @@ those between. Forces that do not commute would else make an error of first orde
 a colder gas than kicks before drag. Alternating makes two steps together symmetric in time, hence second order.
 
 A force at random times (`PoissonForce`) acts on each disk alone, at times that kernels find
-(`kernels/forces/force_times.py`): it is always within windows, and nothing of it is planned here.
+(`kernels/disks/force_times.py`): it is always within windows, and nothing of it is planned here.
 
 A force *within windows* looks at one disk only, and its totals, if it has some, do not depend on the motion. It acts as
 an event of the window (`kernels/forces/force_events.py`), in steps that are planned up to a time at which a window ends
