@@ -289,12 +289,12 @@ def test_a_restart_in_a_window_changes_no_bit(tmp_path: Path) -> None:
         forces = [PoissonKicks(3.0, power=2.0), Drag(0.08, rate=0.2)]
         return gas_of(mixture(200), 0.3, LOSSY, forces=forces, seed=2**40, record=["energy"])
 
-    whole, begun = make(), make()
+    whole, stopped = make(), make()
     whole.run(t_end=3.0)
-    begun.run(t_end=1.234)
-    begun.save_checkpoint(tmp_path / "in.h5")
+    stopped.run(t_end=1.234)
+    stopped.save_checkpoint(tmp_path / "in.h5")
     again = Simulation.from_checkpoint(tmp_path / "in.h5")
-    assert repr(again.forces) == repr(begun.forces)
+    assert repr(again.forces) == repr(stopped.forces)
     again.run(t_end=3.0)
     np.testing.assert_array_equal(whole.state.velocity, again.state.velocity)
     np.testing.assert_array_equal(whole.energy_inputs, again.energy_inputs)
