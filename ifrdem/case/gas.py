@@ -139,9 +139,9 @@ class CaseGas:
         )  # fmt: skip
 
     def _named(self, numbers: Sequence[int]) -> dict[str, int]:
-        """Species as `Disks` takes them, of so many disks each; none of a gas of one species."""
-        names = [each.name for each in self.species] if len(self.species) > 1 else []
-        return dict(zip(names, numbers, strict=False))
+        """Species as `Disks` takes them, of so many disks each; none of one species, or of names that are the same."""
+        found = dict(zip((each.name for each in self.species), numbers, strict=True))
+        return found if 1 < len(found) == len(self.species) else {}
 
     def _of_species(self, ids: range) -> list[range]:
         """Of some ids, those of each species, counted from its first disk."""

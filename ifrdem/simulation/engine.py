@@ -234,14 +234,17 @@ class Engine:
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
         comm.run_on_all(lambda: checks.check_forces(forces))
-        counts = StartCounts.of(comm, disks, state)
+        with comm:
+            counts = StartCounts.of(disks, state)
         materials = len(self._law_table)
         comm.run_on_holders(
             lambda: checks.check(disks, box, state, counts, materials, self.walls, forces, given, comm.size)
         )
         self.n: int = counts.n
         self._before, self._asleep_before = [counts.collisions, counts.wall_collisions], counts.asleep
-        start = StartSlice.of(comm, disks, state)
+        with comm:
+            start = StartSlice.of(disks, state)
+            self.past: dict[str, Any] = start.history()
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(start.state.time)
@@ -258,7 +261,8 @@ class Engine:
         self._resting = 0
         self._no_future_collisions = False
         self._collided_at = time
-        backend.start_on_ranks(given.device, comm)
+        with comm:
+            backend.start_on_ranks(given.device)
         from .steps.force_steps import ForceSteps
         from .windows.arrays import DeviceArrays
         from .windows.domain import domain_of
@@ -274,7 +278,6 @@ class Engine:
         if tracking is not None:
             self.arrays.watch(tracking.rows > 0)
         self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
-        self.past: dict[str, Any] = start.history(comm)
         self.windows: Windows = Windows(self.arrays, self.statistics, time)
         self.set_gates(
             np.array([not wall.is_present(time, self._before[0]) for wall in self.walls], dtype=bool)

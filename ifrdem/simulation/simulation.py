@@ -625,7 +625,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         own, small = checkpoint.divided(found)
         small |= arrays or {}
         if comm.is_distributed:
-            checkpoint.write_parts(path, comm, own, small, meta)
+            with comm:
+                checkpoint.write_parts(path, own, small, meta)
             return
         rows = comm.gather_rows(n, list(own.values()))
         comm.run_on_root(
@@ -649,7 +650,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 "Simulation.from_checkpoint(path) makes one from the file"
             )
         self._engine.check_valid()
-        found, meta = checkpoint.read_slice(checked.path("path", path), self.comm)
+        with self.comm:
+            found, meta = checkpoint.read_slice(checked.path("path", path))
         self._restore(path, found, meta)
         extra: dict[str, Any] = meta["extra"]
         return extra
@@ -717,7 +719,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         (4.0, 1)
         """
         comm = Communicator(current(), distributed=True) if comm is None else comm
-        found, meta = checkpoint.read_slice(path, comm)
+        with comm:
+            found, meta = checkpoint.read_slice(path)
         with checkpoint.as_damage_error(path, "its record"):
             checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
             if law is None:
