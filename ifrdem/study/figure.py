@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, nearest, option_name
 from ..plots.style import NARROW, legend
+from ..trajectory.descriptions import unit_of_whole_gas
 from ..trajectory.reader import Trajectory
-from ..trajectory.tables import PER_DISK, QUANTITIES, at_equal_collisions
+from ..trajectory.tables import PER_DISK, at_equal_collisions
 from .results import Results
 from .task import Variable
 
@@ -56,7 +57,7 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
     variables = {FILE: Variable((FILE,), names), PER_DISK: Variable((PER_DISK,), found.pop(PER_DISK))}
     for name, values in found.items():
         if values.ndim == 2:
-            unit = units.get(QUANTITIES.get(name, ""), "")
+            unit = unit_of_whole_gas(name, units) or ""
             variables[f"{name}_mean"] = Variable((FILE, PER_DISK), values, unit)
     return Results(variables, {"axes": json.dumps({FILE: [FILE]}), "title": ", ".join(names), "keys": "{}"})
 
