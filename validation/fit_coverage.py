@@ -124,11 +124,11 @@ def robust(sets: int, seed: int, n: int = 30, error: float = 0.01) -> Iterator[s
             out = rng.permutation(n)[: round(part * n)]
             y[out] += np.sqrt(99.0) * problem.s[out] * rng.standard_normal(y[out].shape)  # 1 + 99 = 10^2
             search, values, loss = best(problem.of(y), law, truth, NU)
-            stretch = search.stretches(values)
+            ratios = search.variance_ratios(values)
             for name, value in zip(names, truth.tolist(), strict=True):
                 least = min(search.descend(each, {name: value})[1] for each in (values, truth))
                 rises = np.array([rise_of(search, level) for level in LEVELS])
-                inside.setdefault(name, []).append(least - loss < stretch[name] * rises)
+                inside.setdefault(name, []).append(least - loss < ratios[name] * rises)
         shown = "; ".join(
             f"{name} {np.mean(each, axis=0)[0]:.3f} {np.mean(each, axis=0)[1]:.3f}"
             for name, each in inside.items()

@@ -209,7 +209,7 @@ class Search:
         at, steps = self.transition(values), 1e-6 * np.eye(len(values))
         return np.array([(self.transition(values + step) - at) / 1e-6 for step in steps])
 
-    def stretches(self, values: Array) -> dict[str, float]:
+    def variance_ratios(self, values: Array) -> dict[str, float]:
         """Factors of the rise of the loss at the ends of intervals, for each quantity.
 
         Each is the variance over the one that the curvature alone would give: 1 for a Gaussian likelihood (J. T. Kent,
@@ -521,7 +521,7 @@ def _lower(search: Search, best: Array) -> Array:
 
 
 def rise_of(search: Search, level: float, *, estimated: bool = False) -> float:
-    """Rise of the loss at the ends of an interval of a confidence, before `Search.stretches`.
+    """Rise of the loss at the ends of an interval of a confidence, before `Search.variance_ratios`.
 
     Of chi-square; of F where the errors, or the scatter of a robust likelihood, are estimated from the residuals.
     """
@@ -539,11 +539,11 @@ def intervals(search: Search, best: Array, rise: float, *, profile: bool = True)
     Without `profile`, from the standard errors.
     """
     found = {}
-    stretches = search.stretches(best)
+    variance_ratios = search.variance_ratios(best)
     for name, (value, error, limits) in search.quantities(best).items():
         if profile:
             width = np.sqrt(rise) * error
-            rises = rise * stretches[name]
+            rises = rise * variance_ratios[name]
             ends = [_end(search, best, name, value, width, limit, rises) for limit in limits]
         else:
             half = np.sqrt(rise) * error
