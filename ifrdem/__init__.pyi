@@ -14,7 +14,7 @@ from .errors import InputError as InputError
 from .errors import NoMoreCollisions as NoMoreCollisions
 from .errors import RunWarning as RunWarning
 from .errors import TheoryWarning as TheoryWarning
-from .kernels.language import ti as ti
+from .kernels.compiler.language import ti as ti
 from .model.box import Box as Box
 from .model.collapse import ContactTime as ContactTime
 from .model.collapse import Rest as Rest

@@ -17,7 +17,7 @@ meta                   (rows,)        id, collisions with disks and walls, boxes
 past                   (rows,)        time of the latest collision, and angle turned, of gases that ask
 hits                   (rows,)        hits of walls and the latest partner, of gases that ask
 dissipated             (rows,)        energy that collisions took, by mechanism: half of a pair's; of gases that ask
-asleep                 (rows,)        AWAKE, ASLEEP, WOKEN or ASLEEP_UNVERIFIED, of gases that rest (`rest.py`)
+asleep                 (rows,)        AWAKE, ASLEEP, WOKEN or ASLEEP_UNVERIFIED, of gases that rest (`events/rest.py`)
 kind                   (n,)           kind of each disk, by id; of a gas on several ranks by row of `disk`, (rows,)
 kinds                  (kinds,)       what disks of a kind share
 history_hash           (room,)        hash of the history of the disk at a slot of the window's beginning, by its tile
@@ -35,8 +35,8 @@ pair_time, pair        (pairs,)       times of collisions of two disks, and thei
 found                  (blocks, ...)  sums over BLOCK_OF_TILES tiles
 total                  (...)          the same over all
 watched                (n,)           1 for tracked disks, by id
-motion, ...            (lanes         the scratch space of a lane, which runs one tile after another
-                       slots,)
+motion, ...            (lanes         the scratch space of a lane, which runs one tile after another; `action` of
+                       slots,)        gases in which forces act on single disks
 dense                  (tiles,)       tiles that need blocks with more room
 block_integers, ...    (blocks        the scratch space of a block: column after column
                        slots,)
@@ -46,8 +46,8 @@ kicks                  (steps, ...)   steps of forces that act within windows, i
 force_values           (...)          directions along which the gas can drift, and parameters of these forces
 image_list, near_image (blocks        images of walls near the tile of a block; those near each disk, three in a word
                        slots,)
-contact                (...)          contacts of disks that may rest, and the forces there (`rest.py`)
-held, cached_force     (rows,), ...   forces at contacts of a disk, as last solved for (`rest.py`)
+contact                (...)          contacts of disks that may rest, and the forces there (`events/rest.py`)
+held, cached_force     (rows,), ...   forces at contacts of a disk, as last solved for (`events/rest.py`)
 =====================  =============  =================================================================================
 """
 
@@ -67,7 +67,7 @@ KICKED = -1  # in place of a partner, in rows of tracked disks: a force changed 
 BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
 PAIRS, TRACKED = 1, 2  # what is written down: the collisions of all pairs, and all that happens to some disks
 TEAM = 32  # threads of a GPU that share a tile
-BLOCK_SLOTS = 864  # disks of a tile and its halo that a block of a GPU has room for (`blocks.py`)
+BLOCK_SLOTS = 864  # disks of a tile and its halo that a block of a GPU has room for (`windows/blocks.py`)
 TOO_MANY = 8  # as `tile.mark`: the tile needs a block that runs dense tiles
 DENSE_SLOTS = 4096  # the same of blocks that run what does not fit
 MOST_BLOCK_WALLS = 3600  # of a gas that blocks run: nine images of each, as partners in 16 bits
@@ -82,7 +82,10 @@ FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w
 NO_PARTNER = -1
 # The latest partner where a force has acted since: VOID_WALL plus a wall, or VOID_DISK minus a slot.
 VOID_WALL, VOID_DISK = -1_000_000, -2_000_000
-NOT_FINITE = 3  # plus the row of `kicks`, as `counter.stalled`: a force made a velocity that is not finite
+OWN_ACTION = -2  # as a partner: a force acts on the disk alone
+# As `counter.stalled`: a force made a velocity that is not finite. Plus the row of `kicks`, or of a force that acts on
+# single disks its number.
+NOT_FINITE, NOT_FINITE_ALONE = 3, 1 << 30
 
 
 class CompiledLaw(NamedTuple):
@@ -101,7 +104,13 @@ class CompiledForce:
     n_totals: int
     names: tuple[str, ...]  # of its parameters
     number: int  # among these forces
-    first: int  # of its parameters, in `force_values`
+    first: int  # of its numbers, in `force_values`
+    alone: bool = False  # it acts on single disks, each at times of its own (`disks/force_times.py`)
+
+    @property
+    def first_parameter(self) -> int:
+        """Number of its first parameter, in `force_values`."""
+        return self.first + (2 if self.alone else 0)
 
 
 class Uses:
@@ -140,13 +149,18 @@ class Uses:
 
     @property
     def blockwise(self) -> bool:
-        """True if blocks of threads of a GPU run the tiles of a gas with these features (`blocks.py`)."""
+        """True if blocks of threads of a GPU run the tiles of a gas with these features (`windows/blocks.py`)."""
         return not (self.pistons or self.rests or self.layered)
 
     @property
     def forced(self) -> bool:
         """True if forces act within windows."""
         return bool(self.forces)
+
+    @property
+    def actions(self) -> bool:
+        """True if forces act on single disks, each at times of its own."""
+        return any(force.alone for force in self.forces)
 
     @property
     def gains(self) -> int:

@@ -9,7 +9,7 @@ index of the force, and the seed (low and high word). The first four are the cou
 and the number of a disk's collisions in place of the step's.
 """
 
-from .language import ti
+from .compiler.language import ti
 
 # Multipliers, and what is added to the key in each round: golden ratio and sqrt(3) - 1, times 2^32.
 MULTIPLY_0, MULTIPLY_1 = 0xD2511F53, 0xCD9E8D57

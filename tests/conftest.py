@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 from matplotlib.figure import Figure
 
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 from ifrdem.plots import run
 from ifrdem.simulation import backend
 

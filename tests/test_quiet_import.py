@@ -9,7 +9,7 @@ import sys
 import pytest
 
 import ifrdem
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..kernels import runtime
+from ..kernels.compiler import runtime
 from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.gravity import Gravity, RotatingGravity
 from ..simulation.device import Device

@@ -11,8 +11,8 @@ from pydantic import Field, field_validator
 
 from ..errors import InputError, nearest
 from ..mpi.distribution import GATHERED
-from ..simulation.schedule import MOST as MOST_FRAMES
-from ..simulation.schedule import Trigger
+from ..simulation.steps.schedule import MOST as MOST_FRAMES
+from ..simulation.steps.schedule import Trigger
 from .section import Section, field, refusal
 
 FieldName = Literal[

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import InputError, refuse, there_are
-from ..kernels.runtime import choose as choose_runtime
+from ..kernels.compiler.runtime import choose as choose_runtime
 from .console import echo, progress, ranks
 from .options import (
     MOST_SEED,
@@ -159,8 +159,8 @@ def _conflicts(of_gas: dict[str, Any], of_case: dict[str, Any], case: str | None
 def devices() -> None:
     """List the devices that can compute, and the runtime that compiles for them."""
     from .. import bullet
-    from ..kernels import language  # noqa: F401  (an error where the runtime cannot be loaded)
-    from ..kernels.runtime import describe
+    from ..kernels.compiler import language  # noqa: F401  (an error where the runtime cannot be loaded)
+    from ..kernels.compiler.runtime import describe
     from ..simulation import backend
 
     for each in backend.available():

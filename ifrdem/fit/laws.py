@@ -1,6 +1,6 @@
 """Collision laws that a fit chooses among: their coefficients, the ranges of these, and the angle of transition.
 
-The IFR law is `ifrdem.kernels.law.collide_pair` itself, called with arrays; other laws are `CollisionLaw`
+The IFR law is `ifrdem.kernels.laws.law.collide_pair` itself, called with arrays; other laws are `CollisionLaw`
 classes, whose `collide` gives the impulses between the same two steps that every collision has.
 """
 
@@ -98,7 +98,7 @@ class Law:
         return self._collide(self.full(values), motion)
 
     def _collide(self, of: Mapping[str, Array], motion: Sequence[Array]) -> tuple[Array, ...]:
-        from ..kernels import law  # imports Taichi, which is slow
+        from ..kernels.laws import law  # imports Taichi, which is slow
 
         if self.sticking is not None:
             contact = float(self.sticking == STICKING[1])

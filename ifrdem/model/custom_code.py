@@ -33,6 +33,9 @@ def named_numbers(owner: str, what: str, names: Sequence[str], given: Mapping[st
     return {name: checked.FINITE(f"{owner}: {name}", given[name]) for name in names}
 
 
+_PACKAGE = Path(__file__).parents[1]
+
+
 class FromKernels:
     """A function of a module of `kernels`, imported at its first use: Taichi is slow to import."""
 
@@ -96,7 +99,7 @@ def why_not_compiled(
     reason = text.splitlines()[-1].strip().rstrip(".").removeprefix("AssertionError").strip(": ")
     places = re.findall(r'File "(.*)", line (\d+), in (\w+):\n(.*)\n', text)
     names = {function.__name__ for function in functions}
-    if not places or (places[-1][2] not in names and "ifrdem" in Path(places[-1][0]).parts[-3:]):
+    if not places or (places[-1][2] not in names and Path(places[-1][0]).is_relative_to(_PACKAGE)):
         return f"{returns}{f' ({reason})' if reason else ''}"
     file, number, function, source = places[-1]
     where = f"{Path(file).name}, line {number}, in {function}: {source.strip()}: "

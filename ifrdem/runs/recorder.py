@@ -24,7 +24,7 @@ from ..model.observables import (
 )
 from ..model.state import FrameRows, State
 from ..model.walls.wall import OF_PISTONS, PISTONS, SUMS
-from ..simulation.tracking import Events, joined
+from ..simulation.measuring.tracking import Events, joined
 from ..tools.checked import Array, Integer, Positive, validated
 from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter

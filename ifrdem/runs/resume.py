@@ -20,13 +20,14 @@ from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.objects import choose_runtime, device_of
 from ..errors import InputError, option_name
-from ..kernels import runtime as of_kernels
+from ..kernels.compiler import runtime as of_kernels
 from ..model.laws.records import is_custom, of_table, source_of_record
 from ..mpi import SERIAL, Communicator
-from ..simulation import backend, checkpoint
-from ..simulation.schedule import RunPlan
+from ..simulation import backend
+from ..simulation.checkpoints import checkpoint
+from ..simulation.measuring.tracking import Events
 from ..simulation.simulation import Simulation
-from ..simulation.tracking import Events
+from ..simulation.steps.schedule import RunPlan
 from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
 from ..trajectory import parts

@@ -28,10 +28,11 @@ from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import FrameRows, State
 from ..model.walls.wall import wall_names
 from ..mpi import SERIAL, Communicator
-from ..simulation import backend, checkpoint
-from ..simulation.schedule import RunPlan, RunPoint, end_at
+from ..simulation import backend
+from ..simulation.checkpoints import checkpoint
+from ..simulation.measuring.tracking import Events
 from ..simulation.simulation import Simulation
-from ..simulation.tracking import Events
+from ..simulation.steps.schedule import RunPlan, RunPoint, end_at
 from ..tools.checked import Array
 from ..tools.progress import Progress, Stage
 from ..tools.versions import revision

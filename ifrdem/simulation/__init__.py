@@ -1,1 +1,17 @@
-"""The event engine and what drives it: `Simulation`, `DSMC`, schedules, checkpoints, the device."""
+"""The event engine and what drives it.
+
+A module imports only from its own row and rows below it:
+
+=============  =============================================================
+`simulation`   `Simulation`, the object users run
+`dsmc`         `DSMC`, a homogeneous gas without positions
+`checkpoints`  a gas in a file, and in memory, to go on from
+`engine`       the engine, seen from the host
+`windows`      arrays on the device, tiles, ranks
+`steps`        what happens at given times: output, forces, rotating gravity
+`measuring`    what is read from a running gas
+`start`        what a gas starts from: checks, features, disks of ranks
+`backend`      starts the runtime on a device
+`device`       `Device`: a CPU or a GPU, threads, precision
+=============  =============================================================
+"""

@@ -24,7 +24,7 @@ from types import FrameType
 from typing import Any
 
 from ..errors import EngineError, InputError
-from ..kernels import runtime
+from ..kernels.compiler import runtime
 from ..mpi import Communicator
 from .device import NAMES, Device
 
@@ -209,7 +209,7 @@ def cuda_absence() -> str | None:
     if failed or count.value < 1:
         visible = os.environ.get("CUDA_VISIBLE_DEVICES")
         return f"the NVIDIA driver has no device (CUDA_VISIBLE_DEVICES = {visible}){_gpu_of_rank_hint()}"
-    from ..kernels.language import ti
+    from ..kernels.compiler.language import ti
 
     if not ti._lib.core.with_cuda():
         return f"{runtime.chosen()} cannot use this NVIDIA driver: it needs one for CUDA 10 or later"
@@ -360,7 +360,7 @@ def lanes() -> int:
 
 def kernels() -> int:
     """Number of kernels compiled so far, or found in the cache."""
-    from ..kernels.language import ti
+    from ..kernels.compiler.language import ti
 
     return int(ti.lang.impl.get_runtime().get_num_compiled_functions())
 
@@ -370,7 +370,7 @@ def free_array(array: Any) -> None:
 
     The runtime frees arrays of numbers when Python forgets them, and arrays of vectors only when it ends.
     """
-    from ..kernels.language import program
+    from ..kernels.compiler.language import program
 
     present = program()
     if present is not None and array.arr is not None:
@@ -384,7 +384,7 @@ def _release_all() -> None:
     One that Python forgot only later (a traceback can hold it for long) would take an array of the next start with
     it: the runtime knows arrays by their addresses, and a new array may have the address of an old one.
     """
-    from ..kernels.language import ti
+    from ..kernels.compiler.language import ti
 
     for user in list(_users):
         user.release()
@@ -417,7 +417,7 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     check(device)
     threads = device.threads or min(cores(), _most_threads or cores())
     settings = Running(device.name, threads, device.precision, profile)
-    from ..kernels.language import program, ti
+    from ..kernels.compiler.language import program, ti
 
     os.environ.pop(runtime.variable("ARCH"), None)  # it would override the requested device
     good_enough = (settings, replace(settings, profile=True))
@@ -451,7 +451,7 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
 def start_unless_running(device: Device) -> Running:
     """Start the runtime as `start`, unless it runs already, with any settings."""
     if _running is not None and _process == os.getpid():
-        from ..kernels.language import program
+        from ..kernels.compiler.language import program
 
         if program() is not None:
             return _running
@@ -473,7 +473,7 @@ def stop() -> None:
     global _running, _process
     if _running is not None:
         check_process()
-        from ..kernels.language import ti
+        from ..kernels.compiler.language import ti
 
         _release_all()
         ti.reset()

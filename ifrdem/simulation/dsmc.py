@@ -44,7 +44,7 @@ from ..tools.checked import (
 from ..tools.read_only import ReadOnlyAttributes
 from . import backend
 from .device import Device
-from .schedule import warn_of_end
+from .steps.schedule import warn_of_end
 
 
 @dataclass(frozen=True)
@@ -299,9 +299,9 @@ class DSMC(ReadOnlyAttributes):
     def _make_arrays(self, start: State, law: Any, table: NDArray[np.float64]) -> None:
         # They import the runtime, which `backend.start` has set going.
         from ..kernels import dsmc as kernels
-        from ..kernels import language
-        from ..kernels.language import ti
-        from ..kernels.signature import parameters_of
+        from ..kernels.compiler import language
+        from ..kernels.compiler.language import ti
+        from ..kernels.compiler.signature import parameters_of
 
         self._kernels: Any = kernels
         self._language: Any = language

@@ -1,9 +1,9 @@
 """The event-exact parallel engine, seen from the host.
 
 Time advances in *windows*, short enough that disks collide about once in each. In a window every tile of the box runs
-all events of its own disks and those in a halo around it, by itself and in order (`kernels/events.py`); then it is
-verified that no tile missed anything, and tiles that may have are run again with wider halos (`kernels/tiles.py`, which
-has the proof). A gas of up to SINGLE_TILE disks is one tile that is the whole box.
+all events of its own disks and those in a halo around it, by itself and in order (`kernels/events/events.py`); then it
+is verified that no tile missed anything, and tiles that may have are run again with wider halos
+(`kernels/tiles/tiles.py`, which has the proof). A gas of up to SINGLE_TILE disks is one tile that is the whole box.
 
 Guarantee. The collisions are those of consistent hard disks from the given start, which is unique: what a serial
 event-driven code produces, up to rounding. Exact ties in time fall to the smaller pair of ids. And all bits of the
@@ -48,19 +48,20 @@ from ..model.state import Disks, FrameRows, State
 from ..model.walls.wall import Wall, free_directions, rows_of, sides, smooth_materials
 from ..mpi import Communicator
 from ..tools import checked, seeds
-from . import backend, checks
+from . import backend
 from .device import Device
-from .features import features_of, validate_record, validate_species
-from .schedule import RunPoint
-from .start import StartCounts, StartSlice
-from .tracking import Statistics
-from .turning import TurningGravity, check_turning
+from .measuring.tracking import Statistics
+from .start import checks
+from .start.features import features_of, validate_record, validate_species
+from .start.start import StartCounts, StartSlice
+from .steps.schedule import RunPoint
+from .steps.turning import TurningGravity, check_turning
 
 if TYPE_CHECKING:
     from ..model.forces import Force
-    from .arrays import DeviceArrays
-    from .tracking import Tracking
-    from .windows import Windows
+    from .measuring.tracking import Tracking
+    from .windows.arrays import DeviceArrays
+    from .windows.windows import Windows
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 ORDERS = ("serial", "tiled")
@@ -171,7 +172,7 @@ def no_pair_approaches(state: State, disks: Disks) -> bool:
 
     Every pair is checked, until one is found; up to MOST_COMPARED disks. Imports the kernels.
     """
-    from ..kernels.flights import approaching
+    from ..kernels.disks.flights import approaching
 
     if state.n < 2:
         return True
@@ -200,8 +201,8 @@ class Engine:
     tracking : Tracking, optional
         Follows some disks, collision by collision.
     comm : communicator of mpi4py, optional
-        Whose ranks have a part of the gas each, if there are several (`ranks.py`); all make the same engine, and call
-        the same methods.
+        Whose ranks have a part of the gas each, if there are several (`windows/ranks.py`); all make the same engine
+        and call the same methods.
     **options
         Those of `EngineOptions`.
 
@@ -262,10 +263,10 @@ class Engine:
         self._no_future_collisions = False
         self._collided_at = time
         backend.start_on_ranks(given.device, comm)
-        from .arrays import DeviceArrays
-        from .domain import domain_of
-        from .force_steps import ForceSteps
-        from .windows import Windows
+        from .steps.force_steps import ForceSteps
+        from .windows.arrays import DeviceArrays
+        from .windows.domain import domain_of
+        from .windows.windows import Windows
 
         rows = rows_of(self.walls)
         uses = features_of(box, self.walls, rows, law, given, tracked=tracked, ranks=comm.size)
@@ -504,7 +505,7 @@ class Engine:
 
     def set_forces(self, forces: Sequence[Force]) -> None:
         """Set other forces; InputError if one is invalid, or cannot act here."""
-        from .force_steps import ForceSteps
+        from .steps.force_steps import ForceSteps
 
         self.check_valid()
 
@@ -685,6 +686,8 @@ class Engine:
 
     def _nothing_happens(self) -> bool:
         """True if no disk meets another one or a wall before something else sets it in motion."""
+        if self.n and self.force_steps.any_alone:
+            return False
         if self._no_future_collisions or self._is_alone:
             return True
         self.windows.go_on(self.next_kick)
@@ -916,31 +919,31 @@ class Engine:
         return self.comm.run_on_all(check)
 
     def _read_out(self, whole: bool = False) -> tuple[State | None, NDArray[np.float64]]:
-        from .readout import read
+        from .measuring.readout import read
 
         return read(self, whole)
 
     def observed(
         self, stored: np.dtype[Any] | None = None
     ) -> tuple[State | FrameRows | None, NDArray[np.float64]]:
-        """The present state, on the first rank or of the own slice, and its sums (`kernels/readout.py`).
+        """The present state, on the first rank or of the own slice, and its sums (`kernels/tiles/readout.py`).
 
         For a file that holds this of each disk (`stored`) it is rows for that.
         """
-        from .readout import read_rows
+        from .measuring.readout import read_rows
 
         whole = not self.comm.is_distributed
         with self.exclusive_update():
             return self._read_out(whole) if stored is None else read_rows(self, stored, whole)
 
     def totals(self) -> NDArray[np.float64]:
-        """Sums over all disks (`kernels/readout.py`). Less costly than a copy of the state."""
+        """Sums over all disks (`kernels/tiles/readout.py`). Less costly than a copy of the state."""
         with self.exclusive_update():
             return self._totals()
 
     def species_totals(self) -> NDArray[np.float64] | None:
-        """Sums over each species (`kernels/readout.py`); None without species."""
-        from .readout import species_totals
+        """Sums over each species (`kernels/tiles/readout.py`); None without species."""
+        from .measuring.readout import species_totals
 
         if not self.options.species:
             return None
@@ -948,7 +951,7 @@ class Engine:
             return species_totals(self)
 
     def _totals(self) -> NDArray[np.float64]:
-        from .readout import totals
+        from .measuring.readout import totals
 
         return totals(self)
 

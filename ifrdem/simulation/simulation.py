@@ -37,11 +37,14 @@ from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
 from ..tools.progress import output_is_interactive
 from ..tools.read_only import ReadOnlyAttributes
-from . import backend, checkpoint, checks
+from . import backend
+from .checkpoints import checkpoint
+from .checkpoints.gas_record import arguments, differences, gas_record, laws_of
 from .device import Device
 from .engine import CollisionTimes, Engine
-from .gas_record import arguments, differences, gas_record, laws_of
-from .schedule import (
+from .measuring.tracking import Events, Tracking, checked_ids
+from .start import checks
+from .steps.schedule import (
     MOST,
     FrameCallback,
     Progress,
@@ -53,13 +56,12 @@ from .schedule import (
     end_at,
     warn_of_end,
 )
-from .slow_run import SlowRunCheck
-from .tracking import Events, Tracking, checked_ids
+from .steps.slow_run import SlowRunCheck
 
 if TYPE_CHECKING:
     from ..model.forces import Force
-    from .ranks import CommunicationStats
-    from .tracking import Statistics
+    from .measuring.tracking import Statistics
+    from .windows.ranks import CommunicationStats
 
 
 BAR_STEPS = 100
@@ -603,7 +605,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         InputError
             If it cannot be written, the path is none, or `extra` holds what JSON does not know.
         """
-        from . import snapshot
+        from .checkpoints import snapshot
 
         comm, n = self.comm, self.disks.n
         comm.run_on_root(lambda: checkpoint.check_extra(path, extra, arrays))
@@ -651,7 +653,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         self, path: str | os.PathLike[str], found: dict[str, NDArray[Any]], meta: Mapping[str, Any]
     ) -> None:
         """Make this gas that of a checkpoint, as `checkpoint.read_slice` gave it: InputError if it is another one."""
-        from . import snapshot
+        from .checkpoints import snapshot
 
         with checkpoint.as_damage_error(path, "its record"):
             checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
@@ -760,7 +762,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             from this call: to run on, give a later end, or use `run_for`.
         frames : int or Trigger
             Frames after the first one, evenly spaced in the quantity that ends the run, or another cadence
-            (`ifrdem.simulation.schedule.Trigger`); a frame at
+            (`ifrdem.simulation.steps.schedule.Trigger`); a frame at
             a number of collisions stands right after the last of them, and after any others at exactly that time.
         frame_callbacks : iterable of callables
             Each is called as `callback(state, measure)` at the beginning and at every frame. `measure.dissipated`
@@ -1105,7 +1107,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def _energy_terms(self) -> dict[str, Any]:
         """Arguments of `measure` that a state does not contain: sums since the start, directions of a free drift."""
-        free = self._engine.free if self._engine.force_steps.keep_momentum else (False, False)
+        free = self._engine.free if self._engine.force_steps.allow_drift else (False, False)
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
             "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,

@@ -28,7 +28,7 @@ from ..case.gas import CaseGas
 from ..errors import DamageError, EngineError, InputError
 from ..model.observables import SPECIES_SERIES, STRESS_SERIES
 from ..runs.recorder import COLUMNS, Ledger
-from ..simulation.schedule import RunPlan, RunPoint, end_at
+from ..simulation.steps.schedule import RunPlan, RunPoint, end_at
 from ..tools.files import write_aside
 from ..trajectory.damage import FAULTS
 from ..trajectory.file import TrajectoryError

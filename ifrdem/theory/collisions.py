@@ -3,8 +3,8 @@
 What a collision by the IFR law changes on average, of two disks that differ in all but are uncorrelated.
 
 Symbols: disks i and j have masses m_i, m_j and moments of inertia I = m R^2 / k; velocities and spins are Gaussian,
-T = m <v^2> / 2, tau = I <w^2>; m_n and m_t are the effective masses of the law (`kernels/law.py`), mu, e_n, e_t its
-coefficients.
+T = m <v^2> / 2, tau = I <w^2>; m_n and m_t are the effective masses of the law (`kernels/laws/law.py`), mu, e_n, e_t
+its coefficients.
 
 *The impulses.* With h = (1 + e_t) m_t / m_n, and c m_n |g_t| what stops the slip g_t: c = 1/2 for the percussion
 centre, m_t / m_n for the contact point,

@@ -8,7 +8,7 @@ import platform
 import subprocess
 from pathlib import Path
 
-from ..kernels import runtime
+from ..kernels.compiler import runtime
 
 __version__ = "0.1.0"
 

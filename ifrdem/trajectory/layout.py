@@ -21,7 +21,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from ..errors import DamageError, InputError
 from ..kernels.columns import FRAME, FrameField, rows_dtype
-from ..kernels.runtime import of_versions
+from ..kernels.compiler.runtime import of_versions
 from ..model.box import Box
 from ..model.state import Disks
 from ..tools.versions import package_versions

@@ -1,8 +1,8 @@
 """Walls near each cell of a region, as the window begins, and the first one that a disk meets."""
 
-from ..language import ti
+from ..compiler.language import ti
 from ..layout import FIRST_WALL, FULL_WALLS
-from ..particle import radius_of
+from ..disks.particle import radius_of
 from .images import as_partner, boxes_of, from_partner, image_of, position_at, wall_of
 from .kinds import GONE
 from .motion import turned_back, wall_motion, wall_reach, wall_turn

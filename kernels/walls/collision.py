@@ -1,13 +1,13 @@
 """A collision of a disk with a wall: what it does to the disk, to a piston, and to the sums of walls."""
 
 from ..columns import MECHANISM, TALLY, WALL_SUM
-from ..contact import ELASTIC, collided
-from ..language import ti
+from ..laws.contact import ELASTIC, collided
+from ..compiler.language import ti
 from ..layout import BY_HEAT, BY_LAW, BY_REMEDY
-from ..particle import (
+from ..disks.particle import (
     add, advance_to, charge, just_collided, kind_of, note_speed, update_history_hash, watched_row, write_motion,
 )  # fmt: skip
-from ..stress import add_virial
+from ..disks.stress import add_virial
 from .images import as_partner, from_partner, position_at, wall_of
 from .kinds import FREE, STILL
 from .motion import turned_back, wall_motion, wall_turn

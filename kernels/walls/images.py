@@ -7,7 +7,7 @@ that a disk had (`EVENT_INFO.last`) and those in lists of contacts (`HELD`) are 
 Arguments are templates: in kernels these functions are the expressions themselves.
 """
 
-from ..language import ti
+from ..compiler.language import ti
 from ..layout import FIRST_WALL
 
 

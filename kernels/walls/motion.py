@@ -9,7 +9,7 @@ window ends. B bounds the acceleration in `root.seen_from`.
 """
 
 from ..columns import TALLY
-from ..language import ti
+from ..compiler.language import ti
 from ..layout import FAR
 from .kinds import FREE, SAWTOOTH, SINE, STEADY
 from .pistons import piston_motion, set_piston

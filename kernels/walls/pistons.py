@@ -12,7 +12,7 @@ with one is one tile.
 """
 
 from ..columns import TALLY
-from ..language import ti
+from ..compiler.language import ti
 from ..layout import FAR, FIRST_WALL
 from .images import from_partner, wall_of
 from .kinds import FREE

@@ -6,8 +6,8 @@ rest or in steady motion, with gravity or without; containers without gravity), 
 elsewhere steps converge like Newton's. `shapes.py` has the gap of each shape.
 """
 
-from ..flights import rounding
-from ..language import ti
+from ..disks.flights import rounding
+from ..compiler.language import ti
 from ..layout import FAR
 from .kinds import FREE, STILL
 from .motion import epsilon, turned_back, wall_motion, wall_turn

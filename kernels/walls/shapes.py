@@ -31,7 +31,7 @@ it, are
 from dataclasses import dataclass
 from typing import Any
 
-from ..language import ti
+from ..compiler.language import ti
 from ..layout import FAR
 from .kinds import ARC_INSIDE, FREE, PIECES
 from .motion import TWO_PI, epsilon

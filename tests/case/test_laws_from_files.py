@@ -24,7 +24,7 @@ from ifrdem.runs.signals import Stops
 LAW = '''
 import ifrdem
 from ifrdem import ti
-from ifrdem.kernels.law import ifr_impulses
+from ifrdem.kernels.laws.law import ifr_impulses
 
 
 class SpeedDependent(ifrdem.CollisionLaw):

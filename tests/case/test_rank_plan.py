@@ -18,7 +18,8 @@ from ifrdem.errors import InputError
 from ifrdem.initial import placement
 from ifrdem.kernels import columns
 from ifrdem.mpi import distribution
-from ifrdem.simulation import backend, checks
+from ifrdem.simulation import backend
+from ifrdem.simulation.start import checks
 from ifrdem.tools import seeds
 
 CASE = """

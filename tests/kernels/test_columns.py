@@ -64,7 +64,7 @@ def names_of(table: Columns) -> Iterator[str]:
 def test_no_name_of_a_column_is_that_of_something_else(table: Columns) -> None:
     """`array.copy` is the copy, whatever columns there are."""
     backend.start()
-    from ifrdem.kernels.records import NamedRow
+    from ifrdem.kernels.compiler.records import NamedRow
 
     taken = {*dir(Columns), "at", "first", "width", *dir(Named), *dir(NamedRow)}
     assert not taken & set(names_of(table))
@@ -84,7 +84,7 @@ def test_kernels_read_and_write_columns_by_name() -> None:
     backend.start()
     from support.kernels.records import move
 
-    from ifrdem.kernels.language import ti
+    from ifrdem.kernels.compiler.language import ti
 
     disk, scale = ti.Vector.ndarray(5, ti.f64, 2), columns.blank("scale")
     disk.from_numpy(np.arange(10.0).reshape(2, 5))
@@ -104,7 +104,7 @@ def test_a_wrong_name_in_a_kernel_is_reported() -> None:
     backend.start()
     from support.kernels.records import wrong
 
-    from ifrdem.kernels.language import CompilationError, ti
+    from ifrdem.kernels.compiler.language import CompilationError, ti
 
     disk = ti.Vector.ndarray(5, ti.f64, 2)
     with pytest.raises(CompilationError, match="no column 'mass'; columns are x, y, vx, vy, spin"):

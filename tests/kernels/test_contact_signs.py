@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ifrdem import Device
-from ifrdem.kernels.flights import contact_signs
-from ifrdem.kernels.language import Rows, Table, ti
+from ifrdem.kernels.compiler.language import Rows, Table, ti
+from ifrdem.kernels.disks.flights import contact_signs
 from ifrdem.simulation import backend
 
 

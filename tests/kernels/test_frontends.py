@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 
 pytestmark = pytest.mark.skipif(runtime.version("quadrants") is None, reason="quadrants is not installed")
 
@@ -19,8 +19,10 @@ RUN = """
 import hashlib, json, sys
 import numpy as np
 import ifrdem
-from ifrdem.kernels import frontends, law, layout
-from ifrdem.kernels.language import ti
+from ifrdem.kernels import layout
+from ifrdem.kernels.compiler import frontends
+from ifrdem.kernels.laws import law
+from ifrdem.kernels.compiler.language import ti
 
 made, changed = {}, sys.argv[1]
 generator = sys.modules["quadrants.lang.kernel"].ASTGenerator

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from ifrdem import Device
-from ifrdem.kernels import language, runtime
-from ifrdem.kernels.language import from_numpy, ti, to_numpy
+from ifrdem.kernels.compiler import language, runtime
+from ifrdem.kernels.compiler.language import from_numpy, ti, to_numpy
 from ifrdem.simulation import backend
 
 ROOT = Path(__file__).parents[2]
@@ -75,11 +75,11 @@ def test_a_runtime_that_cannot_be_loaded_is_one_message_with_its_remedy(tmp_path
 STATE = """
 import sys
 import numpy as np
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 if sys.argv[1] == "other":
     runtime.SAME_BITS.clear()
 import ifrdem
-from ifrdem.kernels.language import ti
+from ifrdem.kernels.compiler.language import ti
 disks = ifrdem.Disks(64, mass=1.0, radius=0.5)
 box = ifrdem.Box.from_packing_fraction(disks.radius, 0.2)
 position = ifrdem.initial.random_positions(box, disks.radius, seed=1)

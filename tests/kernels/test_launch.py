@@ -12,8 +12,8 @@ from ifrdem.simulation import backend
 def launcher() -> Any:
     """Of a kernel with two numbers, an array that is held, and a given one."""
     backend.start()
-    from ifrdem.kernels.language import Rows, ti
-    from ifrdem.kernels.launch import Launcher
+    from ifrdem.kernels.compiler.language import Rows, ti
+    from ifrdem.kernels.compiler.launch import Launcher
 
     @ti.kernel
     def scale(factor: ti.i32, shift: ti.f64, values: Rows, out: Rows):
@@ -26,7 +26,7 @@ def launcher() -> Any:
 
 
 def of_runtime(values: Any) -> Any:
-    from ifrdem.kernels.language import from_numpy, ti
+    from ifrdem.kernels.compiler.language import from_numpy, ti
 
     array = ti.ndarray(ti.f64, len(values))
     from_numpy(array, np.array(values, dtype=np.float64))

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from support import plain_law
 
-from ifrdem.kernels.language import ti
-from ifrdem.kernels.law import collide_pair
+from ifrdem.kernels.compiler.language import ti
+from ifrdem.kernels.laws.law import collide_pair
 from ifrdem.simulation import backend
 
 N = 20_000

@@ -12,7 +12,7 @@ import pytest
 
 import ifrdem
 from ifrdem import InputError
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 from ifrdem.model.laws.law import compiled
 from ifrdem.simulation import backend
 from ifrdem.tools.versions import package_versions
@@ -117,7 +117,7 @@ STATE = """
 import hashlib, logging, sys
 import numpy as np
 import ifrdem
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 n = 300
 disks = ifrdem.Disks(n, mass=1.0, radius=0.5)
 box = ifrdem.Box.from_packing_fraction(disks.radius, 0.3)
@@ -169,9 +169,9 @@ RESUME = """
 import sys
 import numpy as np
 from ifrdem import Trajectory
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 from ifrdem.runs.resume import resume
-import ifrdem.kernels.language
+import ifrdem.kernels.compiler.language
 resume("clusters.h5", picture=False, log=lambda _line: None)
 with Trajectory("clusters.h5") as trajectory:
     print(runtime.chosen(), trajectory.parameters["versions/runtimes"], sep="|")

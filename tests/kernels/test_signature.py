@@ -14,9 +14,9 @@ from ifrdem.simulation import backend
 
 def test_each_array_is_a_parameter_in_the_order_of_the_names() -> None:
     backend.start()
-    from ifrdem.kernels.readout import exchange
-    from ifrdem.kernels.signature import parameters_of
-    from ifrdem.kernels.sums import sum_shared
+    from ifrdem.kernels.compiler.signature import parameters_of
+    from ifrdem.kernels.tiles.readout import exchange
+    from ifrdem.kernels.tiles.sums import sum_shared
 
     expected = ["n_blocks", "last", "uses", "grid", "tally", "reach", "found", "total", "blocks"]
     assert parameters_of(sum_shared) == expected
@@ -26,7 +26,7 @@ def test_each_array_is_a_parameter_in_the_order_of_the_names() -> None:
 def test_small_arrays_go_to_one_board_and_back() -> None:
     """Whole numbers too, one array after another, as a GPU gets them."""
     backend.start()
-    from ifrdem.kernels.readout import exchange
+    from ifrdem.kernels.tiles.readout import exchange
 
     lengths = (2, 1, 3, 1, 2, 1)
     kinds = (np.int32, np.float64, np.float64, np.float64, np.int32, np.float64)
@@ -44,7 +44,7 @@ def test_a_kernel_can_use_variables_of_the_enclosing_scope() -> None:
     backend.start()
     from support.kernels.records import shifting
 
-    from ifrdem.kernels.language import ti
+    from ifrdem.kernels.compiler.language import ti
 
     for shift in (2.0, 3.0):
         disk = ti.Vector.ndarray(5, ti.f64, 2)
@@ -57,7 +57,7 @@ def test_an_error_in_a_kernel_names_its_file_and_line() -> None:
     backend.start()
     from support.kernels import records
 
-    from ifrdem.kernels.language import CompilationError, ti
+    from ifrdem.kernels.compiler.language import CompilationError, ti
 
     disk = ti.Vector.ndarray(5, ti.f64, 2)
     with pytest.raises(CompilationError) as caught:

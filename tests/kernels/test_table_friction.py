@@ -1,4 +1,4 @@
-"""A disk that slides and spins on a table: `kernels/table_friction.py` against integrals and SciPy's integrator."""
+"""A disk that slides and spins on a table: `table_friction.py` against integrals and SciPy's integrator."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ K = 2.0
 
 
 def friction_of(v: list[float], u: list[float]) -> np.ndarray:
-    from ifrdem.kernels import table_friction
+    from ifrdem.kernels.forces import table_friction
 
     backend.start()
     F, T = np.zeros((2, len(v)))
@@ -23,7 +23,7 @@ def friction_of(v: list[float], u: list[float]) -> np.ndarray:
 
 def slide(v, u, *, dt=None, a=1.0, k=K, tolerance=1e-12, precision="f64"):
     """v, u, x, t, eps after dt, or at rest; arrays."""
-    from ifrdem.kernels import table_friction
+    from ifrdem.kernels.forces import table_friction
 
     backend.start(Device(precision=precision))
     real = np.float64 if precision == "f64" else np.float32

@@ -84,7 +84,7 @@ def of_kernel(name: str, wall: Wall, disks: Array, times: Array) -> tuple[Array,
     backend.start("cpu")
     from support.kernels.gaps import gaps
 
-    from ifrdem.kernels.language import ti
+    from ifrdem.kernels.compiler.language import ti
 
     rows = wall.rows()
     rows = rows[named(rows, "walls").kind == PIECES.index(name)][:1]

@@ -61,7 +61,7 @@ def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
     box, state = equilibrated(disks, packing_fraction)
     contact_time = 0.1 if packing_fraction < 0.5 else 0.02
     monkeypatch.setattr(
-        "ifrdem.simulation.tiling.SINGLE_TILE", 100
+        "ifrdem.simulation.windows.tiling.SINGLE_TILE", 100
     )  # short windows, as of gases that are divided
     engine = Engine(
         disks, box, state, np.array([[law]]), order=order, tile_disks=60, collapse=ContactTime(contact_time)

@@ -35,7 +35,7 @@ def test_kinds_do_not_depend_on_how_disks_are_divided(n: int) -> None:
 
 def test_extremes_of_kinds_give_the_verdict_of_all_kinds() -> None:
     """Ends of all that units are judged by, masses of each material and k, and the gap between radii."""
-    from ifrdem.simulation.tiling import split_of
+    from ifrdem.simulation.windows.tiling import split_of
 
     columns = columns_of(30_000)
     rows, every = kinds_among(columns)

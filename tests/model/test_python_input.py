@@ -32,7 +32,7 @@ from ifrdem import (
     forces,
 )
 from ifrdem.initial import placement
-from ifrdem.simulation.schedule import Trigger
+from ifrdem.simulation.steps.schedule import Trigger
 
 LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
 

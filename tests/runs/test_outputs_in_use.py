@@ -15,7 +15,7 @@ from support.layout_files import BOX, some_disks, some_state, write
 
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError, TrajectoryError
-from ifrdem.simulation import checkpoint
+from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.study.results import Results
 from ifrdem.tools import files
 from ifrdem.trajectory import parts, repair, views

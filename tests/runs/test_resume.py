@@ -26,7 +26,7 @@ from ifrdem.model.state import State
 from ifrdem.runs import run
 from ifrdem.runs.recorder import Recorder
 from ifrdem.runs.signals import Stops
-from ifrdem.simulation import checkpoint
+from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.versions import package_versions
 from ifrdem.trajectory.background import AsyncWriter

@@ -13,7 +13,7 @@ from support.gases import equal_disks, gas_of, mixture
 
 from ifrdem import ContactTime, Device, Rest, RotatingGravity, VelocityCutoff
 from ifrdem.errors import InputError
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks
 from ifrdem.model.laws.ifr import IFRLaw
@@ -21,7 +21,7 @@ from ifrdem.model.laws.law import CollisionLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Piston, Turn
 from ifrdem.model.walls.wall import Wall
-from ifrdem.simulation import checkpoint
+from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.not_recorded import NotRecorded
 
@@ -219,7 +219,7 @@ def test_custom_laws_and_forces_are_given_again(tmp_path):
 
 
 def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch):
-    monkeypatch.setattr("ifrdem.simulation.tiling.SINGLE_TILE", 100)
+    monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
     make = gas(tracked=[0, 5])
     whole = make(2)
     whole.run(collisions_per_disk=3.0)

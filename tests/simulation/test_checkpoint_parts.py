@@ -11,7 +11,7 @@ import pytest
 
 from ifrdem.errors import InputError
 from ifrdem.mpi import SERIAL, Communicator
-from ifrdem.simulation import checkpoint
+from ifrdem.simulation.checkpoints import checkpoint
 
 N = 23
 

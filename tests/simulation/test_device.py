@@ -14,7 +14,7 @@ import pytest
 
 from ifrdem import Device
 from ifrdem.errors import InputError
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 from ifrdem.simulation import backend
 
 
@@ -44,7 +44,7 @@ def test_an_absent_gpu_is_refused_and_not_replaced_by_the_cpu() -> None:
 
 
 def test_starting_again_with_the_same_settings_keeps_what_runs() -> None:
-    from ifrdem.kernels.language import ti
+    from ifrdem.kernels.compiler.language import ti
 
     running = backend.start("cpu")
     program = ti.lang.impl.get_runtime().prog
@@ -54,7 +54,7 @@ def test_starting_again_with_the_same_settings_keeps_what_runs() -> None:
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_precision_is_the_type_of_real_numbers(precision: str) -> None:
-    from ifrdem.kernels.language import ti
+    from ifrdem.kernels.compiler.language import ti
 
     try:
         assert backend.start(Device("cpu", precision=precision)).precision == precision
@@ -78,7 +78,7 @@ def test_memory_that_is_available_is_no_more_than_there_is() -> None:
 
 def test_neither_the_environment_nor_an_unwritable_cache_changes_what_runs() -> None:
     code = (
-        "from ifrdem.simulation import backend; backend.start('cpu'); from ifrdem.kernels.language import ti; "
+        "from ifrdem.simulation import backend; backend.start('cpu'); from ifrdem.kernels.compiler.language import ti; "
         "assert ti.cfg.arch == ti.cpu, ti.cfg.arch"
     )
     environment = {**os.environ, runtime.variable("ARCH"): "vulkan", CACHE: "/proc/1/nowhere"}
@@ -98,7 +98,7 @@ def test_starting_prints_nothing_on_stdout() -> None:
 
 def test_arrays_of_a_runtime_that_ended_take_none_of_the_next_with_them() -> None:
     # The runtime knows arrays by their addresses: without `free_array` some of the new ones are freed with the old.
-    from ifrdem.kernels.language import ti
+    from ifrdem.kernels.compiler.language import ti
 
     backend.start("cpu")
     for _ in range(3):

@@ -257,7 +257,7 @@ def test_inelastic_collapse_passes_in_finite_work() -> None:
 
 def test_tiles_go_through_a_collapse_like_the_whole_box_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     """Thousands of collisions within a rounding of each other; those at one and the same time are not parted."""
-    monkeypatch.setattr("ifrdem.simulation.tiling.SINGLE_TILE", 100)
+    monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
     disks = equal_disks(2000)
     box, state = start(disks, 0.75)
     law = np.array([[(0.05, -1.0, 0.0, 0.0, 0.0)]])

@@ -19,8 +19,8 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import Trigger
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.steps.schedule import Trigger
 
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point", rho=0.02)
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)

@@ -22,8 +22,8 @@ from ifrdem import (
     VelocityCutoff,
     Wall,
 )
-from ifrdem.simulation.schedule import RunPoint
-from ifrdem.simulation.slow_run import SlowRunCheck
+from ifrdem.simulation.steps.schedule import RunPoint
+from ifrdem.simulation.steps.slow_run import SlowRunCheck
 
 LAW = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
 

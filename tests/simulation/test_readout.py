@@ -21,8 +21,8 @@ from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import Measure, measure
 from ifrdem.model.state import FrameRows, State
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import RunPlan, RunPoint, Trigger
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.steps.schedule import RunPlan, RunPoint, Trigger
 from ifrdem.trajectory import layout
 from ifrdem.trajectory.writer import TrajectoryWriter
 

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.simulation.schedule import RunPlan, RunPoint, Trigger, end_at
+from ifrdem.simulation.steps.schedule import RunPlan, RunPoint, Trigger, end_at
 
 
 class Points:

@@ -22,7 +22,7 @@ from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import CollisionTimes, Engine
 from ifrdem.simulation.simulation import Simulation
-from ifrdem.simulation.windows import Windows
+from ifrdem.simulation.windows.windows import Windows
 from ifrdem.theory import contact_value
 from ifrdem.theory.sheared_gas import steady_state
 

@@ -19,8 +19,8 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Piston
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import Trigger
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.steps.schedule import Trigger
 
 ROUGH = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 

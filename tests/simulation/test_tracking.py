@@ -15,8 +15,8 @@ from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
+from ifrdem.simulation.measuring.tracking import ELASTIC, KICK, UNKNOWN, Events
 from ifrdem.simulation.simulation import Simulation
-from ifrdem.simulation.tracking import ELASTIC, KICK, UNKNOWN, Events
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point", rho=0.02)
@@ -55,7 +55,7 @@ def check_path(
 @pytest.mark.parametrize("alone", [True, False])
 def test_paths_lead_through_every_collision(device, alone, monkeypatch):
     if not alone:
-        monkeypatch.setattr("ifrdem.simulation.tiling.SINGLE_TILE", 100)
+        monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
     disks = mixture(900)
     box, state = start(disks, 0.4)
     tracked = [0, 13, 400, 899]

@@ -18,7 +18,7 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.device import Device
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import RunPoint
+from ifrdem.simulation.steps.schedule import RunPoint
 
 COIN = (0.87, -0.88, 0.21, 0.0, 0.0)
 COMPARED = ("time", "position", "velocity", "spin", "collisions", "wall_collisions", "image")

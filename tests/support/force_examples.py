@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrdem.kernels.language import ti
+from ifrdem.kernels.compiler.language import ti
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Force, uniforms
 from ifrdem.model.laws.ifr import IFRLaw

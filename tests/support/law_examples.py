@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ifrdem.kernels.language import ti
-from ifrdem.kernels.law import ifr_impulses
+from ifrdem.kernels.compiler.language import ti
+from ifrdem.kernels.laws.law import ifr_impulses
 from ifrdem.model.laws.law import CollisionLaw
 
 

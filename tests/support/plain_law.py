@@ -1,7 +1,7 @@
-"""The collision law as ordinary Python on floats: `kernels/law.py` without declarations of the runtime.
+"""The collision law as ordinary Python on floats: `kernels/laws/law.py` without declarations of the runtime.
 
-The same bits as `ifrdem.kernels.law.collide_pair`; serial codes are twice as fast by it, because declared functions
-look at each argument.
+The same bits as `ifrdem.kernels.laws.law.collide_pair`; serial codes are twice as fast by it, because declared
+functions look at each argument.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 from unittest import mock
 
-from ifrdem.kernels import language, law
+from ifrdem.kernels.compiler import language
+from ifrdem.kernels.laws import law
 
 
 def _as_it_is(function: Any) -> Any:

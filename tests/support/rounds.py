@@ -1,4 +1,4 @@
-"""Hard disks in a periodic box: the events of a window in rounds, as `kernels/blocks.py` has them, and one by one.
+"""Hard disks in a periodic box: the events of a window in rounds, as in `kernels/windows/blocks.py`, and one by one.
 
 In plain Python, of a pair at a time, with formulas of its own: smooth elastic disks of mass and diameter 1. Only the
 rule, the certificate and its proof are those of the kernel.

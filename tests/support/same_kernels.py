@@ -30,16 +30,18 @@ from support.gases import COIN, ROLLING, equal_disks, mixture, start
 
 import ifrdem
 from ifrdem import ContactTime, Device, Rest
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, TableFriction
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Piston, Turn
 from ifrdem.model.walls.wall import Wall
-from ifrdem.simulation import backend, snapshot, tiling
+from ifrdem.simulation import backend
+from ifrdem.simulation.checkpoints import snapshot
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.tracking import Tracking
+from ifrdem.simulation.measuring.tracking import Tracking
+from ifrdem.simulation.windows import tiling
 from ifrdem.theory.driven_gas import Driving
 
 os.environ[runtime.variable("OFFLINE_CACHE_CLEANING_POLICY")] = "never"

@@ -17,7 +17,7 @@ from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
 from ifrdem.initial.placement import hexagonal_positions, maxwellian, random_positions
-from ifrdem.kernels.law import collide_pair
+from ifrdem.kernels.laws.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.density import path_in_collisions
 from ifrdem.model.laws.ifr import IFRLaw

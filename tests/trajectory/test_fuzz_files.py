@@ -24,7 +24,7 @@ from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.laws import IFRLaw
 from ifrdem.model.laws.records import to_record
 from ifrdem.runs import status
-from ifrdem.simulation import checkpoint
+from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 

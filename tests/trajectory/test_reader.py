@@ -18,7 +18,7 @@ from support.layout_files import BOX, FIELDS, some_disks, some_state, write
 import ifrdem
 from ifrdem.case.case import UNITS
 from ifrdem.errors import DamageError, InputError, TrajectoryError
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.runs.info import describe

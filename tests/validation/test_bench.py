@@ -24,7 +24,7 @@ from ifrdem.case import summary
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import EngineError, InputError
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 from ifrdem.simulation import backend
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.arguments import script

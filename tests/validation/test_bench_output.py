@@ -7,8 +7,8 @@ import json
 import pytest
 
 from ifrdem.case.gas import CaseGas
-from ifrdem.simulation.schedule import RunPlan
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.steps.schedule import RunPlan
 from ifrdem.tools.arguments import script
 from ifrdem.validation.speed import bench, output_cost
 from ifrdem.validation.speed.output_cost import FRAMES, between, cost

@@ -22,7 +22,7 @@ from support.gases import equal_disks, equilibrated, start
 
 import ifrdem.validation.speed
 from ifrdem import IFRLaw, InputError, Simulation, State
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 from ifrdem.model.observables import measure
 from ifrdem.tools.arguments import script
 from ifrdem.validation.speed import peers, serial_events, soft_disks, spheres

@@ -14,7 +14,7 @@ from support import manual
 
 from ifrdem import EngineError, InputError
 from ifrdem.cli import main as cli
-from ifrdem.kernels import runtime
+from ifrdem.kernels.compiler import runtime
 from ifrdem.validation.paper import (
     angles,
     energy,

@@ -35,7 +35,7 @@ WINDOW = 0.4  # collisions of a disk in a window, on both devices
 COIN = coins["1 pta"].law.table_row()
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.7, mu=0.2, rho=0.01).table_row()
 CLUSTERS, LONGER = "clusters", 6  # the gas that is followed so much longer than others
-# Disks of a tile: also more than most blocks of threads have room for (`kernels/blocks.py`).
+# Disks of a tile: also more than most blocks of threads have room for (`kernels/windows/blocks.py`).
 TILES = (30, 250, 900)
 BITS = "the same engine on the CPU"
 Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]

@@ -31,8 +31,8 @@ from ...case.summary import REFUSED_HERE
 from ...errors import EngineError, InputError, Stopped
 from ...runs import run as running
 from ...runs.outputs import Outputs
-from ...simulation import checks
-from ...simulation.turning import check_turning
+from ...simulation.start import checks
+from ...simulation.steps.turning import check_turning
 from ..report.registry import Result
 
 QUESTION = "Do check and the first step of a run agree on 2,000 random cases?"

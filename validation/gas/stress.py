@@ -39,8 +39,8 @@ from ...model.laws.ifr import IFRLaw
 from ...model.observables import Measure, Stress, stress
 from ...model.state import Disks, State
 from ...model.walls.wall import Wall
-from ...simulation.schedule import Trigger
 from ...simulation.simulation import Simulation
+from ...simulation.steps.schedule import Trigger
 from ...theory.sheared_gas import steady_state
 from ...tools.checked import Array
 from ..report import style

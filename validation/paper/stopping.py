@@ -42,7 +42,7 @@ class Slides:
 
 
 def _kernels() -> Any:
-    from ...kernels import table_friction  # imports Taichi, which is slow
+    from ...kernels.forces import table_friction  # imports Taichi, which is slow
     from ...simulation import backend
 
     backend.start()

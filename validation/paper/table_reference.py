@@ -1,4 +1,4 @@
-"""A disk on a table, computed by other means than `kernels/table_friction.py`: quadrature, and SciPy's integrator.
+"""A disk on a table, by other means than `kernels/forces/table_friction.py`: quadrature, and SciPy's integrator.
 
 Speeds and lengths are reduced: mu_s g = 1.
 """

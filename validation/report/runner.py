@@ -19,7 +19,7 @@ from typing import Any
 
 from ... import bullet
 from ...errors import InputError
-from ...kernels import runtime
+from ...kernels.compiler import runtime
 from ...simulation import backend
 from ...tools.files import write_text
 from ...tools.processes import ProcessDied, Worker

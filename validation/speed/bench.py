@@ -29,7 +29,7 @@ from ...case.case import UNITS, CaseSections
 from ...case.gas import CaseGas
 from ...case.objects import choose_runtime, device_of
 from ...errors import InputError
-from ...kernels import runtime
+from ...kernels.compiler import runtime
 from ...mpi import SERIAL, Communicator
 from ...simulation import backend
 from ...simulation.simulation import Simulation
@@ -369,7 +369,7 @@ def warm_up(simulation: Simulation) -> None:
 
 def timed(simulation: Simulation, seconds: float) -> TimedRun:
     """Run whole windows for at least so many seconds, and `LEAST_LAUNCHES`."""
-    from ...kernels.language import ti
+    from ...kernels.compiler.language import ti
 
     endless = 1e6 + 2.0 * simulation.collisions / simulation.disks.n
     collisions, before = simulation.collisions, asdict(simulation.statistics)
@@ -398,7 +398,7 @@ def timed(simulation: Simulation, seconds: float) -> TimedRun:
 
 def _profiled(simulation: Simulation, seconds: float) -> Profile:
     """A timed run under the runtime's profiler, which clocks each loop of a kernel (on a CPU 1 us fine)."""
-    from ...kernels.language import ti
+    from ...kernels.compiler.language import ti
 
     ti.sync()
     ti.profiler.clear_kernel_profiler_info()

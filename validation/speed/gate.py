@@ -26,7 +26,7 @@ from typing import Any
 from ...case.case import CaseSections
 from ...case.gas import CaseGas
 from ...errors import EngineError, InputError
-from ...kernels import runtime
+from ...kernels.compiler import runtime
 from ...tools.arguments import script
 from ...tools.checked import Positive, validated
 from . import bench

@@ -22,7 +22,7 @@ from scipy.stats import quantile_test
 from ...case.gas import CaseGas
 from ...case.output_section import ROWS_PER_FRAME
 from ...runs.recorder import Ledger, Recorder
-from ...simulation.schedule import RunPlan, RunPoint, Trigger
+from ...simulation.steps.schedule import RunPlan, RunPoint, Trigger
 from ...tools.arguments import script
 from ...trajectory.writer import TrajectoryWriter
 from . import bench

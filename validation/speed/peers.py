@@ -64,7 +64,7 @@ import numpy as np
 from ... import theory
 from ...errors import InputError
 from ...initial import placement
-from ...kernels import runtime
+from ...kernels.compiler import runtime
 from ...model.box import Box
 from ...model.laws.ifr import IFRLaw
 from ...model.observables import measure

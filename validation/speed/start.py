@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from ...errors import EngineError
-from ...kernels import runtime
+from ...kernels.compiler import runtime
 from ...tools.arguments import script
 
 # What else is imported is imported where it is needed: a process that is timed imports what a command does.
@@ -70,7 +70,7 @@ def _in_a_process(function: str, cache: str, arguments: list[str]) -> dict[str, 
 def start_a_gas(began: float, arguments: list[str]) -> None:
     """In a process of its own: run an elastic gas for a mean free time, by which every usual kernel has run."""
     from ...case.gas import CaseGas
-    from ...kernels.language import ti  # noqa: F401
+    from ...kernels.compiler.language import ti  # noqa: F401
     from . import bench
 
     imports = time.monotonic() - began

@@ -147,7 +147,7 @@ def collide(
 
 def _collided(law: CollisionLaw, motion: Sequence[Array]) -> tuple[Array, ...]:
     """Velocities and spins after, P_n, P_t, sticking, rolling; `motion` has the arguments of `relative_motion`."""
-    from ...kernels.law import after_impulses, relative_motion  # imports Taichi, which is slow
+    from ...kernels.laws.law import after_impulses, relative_motion  # imports Taichi, which is slow
 
     g_n, g_t, m_n, m_t = relative_motion(*motion)
     _, _, im_i, R_i, k_i, _, _, w_i, im_j, R_j, k_j, _, _, w_j = motion

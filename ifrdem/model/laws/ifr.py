@@ -1,7 +1,7 @@
 """The IFR law: its coefficients, and whether they can add energy.
 
 Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions". The formula
-itself is `ifrdem.kernels.law.collide_pair`.
+itself is `ifrdem.kernels.laws.law.collide_pair`.
 """
 
 from __future__ import annotations
@@ -142,8 +142,8 @@ class IFRLaw(CollisionLaw):
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
     is_proved: ClassVar[bool] = True
-    collide = FromKernels("law", "ifr")
-    parts = FromKernels("law", "ifr_parts")
+    collide = FromKernels("laws.law", "ifr")
+    parts = FromKernels("laws.law", "ifr_parts")
 
     e_n: float
     e_t: float

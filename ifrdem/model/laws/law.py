@@ -189,7 +189,7 @@ def check_law_constants(kind: type[CollisionLaw]) -> None:
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
     """Compiled form of a class of laws, a `kernels.layout.CompiledLaw`; one object for each class."""
-    from ...kernels.language import declared
+    from ...kernels.compiler.language import declared
     from ...kernels.layout import CompiledLaw
 
     if not isinstance(inspect.getattr_static(kind, "collide"), FromKernels):

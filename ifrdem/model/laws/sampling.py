@@ -38,8 +38,8 @@ def check_by_sampling(
     speed : float
         The fastest at the start [length/time].
     """
-    from ...kernels.contact import sample_law
-    from ...kernels.language import CompilationError
+    from ...kernels.compiler.language import CompilationError
+    from ...kernels.laws.contact import sample_law
     from ...kernels.layout import Uses
 
     check_law_constants(kind)

@@ -66,8 +66,8 @@ class Viscoelastic(CollisionLaw):
         "Y": Number(*_POSITIVE, "a number from 1e-100 to 1e100 (elastic modulus)"),
     })  # fmt: skip
     is_proved: ClassVar[bool] = True
-    collide = FromKernels("laws", "viscoelastic")
-    parts = FromKernels("laws", "viscoelastic_parts")
+    collide = FromKernels("laws.other_laws", "viscoelastic")
+    parts = FromKernels("laws.other_laws", "viscoelastic_parts")
 
     def __init__(
         self, *, A: float, Y: float, e_t: float = -1.0, mu: float = 0.0,
@@ -119,7 +119,7 @@ class Viscoelastic(CollisionLaw):
 
     def restitutions(self, g_n: ArrayLike, m_n: ArrayLike, R: float) -> Array:
         """e_n of pairs of effective masses [mass] and radius [length] that approach at g_n [length/time]; arrays."""
-        from ...kernels.laws import restitution  # imports Taichi, which is slow
+        from ...kernels.laws.other_laws import restitution  # imports Taichi, which is slow
 
         stiffness = 2.0 * self.Y * math.sqrt(R) / (3.0 * np.asarray(m_n, dtype=np.float64))
         b = 1.5 * self.A * stiffness**0.4 * np.asarray(g_n, dtype=np.float64) ** 0.2

@@ -51,8 +51,8 @@ class Walton(CollisionLaw):
         "mu": Number(0.0, 1e50, "a number from 0 to 1e50"),
     })  # fmt: skip
     is_proved: ClassVar[bool] = True
-    collide = FromKernels("laws", "walton")
-    parts = FromKernels("laws", "walton_parts")
+    collide = FromKernels("laws.other_laws", "walton")
+    parts = FromKernels("laws.other_laws", "walton_parts")
 
     @property
     def is_dissipative(self) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.kernels.law import collide_pair
+from ifrdem.kernels.laws.law import collide_pair
 from ifrdem.model.laws.ifr import EnergyWarning, IFRLaw
 
 ROUND_OFF = 1e-13  # energies are sums of some ten squares: f64 round-off, relative to the energy before

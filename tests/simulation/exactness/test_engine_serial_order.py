@@ -40,7 +40,7 @@ Serial = tuple[State, list[tuple[float, int, int]]]
 @pytest.fixture(autouse=True)
 def windows_of_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
     """Windows as short as those of gases that are divided: few disks have longer ones, which would need wide halos."""
-    monkeypatch.setattr("ifrdem.simulation.tiling.SINGLE_TILE", 100)
+    monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
 
 
 def assert_same_as_serial(

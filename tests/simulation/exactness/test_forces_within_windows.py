@@ -13,15 +13,17 @@ from support.gases import COIN, ROLLING, equal_disks, gas_of, mixture, run_to, s
 
 from ifrdem import Device
 from ifrdem.errors import EngineError
-from ifrdem.kernels.language import ti
+from ifrdem.kernels.compiler.language import ti
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Piston
 from ifrdem.model.walls.wall import Wall
-from ifrdem.simulation import backend, force_steps, snapshot
+from ifrdem.simulation import backend
+from ifrdem.simulation.checkpoints import snapshot
 from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.steps import force_steps
 
 ONE = Device(threads=1)
 ALL_SUMS = ["disk_energy", "partner", "angle"]

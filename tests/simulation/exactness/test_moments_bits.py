@@ -15,8 +15,8 @@ from test_same_bits import windows_of_tiles as windows_of_tiles
 from ifrdem import ContactTime
 from ifrdem.model.state import State
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import RunPoint
-from ifrdem.simulation.windows import Windows
+from ifrdem.simulation.steps.schedule import RunPoint
+from ifrdem.simulation.windows.windows import Windows
 
 LOOKED_AT = (*COMPARED, "angle", "last_partner", "dissipated", "latest_collision")
 KEPT: dict[str, Any] = {
@@ -75,7 +75,7 @@ def test_moments_in_windows_of_tiles_have_the_bits_of_the_serial_order(
 
 def little_room(monkeypatch: pytest.MonkeyPatch) -> None:
     """For 16 collisions at first."""
-    from ifrdem.simulation.arrays import DeviceArrays
+    from ifrdem.simulation.windows.arrays import DeviceArrays
 
     make_pairs, made_before = DeviceArrays.make_pairs, []
 

@@ -101,7 +101,7 @@ def test_faults_are_found_out(results: dict[str, dict[str, Any]]) -> None:
 
 @pytest.mark.parametrize("n", [1, 2**31 - 1, 2**31, 3 * 10**9, 2**32 - 1])
 def test_ids_of_up_to_2_to_the_32_disks_have_32_bits(n: int) -> None:
-    from ifrdem.simulation import ranks  # imports Taichi
+    from ifrdem.simulation.windows import ranks  # imports Taichi
 
     first = ranks.first_id(n)
     assert -(2**31) <= first <= first + n - 1 < 2**31

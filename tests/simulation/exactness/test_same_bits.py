@@ -23,8 +23,8 @@ from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.runner import TileRunner
-from ifrdem.simulation.windows import Windows
+from ifrdem.simulation.windows.runner import TileRunner
+from ifrdem.simulation.windows.windows import Windows
 
 pytestmark = pytest.mark.optimised
 
@@ -38,7 +38,7 @@ Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
 @pytest.fixture(autouse=True)
 def windows_of_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
     """Windows as short as those of gases that are divided: few disks have longer ones, which would need wide halos."""
-    monkeypatch.setattr("ifrdem.simulation.tiling.SINGLE_TILE", 100)
+    monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
 
 
 def periodic(
@@ -259,8 +259,8 @@ def with_half_halos_unverified(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def without_ghosts(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ifrdem.kernels.windows import verify
-    from ifrdem.simulation.arrays import DeviceArrays
+    from ifrdem.kernels.windows.windows import verify
+    from ifrdem.simulation.windows.arrays import DeviceArrays
 
     call = DeviceArrays._call
 
@@ -289,7 +289,7 @@ def hash_of(*collisions: tuple[float, int]) -> tuple[int, int]:
     backend.start()
     from support.kernels.histories import enter
 
-    from ifrdem.kernels.language import ti
+    from ifrdem.kernels.compiler.language import ti
 
     info = ti.Vector.ndarray(TABLES["event_info"].width, ti.i32, 1)
     time, partner = np.array([t for t, _ in collisions]), np.array([j for _, j in collisions], dtype=np.int32)
@@ -329,7 +329,7 @@ def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> No
     backend.start()
     from support.kernels.histories import enter_each
 
-    from ifrdem.kernels.language import ti
+    from ifrdem.kernels.compiler.language import ti
 
     n, rng = 2**20, np.random.default_rng(3)
     info = ti.Vector.ndarray(TABLES["event_info"].width, ti.i32, n)

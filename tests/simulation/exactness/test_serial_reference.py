@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from support.serial_reference import contact_delay, simulate
 
 from ifrdem.initial.placement import hexagonal_positions
-from ifrdem.kernels.law import collide_pair
+from ifrdem.kernels.laws.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 

@@ -303,8 +303,8 @@ def test_a_piston_through_a_periodic_side_and_too_many_disks_are_refused() -> No
     wall = Wall.segment((0.0, 5.0), (10.0, 5.0), piston=Piston(1.0))
     with pytest.raises(InputError, match="as a piston it would leave through a periodic side"):
         Simulation(disks, Box((10.0, 10.0), (False, True)), ELASTIC, start, walls=[wall])
-    from ifrdem.simulation.checks import check_pistons
     from ifrdem.simulation.engine import EngineOptions
+    from ifrdem.simulation.start.checks import check_pistons
 
     with pytest.raises(InputError, match="20001 disks, more than 20000, not supported"):
         check_pistons([wall], 20_001, EngineOptions())

@@ -20,7 +20,7 @@ from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import MECHANISMS
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import Wall
-from ifrdem.simulation import checkpoint
+from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.simulation.simulation import Simulation
 
 SLOW = 0.02

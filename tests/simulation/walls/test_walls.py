@@ -13,7 +13,7 @@ from support.serial_reference import simulate
 from ifrdem import Device, VelocityCutoff, forces
 from ifrdem.errors import InelasticCollapse, InputError
 from ifrdem.initial import maxwellian, random_positions
-from ifrdem.kernels.law import collide_pair
+from ifrdem.kernels.laws.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
@@ -388,7 +388,7 @@ def test_a_gas_that_starts_at_rest_falls_alike_in_tiles_and_in_one(monkeypatch: 
     box = Box((1.3 * side, 1.3 * side + 5.0), (True, False))
     found = []
     for alone in (20_000, 100):
-        monkeypatch.setattr("ifrdem.simulation.tiling.SINGLE_TILE", alone)
+        monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", alone)
         gas = Simulation(
             Disks(n, mass=1.0, radius=0.5), box, IFRLaw(e_n=0.9, e_t=-0.6, mu=0.3), start, gravity=(0.0, -1.0),
             device=Device(window_collisions=1.0),

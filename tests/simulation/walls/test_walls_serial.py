@@ -92,7 +92,7 @@ def test_collisions_with_disks_and_walls_are_those_of_the_serial_code(
     name: str, serial: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not serial:
-        monkeypatch.setattr("ifrdem.simulation.tiling.SINGLE_TILE", 50)
+        monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 50)
     walls, (e_n, e_t, mu, contact_point, rho), gravity = SCENES[name]
     sticking = "contact_point" if contact_point else "percussion_center"
     law = IFRLaw(e_n=e_n, e_t=e_t, mu=mu, sticking=sticking, rho=rho)

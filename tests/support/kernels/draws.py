@@ -1,6 +1,6 @@
 """A kernel that shows the random numbers of `kernels/random.py`. Import it only after `backend.start`."""
 
-from ifrdem.kernels.language import ti
+from ifrdem.kernels.compiler.language import ti
 from ifrdem.kernels.random import normals, uniforms, words
 
 

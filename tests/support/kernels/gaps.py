@@ -3,8 +3,8 @@
 Import only after `device.start`.
 """
 
-from ifrdem.kernels.language import Cube, Rows, Table
-from ifrdem.kernels.signature import Arrays, kernel
+from ifrdem.kernels.compiler.language import Cube, Rows, Table
+from ifrdem.kernels.compiler.signature import Arrays, kernel
 from ifrdem.kernels.walls.motion import wall_phases
 from ifrdem.kernels.walls.root import relative_motion, wall_time
 from ifrdem.kernels.walls.shapes import UNKNOWN, gap_of

@@ -1,8 +1,8 @@
 """A kernel that enters collisions into the history of a disk, for tests. Import only after `backend.start`."""
 
-from ifrdem.kernels.language import Rows, Table
-from ifrdem.kernels.particle import update_history_hash
-from ifrdem.kernels.signature import Arrays, kernel
+from ifrdem.kernels.compiler.language import Rows, Table
+from ifrdem.kernels.compiler.signature import Arrays, kernel
+from ifrdem.kernels.disks.particle import update_history_hash
 
 
 @kernel

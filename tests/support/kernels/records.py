@@ -1,7 +1,7 @@
 """Kernels that use columns by name, for tests. Import only after `backend.start`."""
 
-from ifrdem.kernels.language import ti
-from ifrdem.kernels.signature import Arrays, kernel
+from ifrdem.kernels.compiler.language import ti
+from ifrdem.kernels.compiler.signature import Arrays, kernel
 
 
 @kernel

@@ -23,15 +23,15 @@ from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 from ifrdem import ContactTime, Device
 from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
-from ifrdem.kernels import sums
 from ifrdem.kernels.columns import KIND, named
+from ifrdem.kernels.tiles import sums
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
+from ifrdem.model.forces import Drag, PoissonKicks, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
-from ifrdem.simulation import arrays, ranks, runner, tiling
 from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.windows import arrays, ranks, runner, tiling
 
 k.BLOCK_OF_TILES = sums.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
 tiling.SINGLE_TILE = 100  # windows as short as those of gases that are divided
@@ -103,6 +103,7 @@ def driven(make: Any = mixture) -> Gas:
         RandomKicks(0.05, power=1.0),
         SpinKicks(0.08, power=0.2),
         TableFriction(0.05, mu=0.02, gravity=10.0),
+        PoissonKicks(3.0, power=0.5),
     ]
     return periodic(0.3, COIN, 5.0, make, seed=3, record=["energy"], forces=[*forces, Drag(0.1, rate=0.3)])
 

@@ -18,8 +18,8 @@ from mpi4py import MPI
 from support.gases import COIN, mixture, start
 
 from ifrdem.model.forces import Rescale
-from ifrdem.simulation import tiling
 from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.windows import tiling
 
 tiling.GPU_CHAINS = 0.3  # halos that are too narrow for some tiles
 N, COMM = 700, MPI.COMM_WORLD

@@ -1,0 +1,9 @@
+"""What is read from a running gas.
+
+=============  =============================================
+`readout`      its present state
+`tracking`     every collision of tracked disks
+`window_log`   rows that the tiles of a window have recorded
+`extra_tally`  sums that only some gases have
+=============  =============================================
+"""

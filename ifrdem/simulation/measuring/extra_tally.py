@@ -1,0 +1,100 @@
+"""Columns of the tally that only some gases have, behind those of `columns.TALLY`.
+
+The virial, sums of walls, and energies that forces give within windows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...kernels.columns import LEVELS, PISTON_STATE, TALLY, VIRIAL, WALL_SUM, Named, named
+from ...kernels.walls.kinds import FREE
+
+
+@dataclass(frozen=True)
+class ExtraTally:
+    """The virial, heat and sums of walls, states of pistons, and energies that forces give, in this order.
+
+    The virial and the sums of walls are there if they are recorded.
+
+    Attributes
+    ----------
+    n_virial : int
+        Columns of the virial: 0 or 4.
+    thermal : array of int
+        Numbers of the thermal walls.
+    n_summed : int
+        Walls whose sums are recorded.
+    pistons : array of int
+        Rows of `walls` that are pistons.
+    n_forces : int
+        Forces that act within windows.
+    """
+
+    n_virial: int
+    thermal: NDArray[np.int64]
+    n_summed: int
+    pistons: NDArray[np.int64]
+    n_forces: int = 0
+
+    @classmethod
+    def of(cls, rows: NDArray[np.float64], *, summed: bool, stressed: bool) -> ExtraTally:
+        """The columns for rows of `walls`; their numbers are written in these rows.
+
+        Sums of walls are recorded if `summed`, the virial if `stressed`.
+        """
+        wall = named(rows, "walls")
+        owner = wall.owner.astype(np.int64)
+        thermal, pistons = np.unique(owner[wall.temperature > 0.0]), np.flatnonzero(wall.motion.kind == FREE)
+        found = cls(VIRIAL.width * stressed, thermal, int(owner.max()) + 1 if summed else 0, pistons)
+        if len(rows):
+            heat = found.n_virial + np.searchsorted(thermal, owner)
+            wall.heat = np.where(np.isin(owner, thermal), heat, -1)
+            wall.sums = found._first_sum + WALL_SUM.width * owner
+            wall.piston.sums[pistons] = found._first_piston + PISTON_STATE.width * np.arange(len(pistons))
+            wall.piston.next[pistons] = np.append(pistons[1:], -1)[: len(pistons)]
+        return found
+
+    @property
+    def _first_sum(self) -> int:
+        return self.n_virial + len(self.thermal)
+
+    @property
+    def _first_piston(self) -> int:
+        return self._first_sum + WALL_SUM.width * self.n_summed
+
+    @property
+    def first_force(self) -> int:
+        """Number of the first column of energies that forces give."""
+        return TALLY.width + self._first_piston + PISTON_STATE.width * len(self.pistons)
+
+    @property
+    def width(self) -> int:
+        """Number of all columns of the tally."""
+        return self.first_force + LEVELS * self.n_forces
+
+    def virial(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The virial in a tally, shape (2, 2): component of the momentum, then direction."""
+        return tally[TALLY.width : TALLY.width + self.n_virial].reshape(2, 2)
+
+    def heats(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Heat that each thermal wall gave [energy], shape (thermal walls,), of a tally."""
+        return tally[TALLY.width + self.n_virial : TALLY.width + self._first_sum]
+
+    def sums(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums of walls in a tally, shape (walls, 6): columns `model.walls.wall.SUMS`."""
+        return tally[TALLY.width + self._first_sum : TALLY.width + self._first_piston].reshape(
+            -1, WALL_SUM.width
+        )
+
+    def piston_states(self, tally: NDArray[np.float64]) -> Named:
+        """Displacement and speed of each piston in a tally, with the names of `columns.PISTON_STATE`."""
+        states = tally[TALLY.width + self._first_piston : self.first_force]
+        return Named(states.reshape(-1, PISTON_STATE.width), PISTON_STATE)
+
+    def gains(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Energy that each force gave within windows, in parts [energy], shape (forces, LEVELS)."""
+        return tally[self.first_force :].reshape(-1, LEVELS)

@@ -1,0 +1,8 @@
+"""What a gas starts from.
+
+==========  =====================================================
+`checks`    input that the engine refuses
+`features`  what a gas records, what its kernels are compiled for
+`start`     disks on one process or several ranks
+==========  =====================================================
+"""

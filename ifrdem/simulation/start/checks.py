@@ -1,0 +1,442 @@
+"""Input that the engine refuses before it makes any array: InputError says what is wrong, and what to do instead."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...kernels.columns import ADDRESSABLE, MOST_DISKS, MOST_IDS, SINGLE_TILE
+from ...model.box import Box
+from ...model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
+from ...model.gravity import RotatingGravity
+from ...model.overlaps import TOLERANCE
+from ...model.state import Disks, State
+from ...model.walls.checks import check as check_walls
+from ...model.walls.wall import Wall, wall_names
+from ...mpi import current
+
+if TYPE_CHECKING:
+    from ...model.forces import Force
+    from ..device import Device
+    from ..engine import EngineOptions
+    from .start import StartCounts
+
+MOST_JUMP = 0.01
+"""Jumps of disks at rest, in smallest radii: what is low against them."""
+MANTISSA = {"f32": 24, "f64": 53}
+"""Binary digits of a number."""
+COARSEST = 0.01
+"""Largest spacing of positions, and error of displacements, in smallest radii: contacts keep two digits."""
+MOST_BOXES = 2**31 - 1
+"""Boxes that a disk can travel: they are counted in 32 bits."""
+LEAST_REBOUND = {"f32": 1e-3, "f64": 1e-12}
+"""e_n below which rounding may leave a disk that hits a wall without any speed along the normal."""
+
+
+def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float64]) -> float:
+    """The largest velocity component or R |omega| of disks [length/time]; 0 without disks."""
+    return float(max(np.abs(velocity).max(initial=0.0), (np.abs(spin) * disks.radius).max(initial=0.0)))
+
+
+def hottest(walls: Iterable[Wall], forces: Iterable[Force]) -> float:
+    """The largest temperature of walls and thermostats [energy]; 0 without them."""
+    of_walls = (wall.temperature or 0.0 for wall in walls)
+    of_forces = (getattr(force, "hottest", 0.0) for force in forces)
+    return max([0.0, *of_walls, *of_forces])
+
+
+@np.errstate(over="ignore", under="ignore")
+def check_magnitudes(disks: Disks, box: Box, speed: float, precision: str, hottest: float = 0.0) -> None:
+    """Refuse units in which numbers that the kernels form would leave the range of their type, silently.
+
+    Squares of discriminants and inverse inertias go furthest; times must stay below FAR (`kernels/layout.py`). The
+    disks are as fast as `speed` (`fastest`); walls and thermostats may be as hot as `hottest` [energy].
+    """
+    low, high = (1e-30, 1e30) if precision == "f32" else (1e-280, 1e280)
+    finite = np.isfinite(disks.mass)
+    if not disks.n or not finite.any():
+        return
+    m, R, k = disks.mass[finite], disks.radius[finite], disks.k[finite]
+    v = max(speed, float(np.sqrt(hottest / m.min())))  # of disks that come from there, v and R omega alike
+    formed = {"m": m, "1 / m": 1.0 / m, "R^2": R * R, "k / (m R)": k / m / R, "k / (m R^2)": k / m / R / R}
+    if v > 0.0:
+        formed |= {"v^2": np.array([v * v]), "(R v)^2": (R * v) ** 2, "m v": m * v}
+    for name, values in formed.items():
+        if values.min() < low or values.max() > high:
+            worst = values.min() if values.min() < low else values.max()
+            raise InputError(
+                f"units: {name} = {worst:.3g} (v: the largest speed) lies outside of {low:g} to {high:g}, what "
+                f"{precision} can compute with; choose units in which masses, radii and speeds are nearer to 1"
+                + ("" if precision == "f64" else ', or precision "f64"')
+            )
+    if v > 0.0 and not box.is_open and max(box.lengths) / v > 1e27:
+        raise InputError(
+            f"units: a speed of {v:.3g} takes {max(box.lengths) / v:.3g} to cross the box: more than 1e27, the longest "
+            "time of the engine; choose a larger unit of time"
+        )
+
+
+def position_spacing(extent: float, precision: str) -> float:
+    """Spacing of the grid of positions [length] in a region of this extent [length]: a power of two."""
+    return 2.0 ** (math.ceil(math.log2(2.0 * extent)) - MANTISSA[precision])
+
+
+def check_resolved(n: int, radius: float, box: Box, precision: str) -> None:
+    """Refuse a box so large that its grid of positions is too coarse for disks of the smallest `radius` [length].
+
+    In single precision positions of more than SINGLE_TILE disks are relative to a tile, which other rules keep small.
+    """
+    if box.is_open or not n or (precision == "f32" and n > SINGLE_TILE):
+        return
+    spacing = position_spacing(max(box.lengths), precision)
+    if spacing > COARSEST * radius:
+        raise InputError(
+            f"a box of {box.lengths[0]:.4g} x {box.lengths[1]:.4g}: {precision} resolves positions to "
+            f"{spacing:.3g}, which must be at most a hundredth of the smallest radius, {radius:.4g}: choose a denser "
+            "gas, or fewer disks"
+        )
+
+
+def fly_alike(velocity: NDArray[np.float64]) -> bool:
+    """True if all velocities, shape (n, 2), are equal and not 0; each rank gives those of its slice."""
+    ends = np.concatenate([velocity.max(axis=0, initial=-np.inf), -velocity.min(axis=0, initial=np.inf)])
+    ends = np.max(current().allgather(ends), axis=0)
+    return bool(np.all(ends[:2] == -ends[2:]) and np.any(ends))
+
+
+def check_duration(begin: float, t_end: float, radius: float, box: Box, alone: float) -> None:
+    """Refuse a run so long that rounding loses the images of a sheared box, or a disk that never meets anything.
+
+    It lasts from `begin` to `t_end` [time]. `radius` is the smallest [length]; `alone` is the speed of disks that never
+    meet [length/time], 0 if any do. Images have moved since t = 0, disks since `begin`.
+    """
+    if box.is_open or not math.isfinite(t_end):
+        return
+    across = abs(box.shear_rate) * box.lengths[1]
+    for speed, duration, what in (
+        (across, t_end, "images across a sheared box move by"),
+        (alone, t_end - begin, "disks that never meet fly"),
+    ):
+        distance = speed * duration
+        error, boxes = distance * 2.0 ** -MANTISSA["f64"], distance / min(box.lengths)
+        if error > COARSEST * radius or (speed == alone and boxes > MOST_BOXES):
+            raise InputError(
+                f"{what} {distance:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding: "
+                f"must be a time of at most {duration * min(COARSEST * radius / error, MOST_BOXES / boxes):.2g}"
+            )
+
+
+def check_collapse(
+    collapse: Collapse | None,
+    disks: Disks,
+    box: Box,
+    walls: Sequence[Wall],
+    gravity: tuple[float, float],
+    forces: Sequence[Any],
+    law: type,
+    e_n: NDArray[np.float64] | None,
+    device: Device,
+) -> None:
+    """Refuse a remedy for inelastic collapse that does not hold in this gas; arguments as for `Engine`.
+
+    `e_n` (M, M) is that of each pair of materials; None for a law that has none. Walls include the sides of the box.
+    """
+    if isinstance(collapse, Rest):
+        _check_resting(disks, box, gravity, collapse, forces, law, device)
+    elif e_n is not None:
+        materials = np.unique(disks.material).tolist()
+        _check_rebound(e_n, materials, walls, box, gravity, collapse, device.precision)
+
+
+def _check_rebound(
+    e_n: NDArray[np.float64],
+    materials: Iterable[int],
+    walls: Sequence[Wall],
+    box: Box,
+    gravity: tuple[float, float],
+    collapse: Collapse | None,
+    precision: str,
+) -> None:
+    """Refuse disks that would stay on a wall after a hit because a remedy makes slow collisions elastic.
+
+    A hit with e_n = 0 leaves no speed along the normal, and an elastic collision without speed does nothing. What
+    presses a disk against its wall then is gravity, a curved wall, or one that accelerates. `e_n` (M, M) is that of
+    each pair of materials, `materials` are those of the disks; walls include the sides of the box.
+    """
+    if not isinstance(collapse, ContactTime | VelocityCutoff):
+        return
+    least = LEAST_REBOUND.get(precision, 0.0)
+    for w, wall in enumerate(walls):
+        if wall.temperature is not None or not (any(gravity) or wall.presses):
+            continue
+        for material in materials:
+            if (rebound := float(e_n[material, wall.material])) < least:
+                raise InputError(
+                    f"disks that hit {wall_names(walls, box)[w]} with e_n = {rebound:g} stay there without speed, and "
+                    f"with collapse = {collapse} the collision that follows is elastic, without speed, and does "
+                    f"nothing: e_n must be at least {least:g} there; or, under gravity, use collapse = Rest(speed)"
+                )
+
+
+def at_rest_on_walls(
+    position: NDArray[np.float64], velocity: NDArray[np.float64], radius: NDArray[np.float64], walls: Sequence[Wall],
+    gravity: tuple[float, float],
+) -> tuple[int, int] | None:  # fmt: skip
+    """Numbers of the first disk that lies on a wall at rest, and of the wall; None if none does.
+
+    It touches the wall to rounding, without speed along the normal, and gravity holds it there: it has no next
+    collision (`kernels/walls/root.py`). Places and velocities (n, 2), radii (n,).
+    """
+    noise = 1e-14 * np.abs(velocity).sum(axis=1)
+    for w, wall in enumerate(walls):
+        moves = wall.motion.kind != "still" or wall.turn.kind != "still" or wall.piston is not None
+        if not any(gravity) or moves or not wall.is_present(0.0):
+            continue
+        normal, distance = wall.normal(position)
+        error = 8.0 * np.finfo(np.float64).eps * (np.abs(position).sum(axis=1) + radius + wall.radius)
+        still = (distance - radius <= error) & (np.abs(np.sum(normal * velocity, axis=1)) <= noise)
+        if wall.shape == "line":
+            still &= normal @ np.array(gravity) < 0.0
+        if still.any():
+            return int(np.argmax(still)), w
+    return None
+
+
+def check_stored(largest: Mapping[str, float], precision: str) -> None:
+    """Refuse quantities, the largest of each by name, that a trajectory file in single precision cannot hold.
+
+    `precision` is "f4" or "f8".
+    """
+    limits = np.finfo(precision)
+    low, high = float(limits.tiny), float(limits.max)
+    for name, value in largest.items():
+        if value != 0.0 and not low <= value <= high:
+            raise InputError(
+                f'output.precision = "{precision}": {name} of {value:.3g} cannot be stored, only from {low:.3g} to '
+                f"{high:.3g}; choose units in which it is nearer to 1"
+                + (', or "f8"' if precision == "f4" else "")
+            )
+
+
+def check(
+    disks: Disks,
+    box: Box,
+    state: State,
+    counts: StartCounts,
+    materials: int,
+    walls: Sequence[Wall],
+    forces: Sequence[Force],
+    options: EngineOptions,
+    ranks: int,
+) -> None:
+    """Refuse what the engine cannot simulate; arguments as for `Engine`, `materials` the rows of the law's table.
+
+    Of ranks, `disks` and `state` may be those of a slice; `counts` are of all disks. Walls include sides of the box.
+    """
+    check_number(counts.n, ranks, "partner" in options.record)
+    n = disks.n
+    check_motion(disks, state)
+    if n and int(disks.material.max()) >= materials:
+        raise InputError(f"material index {disks.material.max()}: the law table has {materials} materials")
+    diameter = 2.0 * float(disks.radius.max()) if n else 0.0
+    shortest = box.shortest_period
+    if diameter > shortest / 3.0:
+        i = int(np.argmax(disks.radius))
+        raise InputError(
+            f"disk {i} has diameter {diameter:.6g}, more than a third of the periodic side {shortest:.6g}: "
+            "it could meet its own periodic image; use a larger box"
+        )
+    thermal = sum(wall.temperature is not None for wall in walls)
+    if n * thermal > ADDRESSABLE:  # each disk's heat from each
+        raise InputError(
+            f"{n} disks and {thermal} thermal walls: the engine's 32-bit indices allow {ADDRESSABLE // thermal} disks "
+            "with so many"
+        )
+    if box.shear_rate:
+        _check_sheared(disks, box, walls)
+    check_magnitudes(disks, box, counts.speed, options.device.precision, hottest(walls, forces))
+    check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.device.precision)
+    check_between_collisions(disks, box, options.start_gravity, forces)
+    check_walls(
+        walls, box, state.position, disks.radius, materials, float(state.time),
+        collisions=counts.collisions, tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
+    )  # fmt: skip
+
+
+def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
+    """Refuse more disks than 32-bit indices reach, which count disks of each rank, and ids of all of them.
+
+    Latest `partners` are stored as numbers of 32 bits, of which those below 0 mean walls.
+    """
+    if partners and n > ADDRESSABLE:
+        raise InputError(
+            f"record = ['partner']: {n} disks, and latest partners are known of {ADDRESSABLE} at most"
+        )
+    most = min(ranks * MOST_DISKS, MOST_IDS)
+    if n > most:
+        on = f" on {ranks} ranks" if ranks > 1 else " in one process"
+        least = -(-n // MOST_DISKS)
+        instead = f": run them on {least} ranks or more (mpiexec -n {least})" if n <= MOST_IDS else ""
+        raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}{instead}")
+
+
+def _check_resting(
+    disks: Disks, box: Box, gravity: tuple[float, float], collapse: Rest, forces: Sequence[Any], law: type,
+    device: Device,
+) -> None:  # fmt: skip
+    """Refuse disks at rest where the model of them does not hold (`kernels/events/rest.py`); arguments of `Engine`."""
+    from ...model.laws.ifr import IFRLaw
+
+    name = f"collapse = {collapse}"
+    if device.name != "cpu" or device.precision != "f64":
+        raise InputError(f'{name}: must be on a CPU in double precision (device "cpu", precision "f64")')
+    if disks.n > SINGLE_TILE:
+        raise InputError(
+            f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to "
+            f"{SINGLE_TILE}"
+        )
+    if not any(gravity):
+        raise InputError(
+            f"{name}: gravity = {gravity}, but only gravity holds disks on their supports; give one"
+        )
+    if law is not IFRLaw:
+        raise InputError(
+            f"{name}: the law is a {law.__name__}, but a contact that lasts needs mu and rho of an IFRLaw"
+        )
+    if forces:
+        raise InputError(
+            f"{name}: forces = {list(forces)}: disks at rest would not feel them; leave one of them out"
+        )
+    if not disks.movable.all():
+        raise InputError(
+            f"{name}: disk {int(np.argmin(disks.movable))} has an infinite mass; use walls (Wall.post) instead"
+        )
+    if box.shear_rate:
+        raise InputError(f"{name}: not supported in a sheared box")
+    pull = math.hypot(*gravity)
+    jump = 0.5 * collapse.speed**2 / pull
+    if disks.n and jump > MOST_JUMP * float(disks.radius.min()):
+        most = math.sqrt(2.0 * pull * MOST_JUMP * float(disks.radius.min()))
+        raise InputError(
+            f"{name}: disks would jump {jump:.3g} high, v_s^2 / 2g, more than a hundredth of the smallest radius, "
+            f"{disks.radius.min():.3g}; the resting speed must be at most {most:.3g}"
+        )
+
+
+def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: int = 1) -> None:
+    """Refuse pistons where the whole box is not computed in order, or gravity turns; arguments as for `Engine`."""
+    refused = {
+        f'device = "{options.device.name}"': options.device.name != "cpu",
+        f'precision = "{options.device.precision}"': options.device.precision != "f64",
+        f'order = "{options.order}"': options.order == "tiled",
+        f"several ranks (here are {ranks})": ranks > 1,
+        f"{n} disks, more than {SINGLE_TILE},": n > SINGLE_TILE,
+        f"collapse = {options.collapse}": isinstance(options.collapse, Rest),
+    }
+    for w, wall in enumerate(walls):
+        if wall.piston is None:
+            continue
+        if isinstance(options.gravity, RotatingGravity):
+            raise InputError(
+                f"wall {w} is a piston: cannot be combined with gravity that rotates ({options.gravity})"
+            )
+        for what, present in refused.items():
+            if present:
+                raise InputError(
+                    f"wall {w} is a piston: {what} not supported: every disk looks for it after each of its hits; run "
+                    f"it on a CPU in double precision, with up to {SINGLE_TILE} disks that do not rest"
+                )
+
+
+def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
+    """Refuse what cannot be on several ranks of MPI (`windows/ranks.py`), if there are several."""
+    if size == 1:
+        return
+    refused = {
+        f"precision = '{options.device.precision}'": options.device.precision != "f64",
+        "order = 'serial'": options.order == "serial",
+        f"tracked disks (histories) of more than {ADDRESSABLE} disks": tracked and n > ADDRESSABLE,
+        "an open box": box.is_open,
+        f"collapse = {options.collapse}": isinstance(options.collapse, Rest),
+    }
+    for what, present in refused.items():
+        if present:
+            raise InputError(
+                f"{what}: not supported on several ranks (here are {size}); run it without mpiexec"
+            )
+
+
+def check_motion(disks: Disks, state: State) -> None:
+    """Refuse immovable disks that move."""
+    moving = ~disks.movable & (np.any(state.velocity != 0.0, axis=1) | (state.spin != 0.0))
+    if np.any(moving):
+        i = int(np.argmax(moving))
+        raise InputError(
+            f"disk {i} has an infinite mass and moves (velocity {state.velocity[i]}, spin {state.spin[i]}): "
+            "an immovable disk must be at rest"
+        )
+
+
+def check_between_collisions(
+    disks: Disks, box: Box, gravity: tuple[float, float], forces: Sequence[Force]
+) -> None:
+    """Refuse gravity and forces that cannot act on these disks; arguments as for `Engine`."""
+    for axis, pull in enumerate(gravity):
+        if pull != 0.0 and box.is_open:
+            raise InputError(
+                f"gravity = {gravity}: disks would fall for ever in an open box; use a box that is not periodic, "
+                "with a floor"
+            )
+        if pull != 0.0 and box.periodic[axis]:
+            raise InputError(
+                f"gravity = {gravity}: disks would fall for ever in the periodic direction {'xy'[axis]}; make it "
+                "not periodic, with a floor"
+            )
+    if forces and disks.n and not np.all(np.isfinite(disks.mass)):
+        raise InputError(
+            "forces are not supported where disks of infinite mass are: use walls (Wall.post) instead"
+        )
+    if any(gravity) and forces:
+        from ...model.forces import TableFriction  # imports Taichi, as the making of a force did
+
+        if any(isinstance(force, TableFriction) for force in forces):
+            raise InputError(
+                f"gravity = {gravity}: along a table, table friction is not supported (a coin would have to stay where "
+                "friction holds it); leave one of them out"
+            )
+
+
+def _check_sheared(disks: Disks, box: Box, walls: Sequence[Wall]) -> None:
+    """Refuse what cannot be in a sheared box."""
+    if walls:
+        raise InputError(
+            f"walls: not supported in a sheared box (shear_rate = {box.shear_rate:g}), whose flow and images would "
+            "pass through them; use a box without shear_rate"
+        )
+    if not np.all(disks.movable):
+        i = int(np.argmin(disks.movable))
+        raise InputError(
+            f"disk {i} has an infinite mass: immovable disks are not supported in a sheared box (shear_rate = "
+            f"{box.shear_rate:g}), whose flow carries everything along"
+        )
+
+
+def check_forces(forces: object) -> None:
+    """Raise InputError unless it is a list of forces, none of them only the base class, or a class itself."""
+    if not isinstance(forces, Sequence) or isinstance(forces, str):
+        raise InputError(f"forces = {forces!r}: must be a list of forces, [force] for one")
+    if not forces:
+        return
+    from ...model.forces import Force  # imports Taichi, which is slow
+
+    for i, force in enumerate(forces):
+        if not isinstance(force, Force) or type(force).act is Force.act:
+            raise InputError(
+                f"forces[{i}] = {force!r}: must be an object of a class derived from ifrdem.forces.Force, with "
+                "a method act"
+            )

@@ -1,0 +1,131 @@
+"""The part of a gas that a process has: rows of the state in the lists of tiles, and sums of what tiles found.
+
+Imports the runtime: import this module only after `backend.start`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...kernels import layout as k
+from ...kernels.columns import named
+from ...kernels.tiles.sums import sum_shared
+from ...kernels.windows.planner import survey
+from ...model.state import DiskKinds, Disks
+from ...mpi import SERIAL, Communicator
+
+if TYPE_CHECKING:
+    from .arrays import DeviceArrays
+    from .runner import TileRunner
+
+
+def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums over blocks of BLOCK_OF_TILES rows, row after row, shape (blocks, columns)."""
+    padded = np.zeros((-(-len(rows) // k.BLOCK_OF_TILES), k.BLOCK_OF_TILES, rows.shape[1]))
+    padded.reshape(-1, rows.shape[1])[: len(rows)] = rows
+    found = padded[:, 0].copy()
+    for i in range(1, min(k.BLOCK_OF_TILES, len(rows))):
+        found += padded[:, i]
+    return found
+
+
+class Domain:
+    """All tiles and all disks, of a process by itself. `ranks.RankDomain` is what one of several ranks has.
+
+    `DeviceArrays` has one, whose `arrays` it is.
+    """
+
+    comm: Communicator = SERIAL
+    first_id: int = 0
+    """Number by which kernels know disk 0."""
+
+    def attach(self, arrays: DeviceArrays) -> None:
+        """Set the arrays of the engine."""
+        self.arrays = arrays
+
+    def first_slots(self, n: int) -> int:
+        """Slots for disks to begin with, of n disks."""
+        return max(n, 1)
+
+    def state_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
+        """Some rows of the state."""
+        found: NDArray[Any] = self.arrays.values(name)[at]
+        return found
+
+    def load(
+        self,
+        rows: dict[str, NDArray[Any]],
+        tile: NDArray[np.integer],
+        slot: NDArray[np.integer] | None = None,
+    ) -> None:
+        """List rows of the state, which are in order of ids, in their tiles: by `slot`, or by ids without it."""
+        self.list_rows(rows, tile, named(rows["meta"], "meta").id if slot is None else slot)
+
+    def list_rows(
+        self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], slot: NDArray[np.integer]
+    ) -> None:
+        """List rows of the state in their tiles, by `slot`, at the beginning of a window."""
+        a = self.arrays
+        order, part = np.lexsort((slot, tile)), int(a.grid.part)
+        with a.written(*rows) as arrays:
+            for array, values in zip(arrays, rows.values(), strict=True):
+                array[part * a.room : part * a.room + a.n] = values[order]
+        a.set_lists(part, np.bincount(tile, minlength=a.tiles))
+
+    def n_here(self, part: int) -> int:
+        """Number of disks that a part holds here."""
+        return self.arrays.n
+
+    def by_id(self, part: int, rows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+        """Rows that `read_out` filled for this part, in order of ids; of ranks, those of the own slice."""
+        return list(rows)
+
+    def sums(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums over all tiles of what each has, shape (tiles, columns): block by block, always in one order."""
+        return np.add.accumulate(sums_of_blocks(rows), axis=0)[-1]
+
+    def largest(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The largest of each column of what tiles have, shape (tiles, columns), 0 or more."""
+        found: NDArray[np.float64] = rows.max(axis=0)
+        return found
+
+    def share(self) -> None:
+        """Sum the results of all tiles again."""
+        self.arrays.launch(sum_shared, self.arrays.found.shape[0], 1)
+
+    # ------------------------------------------------------------------ a window
+
+    def survey(self, *, rough: bool) -> None:
+        """Look for the fastest disk, and add up squares of speeds, in units that `rough` surveys find."""
+        self.arrays.launch(survey, int(rough))
+
+    def run(
+        self, runner: TileRunner, most: int = 1, *, pausing: bool = False, resuming: bool = False
+    ) -> None:
+        """Run the present window in all tiles, or up to `most` windows, and verify the tiles.
+
+        `pausing` stops a gas in one tile at the requested moment; `resuming` continues from there.
+        """
+        runner.run_all(most, pausing=pausing, resuming=resuming)
+
+    def run_bad(self, runner: TileRunner) -> None:
+        """Run the bad tiles of the window again with wider halos, and verify all."""
+        runner.run_bad()
+
+    def run_whole_box(self, runner: TileRunner) -> None:
+        """Run the window by one thread, which has all disks."""
+        runner.launch(1)
+
+
+def domain_of(comm: Communicator, disks: Disks, kinds: Disks) -> Domain:
+    """The domain of this process: `disks` are those of the own slice, `kinds` those of all."""
+    if comm.size == 1:
+        return Domain()
+    from .ranks import RankDomain
+
+    assert isinstance(kinds, DiskKinds)
+    return RankDomain(comm, disks, kinds)

@@ -1,0 +1,146 @@
+"""The runtime that compiles the kernels: Taichi, or quadrants, its successor, which compiles the same language.
+
+A process has one runtime. It is chosen before the kernels are imported: by `choose` (the option `--runtime`, the key
+`run.runtime` of a case), else by the variable IFRDEM_RUNTIME of the environment, else it is the first of `NAMES` that
+is installed. This module imports neither.
+"""
+
+import contextlib
+import functools
+import importlib
+import importlib.metadata
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from ...errors import EngineError, InputError, nearest
+from . import start_patches
+
+NAMES = ("taichi", "quadrants")
+VARIABLE = "IFRDEM_RUNTIME"
+_PREFIXES = {"taichi": "TI", "quadrants": "QD"}  # of variables of the environment, and of the caches' names
+
+SAME_BITS = {("taichi", "1.7.4"), ("quadrants", "1.3.3"), ("quadrants", "1.4.0")}
+"""Names and versions of runtimes that gave equal bits on a CPU (`tests/support/same_kernels.py`)."""
+
+_loaded: str | None = None
+
+
+@functools.cache
+def version(name: str) -> str | None:
+    """Version of a runtime that is installed; None of one that is not."""
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _check(name: str, key: str) -> None:
+    """Raise InputError unless this is the name of a runtime that is installed."""
+    if name not in NAMES:
+        raise InputError(f"{key} = '{name}': must be {' or '.join(NAMES)}{nearest(name, NAMES)}")
+    if version(name) is None:
+        raise InputError(
+            f"{key} = '{name}': {name} is not installed: `pip install {name}`, or {_others(name)}"
+        )
+
+
+def _others(name: str) -> str:
+    """Remedy where a runtime is not installed: another one that is, or the command that installs one."""
+    present = [other for other in NAMES if other != name and version(other) is not None]
+    return f"use {present[0]}" if present else f"`pip install {' or '.join(set(NAMES) - {name})}`"
+
+
+def chosen() -> str:
+    """Name of the runtime of this process. InputError if the environment names none that is there."""
+    if _loaded is not None:
+        return _loaded
+    if name := os.environ.get(VARIABLE):
+        _check(name, VARIABLE)
+        return name
+    return next((name for name in NAMES if version(name) is not None), NAMES[0])
+
+
+def check(name: str | None, key: str = "runtime") -> None:
+    """Raise InputError, which names the `key`, if `choose` would."""
+    if name is None:
+        return
+    _check(name, key)
+    if _loaded not in (None, name):
+        raise InputError(
+            f"{key} = '{name}': must be '{_loaded}' in this process, whose kernels were imported with it: start "
+            f"another process, with {VARIABLE}={name} in its environment"
+        )
+
+
+def choose(name: str | None, key: str = "runtime") -> None:
+    """Choose the runtime of this process and of those that it starts; None leaves the choice as it is.
+
+    InputError, which names the `key`, if there is no such runtime, it is not installed, or kernels were imported with
+    the other one.
+    """
+    check(name, key)
+    if name is not None:
+        os.environ[VARIABLE] = name
+
+
+def is_loaded() -> bool:
+    """True if this process has imported its runtime, which it cannot change any more."""
+    return _loaded is not None
+
+
+def of_versions(versions: Mapping[str, str]) -> tuple[str, str]:
+    """Name and version of the runtime among versions of packages."""
+    return next(((name, versions[name]) for name in NAMES if name in versions), ("no runtime", ""))
+
+
+def variable(name: str) -> str:
+    """Name of a variable of the environment that the runtime reads, such as OFFLINE_CACHE_FILE_PATH."""
+    return f"{_PREFIXES[chosen()]}_{name}"
+
+
+def cache_name() -> str:
+    """Name that the runtime gives its folder of compiled kernels."""
+    return f"{_PREFIXES[chosen()].lower()}cache"
+
+
+def cache_lock() -> str:
+    """Path, in the folder of compiled kernels, of the file that locks it."""
+    return {"taichi": "ticache.lock", "quadrants": "kernel_compilation_manager/qdcache.lock"}[chosen()]
+
+
+def describe() -> str:
+    """The runtime and its version, and the other one if it is installed."""
+    used = chosen()
+    others = [f"{name} {version(name)}" for name in NAMES if name != used and version(name) is not None]
+    return f"{used} {version(used)}" + "".join(f" (also installed: {other})" for other in others)
+
+
+def have_same_bits(one: tuple[str, str], other: tuple[str, str], device: str) -> bool:
+    """True if two runtimes, by name and version, are known to give the same bits on a device."""
+    return one == other or (device == "cpu" and one in SAME_BITS and other in SAME_BITS)
+
+
+def is_known() -> bool:
+    """True if the chosen runtime is of a version that this program was tried with."""
+    return (chosen(), version(chosen())) in SAME_BITS
+
+
+def load() -> Any:
+    """Import the chosen runtime, which stays that of the process."""
+    global _loaded
+    name = chosen()
+    try:
+        with start_patches.short_import() if is_known() else contextlib.nullcontext():
+            module = importlib.import_module(name)
+    except ImportError as error:
+        why = f"{name} cannot be loaded ({error})"
+        if "X11" in str(error):
+            why += ": it needs libX11, which small images of Linux lack: apt install libx11-6, or dnf install libX11"
+        elif version(name) is None:
+            why += f": `pip install {name}`, or {_others(name)}"
+        raise EngineError(why) from error
+    if is_known():
+        start_patches.apply(module)
+    _loaded = name
+    return module

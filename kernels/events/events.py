@@ -1,0 +1,1015 @@
+"""The serial core: the events of one region of disks, in order, from the beginning of a window to its end.
+
+Disks lie in cells at least as wide as the largest of them, so that disks that touch are in adjacent cells. Each has one
+event: its collision or, if that is earlier, its crossing into the next cell. Bins over the time of the window are the
+queue.
+
+Only the disk that predicts a collision stores it. A partner that has collided since makes it stale: then the disk
+predicts again. None is missed: whenever the motion of a disk changes it looks at all its neighbours, and when it enters
+a cell, at those that become neighbours; so of any two that will meet, the one that looked last knows of it, or has an
+earlier event, at which it looks again.
+
+Positions and clocks of disks change at collisions only, never at crossings, and are rounded to the grid then. So
+histories depend neither on the cells nor on the region, only on the disks in it.
+"""
+
+from ..columns import LOSS, MECHANISM, TALLY
+from ..compiler.records import NamedVector
+from ..laws.contact import ELASTIC, ROLLS, STICKS, collided
+from ..forces.force_events import act_alone, act_on_all, kick_time
+from ..disks.force_times import action_time
+from ..disks.flights import bits_of, contact_delay, contact_signs, real_of, rounding
+from ..compiler.language import on_gpu, ti
+from ..layout import (
+    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS, NO_PARTNER,
+    OWN_ACTION, PAIRS,
+)  # fmt: skip
+from ..disks.particle import (
+    add, advance_to, charge, just_collided, kind_of, largest_speed, note_speed, radius_of, update_history_hash,
+    watched_row, write_motion,
+)  # fmt: skip
+from .rest import (
+    count_hit, fall_asleep, is_support, is_wedged, set_at_rest, set_in_motion, sleeps, time_to_sleeper, wake,
+)  # fmt: skip
+from ..disks.stress import add_virial_of_pair
+from ..tiles.tiles import head_at, layer_of, note_extremes, scale_of, write
+from ..walls.cells import first_wall, other_image
+from ..walls.collision import hit_wall
+from ..walls.images import from_partner, wall_of
+from ..walls.pistons import bounce, meets_piston, next_stop
+
+EMPTY = -1  # of bins and cells
+SEPARATING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
+RING = 16  # places for slots to come, of up to 9 cells; a power of two
+LEAST_ID = -(2**31)
+NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
+MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
+TOO_FAR = 1e6  # or a disk that would come so many times through its region in a window
+
+
+@ti.func
+def remove_event(i, bins, gas: ti.template()):
+    """Remove a disk from its bin."""
+    info = gas.event_info[i]
+    before, after = info.previous, info.next
+    if before != NOT_QUEUED:
+        if before < NOT_QUEUED:
+            gas.bin[bins - 2 - before] = after
+        else:
+            gas.event_info[before].next = after
+        if after >= 0:
+            gas.event_info[after].previous = before
+        info.previous = NOT_QUEUED
+
+
+@ti.func
+def insert_event(i, t, present, bins, n_bins, rate, gas: ti.template()):
+    """Put a disk whose event is at t into its bin, none before the `present` one; into none beyond the window."""
+    if t * rate < n_bins:
+        b = ti.min(ti.max(ti.cast(t * rate, ti.i32), present), n_bins - 1)
+        after = gas.bin[bins + b]
+        gas.event_info[i].next = after
+        gas.event_info[i].previous = -2 - b
+        if after >= 0:
+            gas.event_info[after].previous = i
+        gas.bin[bins + b] = i
+
+
+@ti.func
+def next_event(i, gas: ti.template()):
+    """Time at which the disk in slot i collides or leaves its cell."""
+    hit, leaves = gas.motion[i].t_hit, gas.motion[i].t_leave
+    return ti.select(leaves < hit, leaves, hit)
+
+
+@ti.func
+def precedes(i, k, gas: ti.template()):
+    """1 if the event of the disk in slot i, at the time of that in slot k, comes first: the smaller pair of ids."""
+    info, info_k = gas.event_info[i], gas.event_info[k]
+    a, b, c, d = info.id, info.id, info_k.id, info_k.id
+    if info.partner >= 0 and gas.motion[i].t_hit <= gas.motion[i].t_leave:
+        b = gas.event_info[info.partner].id
+    if info_k.partner >= 0 and gas.motion[k].t_hit <= gas.motion[k].t_leave:
+        d = gas.event_info[info_k.partner].id
+    low_1, high_1 = ti.min(a, b), ti.max(a, b)
+    low_2, high_2 = ti.min(c, d), ti.max(c, d)
+    if ti.static(gas.uses.actions):  # forces first: a disk predicts no collision at that time
+        if info.partner == OWN_ACTION and gas.motion[i].t_hit <= gas.motion[i].t_leave:
+            low_1 = ti.i32(LEAST_ID)
+        if info_k.partner == OWN_ACTION and gas.motion[k].t_hit <= gas.motion[k].t_leave:
+            low_2 = ti.i32(LEAST_ID)
+    return low_1 < low_2 or (low_1 == low_2 and high_1 < high_2)
+
+
+@ti.func
+def leaving(i, region: ti.template(), gas: ti.template()):
+    """Time at which the disk in slot i leaves its cell, and the side: 1 left, 2 right, 3 below, 4 above.
+
+    Cells at an end of the region that is no periodic side have no end there.
+    """
+    motion, info = gas.motion[i], gas.event_info[i]
+    cx, cy = info.cell >> 16, info.cell & 0xFFFF
+    nx, ny, factor = scale_of(layer_of(i, gas), region, gas)
+    side_x, side_y = factor * region.side_x, factor * region.side_y
+    x, y, vx, vy = motion.x, motion.y, motion.vx, motion.vy
+    if ti.static(gas.uses.sheared):
+        row = info.shear_row
+        if row != 0:  # in the frame of the region
+            vx += row * gas.scale.drift
+            x += row * (gas.scale.aside + gas.scale.drift * motion.tau)
+    # Without branches, which no processor foresees: of times as integers, which have the order of numbers from 0 on.
+    right, up = ti.cast(vx > 0.0, ti.i32), ti.cast(vy > 0.0, ti.i32)
+    never = bits_of(FAR + 0.0 * x)
+    to_x = bits_of((region.x + (cx + right) * side_x - x) / vx)
+    to_y = bits_of((region.y + (cy + up) * side_y - y) / vy)
+    moves_x, moves_y = ti.abs(vx) > 0.0, ti.abs(vy) > 0.0
+    to_x = ti.select(moves_x & ((region.wrap_x == 1) | (cx != right * (nx - 1))), to_x, never)
+    to_y = ti.select(moves_y & ((region.wrap_y == 1) | (cy != up * (ny - 1))), to_y, never)
+    side = ti.select(to_y < to_x, 3 + up, 1 + right)
+    earliest = real_of(ti.max(ti.min(to_x, to_y), 0 * never))
+    return motion.tau + earliest, side
+
+
+@ti.func
+def stays(i, horizon, region: ti.template(), gas: ti.template()):
+    """True if the disk in slot i does not leave its cell until a `horizon`; without the divisions of `leaving`."""
+    motion, info = gas.motion[i], gas.event_info[i]
+    _nx, _ny, factor = scale_of(layer_of(i, gas), region, gas)
+    dt = horizon - motion.tau
+    x, y = motion.x + motion.vx * dt - region.x, motion.y + motion.vy * dt - region.y
+    if ti.static(gas.uses.sheared):
+        x += info.shear_row * (gas.scale.aside + gas.scale.drift * horizon)
+    cx, cy = (
+        x - (info.cell >> 16) * (factor * region.side_x),
+        y - (info.cell & 0xFFFF) * (factor * region.side_y),
+    )
+    return (cx > 0.0) & (cx < factor * region.side_x) & (cy > 0.0) & (cy < factor * region.side_y)
+
+
+@ti.func
+def leave(i, side, region: ti.template(), gas: ti.template()):
+    """Move the disk in slot i into the next cell over a side; round the box where that is periodic."""
+    info, motion, image = gas.event_info[i], gas.motion[i], gas.image_info[i]
+    cx, cy = info.cell >> 16, info.cell & 0xFFFF
+    layer = layer_of(i, gas)
+    nx, ny, _factor = scale_of(layer, region, gas)
+    cell = head_at(cx, cy, layer, region, gas)
+    k = gas.head[cell]
+    if k == i:
+        gas.head[cell] = info.next_in_cell
+    else:
+        while gas.event_info[k].next_in_cell != i:
+            k = gas.event_info[k].next_in_cell
+        gas.event_info[k].next_in_cell = info.next_in_cell
+    if side <= 2:
+        step = 2 * side - 3
+        cx += step
+        if cx < 0 or cx >= nx:
+            cx -= step * nx
+            motion.x = motion.x - step * gas.scale.length_x
+            image.lap_x = image.lap_x + step
+            if ti.static(gas.uses.walled):
+                other_image(i, step, 0, gas)
+    else:
+        step = 2 * side - 7
+        cy += step
+        if cy < 0 or cy >= ny:
+            cy -= step * ny
+            motion.y = motion.y - step * gas.scale.length_y
+            image.lap_y = image.lap_y + step
+            if ti.static(gas.uses.walled):
+                other_image(i, 0, step, gas)
+    info.cell = (cx << 16) + cy
+    cell = head_at(cx, cy, layer, region, gas)
+    info.next_in_cell = gas.head[cell]
+    gas.head[cell] = i
+
+
+@ti.func
+def nearest(d, length, wraps):
+    """The shift by a box length that brings a separation nearest to 0, across a periodic side."""
+    shift = 0.0 * d
+    if wraps == 1:
+        if d > 0.5 * length:
+            shift = -length
+        elif d < -0.5 * length:
+            shift = length
+    return shift
+
+
+@ti.func
+def friction_column(regime):
+    """Column of losses to which friction in a collision belongs."""
+    return ti.select(regime % ROLLS == STICKS, MECHANISM.sticking, MECHANISM.sliding)
+
+
+@ti.func
+def enter_losses(tile, regime, lost, gas: ti.template()):
+    """Add the losses and the regime of a collision of two disks to the tally."""
+    loss = NamedVector(lost, LOSS)
+    add(tile, TALLY.losses.normal, loss.normal, gas)
+    add(tile, TALLY.losses.restitution, loss.restitution, gas)
+    add(tile, TALLY.losses[friction_column(regime)], loss.friction, gas)
+    add(tile, TALLY.losses.rolling, loss.rolling, gas)
+    add(tile, TALLY.regimes[ti.min(regime, ELASTICALLY)], 1.0, gas)
+
+
+@ti.func
+def charge_half(i, regime, lost, gas: ti.template()):
+    """Add half of the losses of a collision to those of the disk in slot i."""
+    loss = NamedVector(lost, LOSS)
+    charge(i, MECHANISM.normal, 0.5 * loss.normal, gas)
+    charge(i, MECHANISM.restitution, 0.5 * loss.restitution, gas)
+    charge(i, friction_column(regime), 0.5 * loss.friction, gas)
+    charge(i, MECHANISM.rolling, 0.5 * loss.rolling, gas)
+
+
+@ti.func
+def hit_sleepers(
+    a: ti.template(), b: ti.template(), t: ti.template(), since_a: ti.template(), since_b: ti.template(),
+    asleep_a: ti.template(), asleep_b: ti.template(), slow: ti.template(), inverse_a: ti.template(),
+    inverse_b: ti.template(), tile: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Wake the disks in slots a and b that sleep, or set their inverse mass to 0, if the hit is `slow`.
+
+    A slow hit leaves a sleeping disk asleep, like a wall. A harder one wakes it, and one by a disk that is wedged in.
+    """
+    if slow and asleep_a:
+        count_hit(b, t, since_b, gas)
+        slow = not is_wedged(b, t, gas)
+    elif slow and asleep_b:
+        count_hit(a, t, since_a, gas)
+        slow = not is_wedged(a, t, gas)
+    if slow:
+        inverse_a, inverse_b = ti.select(asleep_a, 0.0, inverse_a), ti.select(asleep_b, 0.0, inverse_b)
+    else:
+        if asleep_a:
+            wake(a, tile, gas)
+        if asleep_b:
+            wake(b, tile, gas)
+
+
+@ti.func
+def rest_after_hit(
+    a: ti.template(), b: ti.template(), t: ti.template(), tile: ti.template(), gas: ti.template()
+):
+    """Where one of the disks in slots a and b still sleeps, the other may fall asleep too."""
+    if sleeps(a, gas):
+        set_at_rest(a, t, gas)
+        fall_asleep(b, t, tile, gas)
+    elif sleeps(b, gas):
+        set_at_rest(b, t, gas)
+        fall_asleep(a, t, tile, gas)
+
+
+@ti.func
+def write_pair(a: ti.template(), b: ti.template(), t: ti.template(), tile: ti.template(), gas: ti.template()):
+    """Write a row of `pair` for a collision of the disks in slots a and b, if those of all pairs are written down."""
+    if (gas.grid.watching & PAIRS) > 0 and gas.event_info[a].own_rank > 0:
+        row = ti.atomic_add(gas.counter.n_pairs, 1)
+        if row < gas.grid.most_pairs:
+            gas.pair_time[row] = t
+            gas.pair[row].tile = tile
+            gas.pair[row].id, gas.pair[row].partner = gas.event_info[a].id, gas.event_info[b].id
+        else:
+            ti.atomic_or(gas.counter.full, FULL_PAIRS)
+
+
+@ti.func
+def write_collision(
+    a: ti.template(), b: ti.template(), t: ti.template(), rx: ti.template(), ry: ti.template(), r: ti.template(),
+    before: ti.template(), after: ti.template(), regime: ti.template(), tile: ti.template(), region: ti.template(),
+    gas: ti.template(),
+):  # fmt: skip
+    """Write a row of `event` for each of the disks in slots a and b that is tracked."""
+    for side in ti.static(range(2)):
+        one, other, sign = a, b, 1.0
+        if ti.static(side == 1):
+            one, other, sign = b, a, -1.0
+        row = watched_row(one, t, tile, region, gas)
+        if row >= 0:
+            gas.event[row].normal[0], gas.event[row].normal[1] = sign * rx / r, sign * ry / r
+            write_motion(row, t, 3 * side, before, after, gas)
+            gas.event_int[row].partner = gas.event_info[other].id
+            gas.event_int[row].regime = ti.select(regime >= ELASTIC, BY_REMEDY, BY_LAW)
+
+
+@ti.func
+def count_collision(
+    a: ti.template(), kind_a: ti.template(), regime: ti.template(), lost: ti.template(), rows: ti.template(),
+    faster: ti.template(), vx_a: ti.template(), new_vx_a: ti.template(), tile: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Add a collision of the disk in slot a, whose velocity along x changed, to the tally of the tile that owns it."""
+    if gas.event_info[a].own_rank > 0:
+        add(tile, TALLY.collisions, 1.0, gas)
+        if regime >= ELASTIC:
+            add(tile, TALLY.elastics, 1.0, gas)
+        if ti.static(gas.uses.tallied):
+            enter_losses(tile, regime, lost, gas)
+        if ti.static(gas.uses.sheared):
+            if rows != 0:
+                # a got the momentum m dv, and b, in a frame that is faster, the opposite.
+                gained = ti.cast((new_vx_a - vx_a) * faster, ti.f64)
+                add(tile, TALLY.flow_work, gained / gas.kinds[kind_a].inverse_mass, gas)
+
+
+@ti.func
+def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
+    """Collide the disks in slots i and j at time t, the smaller id first: the same bits from either side."""
+    a, b = i, j
+    if gas.event_info[j].id < gas.event_info[i].id:
+        a, b = j, i
+    persistent = 0
+    if ti.static(gas.uses.remembers):
+        persistent = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
+        gas.since[a] = t
+        gas.since[b] = t
+    since_a, since_b = gas.motion[a].tau, gas.motion[b].tau
+    advance_to(a, t, gas)
+    advance_to(b, t, gas)
+    asleep_a, asleep_b = sleeps(a, gas), sleeps(b, gas)
+    if ti.static(gas.uses.rests):
+        if asleep_a:
+            set_in_motion(a, t, gas)
+        if asleep_b:
+            set_in_motion(b, t, gas)
+    rx = gas.motion[b].x - gas.motion[a].x
+    ry = gas.motion[b].y - gas.motion[a].y
+    vx_b = gas.motion[b].vx
+    faster = 0.0 * t
+    rows = 0
+    if ti.static(gas.uses.sheared):
+        # In the frame of a's row, where b is faster.
+        rows = gas.event_info[b].shear_row - gas.event_info[a].shear_row
+        faster = rows * gas.scale.drift
+        rx += rows * gas.scale.aside + faster * t
+        vx_b += faster
+    rx += nearest(rx, gas.scale.length_x, region.wrap_x)
+    ry += nearest(ry, gas.scale.length_y, region.wrap_y)
+    r = ti.sqrt(rx * rx + ry * ry)
+    kind_a, kind_b = kind_of(a, gas), kind_of(b, gas)
+    p = ti.cast(gas.kinds[kind_a].material, ti.i32)
+    q = ti.cast(gas.kinds[kind_b].material, ti.i32)
+    vx_a = gas.motion[a].vx
+    vy_a_0, w_a_0, vy_b_0, w_b_0 = gas.motion[a].vy, gas.motion[a].spin, gas.motion[b].vy, gas.motion[b].spin
+    inverse_a, inverse_b = gas.kinds[kind_a].inverse_mass, gas.kinds[kind_b].inverse_mass
+    if ti.static(gas.uses.rests):
+        slow = ((vx_a - vx_b) * rx + (vy_a_0 - vy_b_0) * ry) / r < gas.scale.cutoff
+        hit_sleepers(a, b, t, since_a, since_b, asleep_a, asleep_b, slow, inverse_a, inverse_b, tile, gas)
+    new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b, regime, lost = collided(
+        p, q, rx / r, ry / r, inverse_a, gas.kinds[kind_a].radius, gas.kinds[kind_a].k, vx_a, gas.motion[a].vy,
+        gas.motion[a].spin, inverse_b, gas.kinds[kind_b].radius, gas.kinds[kind_b].k, vx_b, gas.motion[b].vy,
+        gas.motion[b].spin, persistent, gas,
+    )  # fmt: skip
+    gas.motion[a].vx, gas.motion[a].vy, gas.motion[a].spin = new_vx_a, vy_a, w_a
+    gas.motion[b].vx, gas.motion[b].vy, gas.motion[b].spin = new_vx_b - faster, vy_b, w_b
+    if ti.static(gas.uses.rests):
+        rest_after_hit(a, b, t, tile, gas)
+    update_history_hash(a, t, gas.event_info[b].id, gas)
+    update_history_hash(b, t, gas.event_info[a].id, gas)
+    note_speed(a, gas)
+    note_speed(b, gas)
+    gas.event_info[a].last = b
+    gas.event_info[b].last = a
+    write_pair(a, b, t, tile, gas)
+    if ti.static(gas.uses.watched):
+        before = ti.Vector([vx_a, vy_a_0, w_a_0, vx_b, vy_b_0, w_b_0])
+        after = ti.Vector([new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b])
+        write_collision(a, b, t, rx, ry, r, before, after, regime, tile, region, gas)
+    if ti.static(gas.uses.itemised):
+        charge_half(a, regime, lost, gas)
+        charge_half(b, regime, lost, gas)
+    count_collision(a, kind_a, regime, lost, rows, faster, vx_a, new_vx_a, tile, gas)
+    if ti.static(gas.uses.stressed):
+        add_virial_of_pair(
+            tile, a, b, kind_a, kind_b, new_vx_a - vx_a, vy_a - vy_a_0, new_vx_b - vx_b, vy_b - vy_b_0, rx, ry, gas
+        )  # fmt: skip
+
+
+@ti.func
+def sooner(t, j, best, partner, gas: ti.template()):
+    """1 if a meeting at t with the disk in slot j comes before that at `best`; ties fall to the smaller id."""
+    before = t < best
+    if t == best and t < FAR:
+        if partner >= 0:
+            before = gas.event_info[j].id < gas.event_info[partner].id
+        else:
+            before = partner <= FIRST_WALL  # walls come after all disks
+    return before
+
+
+@ti.func
+def separation(
+    j, x, y, vx, vy, tau, radius, shift_x, shift_y, info: ti.template(), gas: ti.template()
+):  # fmt: skip
+    """Position and velocity of an image of the disk in slot j relative to another disk, and their contact distance.
+
+    They hold from `start` on, which comes first of what is returned: since then both fly as they do now. Given of the
+    other disk: position, velocity, time of these, radius, row of `event_info`; of the image: its shift.
+    """
+    other = gas.motion[j]
+    tau_j = other.tau
+    start = ti.select(tau_j > tau, tau_j, tau)
+    vx_j, vy_j = other.vx, other.vy
+    from_i, from_j = start - tau, start - tau_j
+    # Differences of positions are exact. Seen from j, every term only changes its sign.
+    rx = ((other.x - x) + shift_x) + (vx_j * from_j - vx * from_i)
+    ry = ((other.y - y) + shift_y) + (vy_j * from_j - vy * from_i)
+    ux, uy = vx_j - vx, vy_j - vy
+    if ti.static(gas.uses.sheared):
+        rows = gas.event_info[j].shear_row - info.shear_row
+        if rows != 0:
+            rx += rows * (gas.scale.aside + gas.scale.drift * start)
+            ux += rows * gas.scale.drift
+    sigma = gas.scale.widest
+    if ti.static(gas.uses.mixed):
+        sigma = radius + radius_of(j, gas)
+    return start, rx, ry, ux, uy, sigma
+
+
+@ti.func
+def compare(
+    i: ti.template(), j: ti.template(), start: ti.template(), rx: ti.template(), ry: ti.template(),
+    ux: ti.template(), uy: ti.template(), sigma: ti.template(), size: ti.template(), last: ti.template(),
+    best: ti.template(), partner: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Replace `best` and `partner` by the meeting of the disks in slots i and j, if that is earlier.
+
+    Of disk i: |v_x| + |v_y| and latest partner. `start` and what follows are those of `separation`.
+    """
+    noise = ti.static(rounding()) * (size + (ti.abs(gas.motion[j].vx) + ti.abs(gas.motion[j].vy)))
+    t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
+    if j == last and gas.event_info[j].last == i:
+        # They separate since this start; but across a narrow box another image may come.
+        if rx * rx + ry * ry < SEPARATING * sigma * sigma:
+            t = FAR
+    if ti.static(gas.uses.rests):
+        asleep_i, asleep_j = sleeps(i, gas), sleeps(j, gas)
+        if asleep_i and asleep_j:
+            t = FAR
+        elif asleep_i or asleep_j:
+            # A parabola in the lab, of the one that flies about the other.
+            sign = ti.select(asleep_i, 1.0, -1.0)
+            gx, gy = gas.scale.gx, gas.scale.gy
+            t = start + time_to_sleeper(
+                sign * rx + 0.5 * gx * start * start, sign * ry + 0.5 * gy * start * start,
+                sign * ux + gx * start, sign * uy + gy * start,
+                noise, sigma, best - start, gas,
+            )  # fmt: skip
+    if sooner(t, j, best, partner, gas):
+        best = t
+        partner = j
+
+
+@ti.func
+def search_cells(
+    i: ti.template(), low_x: ti.template(), high_x: ti.template(), low_y: ti.template(), high_y: ti.template(),
+    own_x: ti.template(), own_y: ti.template(), halved: ti.template(), layer: ti.template(), nx: ti.template(),
+    ny: ti.template(), last: ti.template(), radius: ti.template(), size: ti.template(), best: ti.template(),
+    partner: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Compare the disk in slot i with those of a layer in columns and rows of cells, cell by cell: on a GPU."""
+    info, motion = gas.event_info[i], gas.motion[i]
+    x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
+    for column in range(low_x, high_x + 1):
+        ax = column
+        shift_x = 0.0 * x
+        if ax < 0:
+            ax += nx
+            shift_x = -gas.scale.length_x
+        elif ax >= nx:
+            ax -= nx
+            shift_x = gas.scale.length_x
+        first_y = low_y
+        if halved == 1 and column == own_x:
+            first_y = own_y
+        for row_of_cells in range(first_y, high_y + 1):
+            ay = row_of_cells
+            shift_y = 0.0 * x
+            if ay < 0:
+                ay += ny
+                shift_y = -gas.scale.length_y
+            elif ay >= ny:
+                ay -= ny
+                shift_y = gas.scale.length_y
+            j = gas.head[head_at(ax, ay, layer, region, gas)]
+            if halved == 1 and column == own_x and row_of_cells == own_y:
+                j = info.next_in_cell
+            while j >= 0:
+                following = gas.event_info[j].next_in_cell
+                if j != i:
+                    start, rx, ry, ux, uy, sigma = separation(
+                        j, x, y, vx, vy, tau, radius, shift_x, shift_y, info, gas
+                    )
+                    compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, gas)
+                j = following
+
+
+@ti.func
+def search_candidates(
+    i: ti.template(), low_x: ti.template(), high_x: ti.template(), low_y: ti.template(), high_y: ti.template(),
+    own_x: ti.template(), own_y: ti.template(), halved: ti.template(), layer: ti.template(), nx: ti.template(),
+    ny: ti.template(), last: ti.template(), radius: ti.template(), size: ti.template(), best: ti.template(),
+    partner: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """As `search_cells`, on a CPU: image of the box by image, and there, with two layers, by blocks of 3 x 3 cells."""
+    images = 9
+    if low_x >= 0 and high_x < nx and low_y >= 0 and high_y < ny:
+        images = 1
+    for image in range(images):
+        first_x, last_x, first_y, last_y = low_x, high_x, low_y, high_y
+        half_x, half_y = ti.select(halved == 1, own_x, -2 * nx), own_y
+        shift_x, shift_y = 0.0 * gas.scale.length_x, 0.0 * gas.scale.length_y
+        if images > 1:
+            box_x, box_y = image // 3 - 1, image % 3 - 1
+            shift_x, shift_y = box_x * gas.scale.length_x, box_y * gas.scale.length_y
+            first_x, last_x = ti.max(low_x - box_x * nx, 0), ti.min(high_x - box_x * nx, nx - 1)
+            first_y, last_y = ti.max(low_y - box_y * ny, 0), ti.min(high_y - box_y * ny, ny - 1)
+            half_x -= box_x * nx
+            half_y -= box_y * ny
+        if ti.static(gas.uses.layered):
+            for across in range((last_x - first_x + 3) // 3):
+                for along in range((last_y - first_y + 3) // 3):
+                    block_x, block_y = first_x + 3 * across, first_y + 3 * along
+                    search_block(
+                        i, block_x, ti.min(block_x + 2, last_x), block_y, ti.min(block_y + 2, last_y), half_x, half_y,
+                        shift_x, shift_y, layer, ny, last, radius, size, best, partner, region, gas,
+                    )  # fmt: skip
+        elif first_x <= last_x and first_y <= last_y:
+            search_block(
+                i, first_x, last_x, first_y, last_y, half_x, half_y, shift_x, shift_y, layer, ny, last, radius, size,
+                best, partner, region, gas,
+            )  # fmt: skip
+
+
+@ti.func
+def search_block(
+    i: ti.template(), first_x: ti.template(), last_x: ti.template(), first_y: ti.template(), last_y: ti.template(),
+    half_x: ti.template(), half_y: ti.template(), shift_x: ti.template(), shift_y: ti.template(),
+    layer: ti.template(), ny: ti.template(), last: ti.template(), radius: ti.template(), size: ti.template(),
+    best: ti.template(), partner: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Compare the disk in slot i with those in at most 3 x 3 cells, by one loop: only its end is hard to predict.
+
+    A ring holds the slots that are still to be compared: at first the head of each cell. One that is taken from it adds
+    the next in its cell, so it never holds more slots than there are cells. If cell (half_x, half_y) is among them, it
+    begins behind disk i, and its column there.
+    """
+    info, motion = gas.event_info[i], gas.motion[i]
+    x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
+    ring = ti.Vector([0] * RING, ti.i32)
+    end = 0
+    at = head_at(first_x, 0, layer, region, gas)
+    for column in range(first_x, last_x + 1):
+        begin_y = first_y
+        if column == half_x:
+            begin_y = ti.max(first_y, half_y)
+            if first_y <= half_y and half_y <= last_y:
+                begin_y += 1
+                ring[0] = info.next_in_cell
+                end = (ring[0] >> 31) + 1
+        for cell in range(at + begin_y, at + last_y + 1):
+            j = gas.head[cell]
+            ring[end] = j
+            end += (j >> 31) + 1  # empty cells are negative
+        at += ny
+    m = 0
+    while m < end:
+        j = ring[m & (RING - 1)]
+        m += 1
+        following = gas.event_info[j].next_in_cell
+        ring[end & (RING - 1)] = following
+        end += (following >> 31) + 1
+        # Of a disk and itself b = 0.
+        start, rx, ry, ux, uy, sigma = separation(j, x, y, vx, vy, tau, radius, shift_x, shift_y, info, gas)
+        signs = contact_signs(rx, ry, ux, uy, sigma, best - start)
+        if ti.static(gas.uses.rests):
+            if sleeps(i, gas) or sleeps(j, gas):
+                signs = -1
+        if signs < 0:
+            compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, gas)
+
+
+@ti.func
+def find(
+    i, x_low, x_high, y_low, y_high, half, best, partner, region: ti.template(), gas: ti.template()
+):  # fmt: skip
+    """The earliest meeting of the disk in slot i with those of the cells around its own, before `best`: time, partner.
+
+    Cells from (x_low, y_low) to (x_high, y_high) steps away. If `half`, only every other one of the nine, so that each
+    pair is compared once. With two layers, small disks look at the large cells around their own too, if `half` or if
+    they have just come into a large cell; large disks look at all small cells in the large ones, unless `half`.
+    """
+    info, motion = gas.event_info[i], gas.motion[i]
+    own_x, own_y = info.cell >> 16, info.cell & 0xFFFF
+    last = info.last
+    radius = gas.scale.widest * 0.5
+    if ti.static(gas.uses.mixed):
+        radius = radius_of(i, gas)
+    size = ti.abs(motion.vx) + ti.abs(motion.vy)
+    mine = layer_of(i, gas)
+    for other in range(ti.static(2 if gas.uses.layered else 1)):
+        layer = other
+        if ti.static(not gas.uses.layered):
+            layer = mine
+        nx, ny, _factor = scale_of(layer, region, gas)
+        low_x, high_x, low_y, high_y = own_x + x_low, own_x + x_high, own_y + y_low, own_y + y_high
+        halved = half
+        if ti.static(gas.uses.layered):
+            if mine == 0 and layer == 1:
+                low_x, high_x, low_y, high_y = around(
+                    own_x, own_y, x_low, x_high, y_low, y_high, half, region
+                )
+                halved = 0
+            elif mine == 1 and layer == 0:
+                low_x, high_x = low_x * region.coarse, (high_x + 1) * region.coarse - 1
+                low_y, high_y = low_y * region.coarse, (high_y + 1) * region.coarse - 1
+                if half == 1:
+                    high_x = low_x - 1
+                halved = 0
+        if region.wrap_x == 0:
+            low_x, high_x = ti.max(low_x, 0), ti.min(high_x, nx - 1)
+        if region.wrap_y == 0:
+            low_y, high_y = ti.max(low_y, 0), ti.min(high_y, ny - 1)
+        if ti.static(on_gpu()):
+            search_cells(
+                i, low_x, high_x, low_y, high_y, own_x, own_y, halved, layer, nx, ny, last, radius, size, best, partner,
+                region, gas,
+            )  # fmt: skip
+        else:
+            search_candidates(
+                i, low_x, high_x, low_y, high_y, own_x, own_y, halved, layer, nx, ny, last, radius, size, best, partner,
+                region, gas,
+            )  # fmt: skip
+    return best, partner
+
+
+@ti.func
+def around(own_x, own_y, x_low, x_high, y_low, y_high, half, region: ti.template()):
+    """The large cells, first and last column and row, that a small disk searches; none if it entered no large one."""
+    m = region.coarse
+    cx, cy = own_x // m, own_y // m
+    low_x, high_x, low_y, high_y = cx - 1, cx + 1, cy - 1, cy + 1
+    if half == 0 and x_low == x_high:
+        low_x = high_x = cx + x_low
+        if own_x - m * cx != ti.select(x_low == 1, 0, m - 1):
+            high_x = low_x - 1
+    elif half == 0 and y_low == y_high:
+        low_y = high_y = cy + y_low
+        if own_y - m * cy != ti.select(y_low == 1, 0, m - 1):
+            high_y = low_y - 1
+    return low_x, high_x, low_y, high_y
+
+
+@ti.func
+def predict(
+    i, x_low, x_high, y_low, y_high, half, keeps, horizon, region: ti.template(), gas: ti.template()
+):  # fmt: skip
+    """Find the next event of the disk in slot i in the cells of `find`, or keep the present one (`keeps`); its time.
+
+    Collisions are found up to a `horizon`.
+    """
+    motion, info = gas.motion[i], gas.event_info[i]
+    best, partner = horizon, NO_PARTNER
+    if ti.static(gas.uses.actions):
+        acts = action_time(i, gas)
+        if acts <= horizon:
+            best, partner = acts, OWN_ACTION
+    if keeps == 1:
+        if info.partner != NO_PARTNER:
+            best, partner = motion.t_hit, info.partner
+    before = partner
+    best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
+    if ti.static(gas.uses.walled and not gas.uses.rests):
+        best, partner = first_wall(i, best, partner, region, gas)
+    elif ti.static(gas.uses.walled):
+        if not sleeps(i, gas):
+            best, partner = first_wall(i, best, partner, region, gas)
+    if partner == NO_PARTNER:
+        best = FAR + 0.0 * horizon
+    elif partner >= 0 and partner != before:
+        info.partner_number = gas.event_info[partner].number
+    motion.t_hit = best
+    info.partner = partner
+    leaves, side = FAR + 0.0 * horizon, 0
+    if ti.static(gas.uses.forced):
+        if not stays(i, ti.min(best, horizon), region, gas):
+            leaves, side = leaving(i, region, gas)
+    else:
+        leaves, side = leaving(i, region, gas)
+    if ti.static(gas.uses.rests):
+        if sleeps(i, gas):
+            leaves = FAR
+    motion.t_leave, info.direction = leaves, side
+    return ti.select(best < leaves, best, leaves)
+
+
+@ti.func
+def earliest_event(
+    i: ti.template(), t: ti.template(), present: ti.template(), bins: ti.template(), last: ti.template(),
+    gas: ti.template(),
+):  # fmt: skip
+    """Set i to the slot of the disk whose event comes next, and t to its time; i stays EMPTY if no bin before `last`
+    has one."""
+    while i < 0 and present < last:
+        i = gas.bin[bins + present]
+        if i < 0:
+            present += 1
+    if i >= 0:
+        t = next_event(i, gas)
+        k = gas.event_info[i].next
+        while k >= 0:
+            t_k = next_event(k, gas)
+            if t_k < t:
+                i, t = k, t_k
+            elif t_k == t:
+                if precedes(k, i, gas):
+                    i, t = k, t_k
+            k = gas.event_info[k].next
+
+
+@ti.func
+def check_moment(
+    i: ti.template(), t: ti.template(), moment: ti.template(), written: ti.template(), writing: ti.template(),
+    active: ti.template(), pausing: ti.template(), pauses: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Set `writing` to the time of the tally that is due before the event of the disk in slot i at t, if one is."""
+    if moment < FAR and (i < 0 or t > moment):
+        writing = AT_MOMENT + written
+        written += 1
+        moment = gas.scale.moment[written]
+        if pausing == 1:
+            gas.counter.paused = pauses
+            active = 0
+    elif i < 0:
+        writing, active = AT_END, 0
+
+
+@ti.func
+def write_here(
+    n: ti.template(), tile: ti.template(), writing: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Write the own disks of a tile, by one thread; at the end of a window on a CPU only."""
+    if ti.static(on_gpu()):
+        if writing != AT_END:
+            write(n, tile, writing, 0, 1, region, gas)
+    else:
+        fastest, squares, event_squares, excursion, farthest, overhang = write(
+            n, tile, writing, 0, 1, region, gas
+        )
+        if writing == AT_END:
+            note_extremes(tile, fastest, squares, event_squares, excursion, farthest, overhang, gas)
+
+
+@ti.func
+def cross_side(
+    i: ti.template(), keeps: ti.template(), x_low: ti.template(), x_high: ti.template(), y_low: ti.template(),
+    y_high: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Move the disk in slot i into the next cell, and have it look at the cells that become adjacent."""
+    side = gas.event_info[i].direction
+    leave(i, side, region, gas)
+    keeps = 1
+    if side <= 2:
+        x_low, x_high = 2 * side - 3, 2 * side - 3
+    else:
+        y_low, y_high = 2 * side - 7, 2 * side - 7
+
+
+@ti.func
+def pause_after(
+    t: ti.template(), tile: ti.template(), moment: ti.template(), written: ti.template(), pausing: ti.template(),
+    pauses: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Pause at t if the collision there was the last one requested."""
+    if pausing == 1 and pauses == 1:
+        if gas.sums.collisions + gas.tally[tile, AT_END].collisions >= gas.clock.wanted:
+            moment, written, pauses = t, 0, BY_COUNT
+            gas.scale.moment[0] = t
+
+
+@ti.func
+def meet_wall(
+    i: ti.template(), partner: ti.template(), t: ti.template(), n: ti.template(), tile: ti.template(),
+    n_searching: ti.template(), all_search: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Collide the disk in slot i with its wall. After one with a piston all disks look for theirs again."""
+    since = gas.motion[i].tau
+    if ti.static(gas.uses.pistons):
+        if meets_piston(i, gas) == 1:
+            n_searching, all_search = n, 1
+    regime = hit_wall(i, t, tile, region, gas)
+    if ti.static(gas.uses.rests):
+        if regime >= ELASTIC and is_support(wall_of(from_partner(partner)), gas):
+            count_hit(i, t, since, gas)
+            fall_asleep(i, t, tile, gas)
+
+
+@ti.func
+def check_progress(
+    n: ti.template(), offset: ti.template(), t: ti.template(), window: ti.template(), events: ti.template(),
+    checked: ti.template(), checked_at: ti.template(), active: ti.template(), region: ti.template(),
+    gas: ti.template(),
+):  # fmt: skip
+    """End the events if time has not advanced since `checked_at`: so many events without progress have no end."""
+    if t - checked_at < 1e-9 * window:
+        stalled = 1
+        for m in range(offset, offset + n):
+            if not (largest_speed(m, gas) * window <= TOO_FAR * (region.nx * region.side_x)):
+                stalled = 2  # also of a speed that is no number
+        ti.atomic_max(gas.counter.stalled, stalled)
+        active = 0
+    checked, checked_at = events, t
+
+
+@ti.func
+def look_for_pistons(
+    i: ti.template(), q: ti.template(), offset: ti.template(), bins: ti.template(), all_search: ti.template(),
+    x_low: ti.template(), x_high: ti.template(), keeps: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """After an event of a piston, have disk number q look at walls, and at disks too if it is to meet a piston."""
+    if all_search == 1:
+        i = offset + q
+        remove_event(i, bins, gas)
+        x_low, x_high, keeps = 1, 0, 1  # at no disk, but at walls
+        if meets_piston(i, gas) == 1:
+            x_low, x_high, keeps = -1, 1, 0
+
+
+@ti.func
+def begin_queue(
+    n: ti.template(), n_bins: ti.template(), offset: ti.template(), bins: ti.template(), rate: ti.template(),
+    fresh: ti.template(), resuming: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Empty the bins, unless a window is resumed. On a GPU a team has predicted first events: put them into bins."""
+    if resuming == 0:
+        fresh = 0
+        for b in range(n_bins):
+            gas.bin[bins + b] = EMPTY
+    if ti.static(on_gpu()):
+        fresh = n
+        for i in range(offset, offset + n):
+            insert_event(i, next_event(i, gas), 0, bins, n_bins, rate, gas)
+
+
+@ti.func
+def first_force(row: ti.template(), resuming: ti.template(), gas: ti.template()):
+    """Set `row` to that of `kicks` which acts first in a window, or in the rest of it."""
+    row = ti.cast(gas.clock.acted, ti.i32)
+    if resuming == 1:
+        row = ti.cast(gas.clock.next_kick, ti.i32)
+
+
+@ti.func
+def expect_forces(
+    row: ti.template(), acts: ti.template(), horizon: ti.template(), last: ti.template(), rate: ti.template(),
+    n_bins: ti.template(), window: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Set when forces act next, by row `row` of `kicks`: nothing is predicted beyond that `horizon`, or binned."""
+    acts = kick_time(row, gas)
+    horizon = ti.min(acts, window)
+    last = ti.min(ti.cast(horizon * rate, ti.i32) + 1, n_bins)
+
+
+@ti.func
+def apply_forces(
+    i: ti.template(), t: ti.template(), n: ti.template(), tile: ti.template(), row: ti.template(), acts: ti.template(),
+    horizon: ti.template(), last: ti.template(), present: ti.template(), fresh: ti.template(), kicked: ti.template(),
+    moment: ti.template(), rate: ti.template(), n_bins: ti.template(), window: ti.template(), region: ti.template(),
+    gas: ti.template(),
+):  # fmt: skip
+    """Have forces act on all disks if that comes before the event of disk i at t: then all look around again."""
+    if acts <= window and (i < 0 or t > acts) and acts <= moment:
+        kicked = 1
+        end = row + 1
+        while kick_time(end, gas) == acts:
+            end += 1
+        act_on_all(n, row, end, acts, tile, region, gas)
+        if acts < window:
+            present, fresh = ti.min(ti.cast(acts * rate, ti.i32), n_bins - 1), 0
+        row = end
+        expect_forces(row, acts, horizon, last, rate, n_bins, window, gas)
+
+
+@ti.func
+def earliest_stop(
+    i: ti.template(), t: ti.template(), stop: ti.template(), stopped: ti.template(), offset: ti.template(),
+    gas: ti.template(),
+):  # fmt: skip
+    """Set `stopped` to the piston that meets a stop before t, and t to that time; -1 if none does."""
+    stop, stopped = next_stop(gas)
+    if stop < t:
+        i, t = offset, stop
+    else:
+        stopped = -1
+
+
+@ti.func
+def run_event(
+    i: ti.template(), t: ti.template(), n: ti.template(), tile: ti.template(), bins: ti.template(),
+    second: ti.template(), n_searching: ti.template(), all_search: ti.template(), keeps: ti.template(),
+    x_low: ti.template(), x_high: ti.template(), y_low: ti.template(), y_high: ti.template(), moment: ti.template(),
+    written: ti.template(), pausing: ti.template(), pauses: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """The event of the disk in slot i at time t: it crosses into the next cell, or collides with a disk or a wall."""
+    remove_event(i, bins, gas)
+    partner = gas.event_info[i].partner
+    if gas.motion[i].t_leave < gas.motion[i].t_hit:
+        cross_side(i, keeps, x_low, x_high, y_low, y_high, region, gas)
+    elif partner >= 0:
+        if gas.event_info[partner].number == gas.event_info[i].partner_number:
+            remove_event(partner, bins, gas)
+            collide(i, partner, t, tile, region, gas)
+            second, n_searching = partner, 2
+            pause_after(t, tile, moment, written, pausing, pauses, gas)
+    else:
+        is_action = False
+        if ti.static(gas.uses.actions):
+            is_action = partner == OWN_ACTION
+            if is_action:
+                act_alone(i, t, tile, region, gas)
+        if ti.static(gas.uses.walled):
+            if not is_action:
+                meet_wall(i, partner, t, n, tile, n_searching, all_search, region, gas)
+
+
+@ti.func
+def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
+    """All events of a window in a region of n disks at places from `places` on, which are prepared.
+
+    Own disks are written at requested moments, and, on a CPU, at the end; on a GPU a team does this, which has
+    predicted their first events too. A gas in one tile may pause at a moment, or after the last of so many collisions,
+    and continues when `resuming`.
+    """
+    offset, bins = region.lane * gas.grid.lane_slots, region.lane * gas.grid.bins
+    window = gas.scale.window
+    moment = gas.scale.moment[0]
+    present, fresh, written, active = 0, n, 0, 1
+    pausing = gas.counter.pausing
+    pauses = 1
+    events, checked, checked_at = 0, 0, 0.0 * window
+    patience = MANY_EVENTS + 20 * n
+    rate = n_bins / window
+    begin_queue(n, n_bins, offset, bins, rate, fresh, resuming, gas)
+    row, acts, horizon, last_bin = 0, FAR + 0.0 * window, window, n_bins
+    if ti.static(gas.uses.forced):
+        first_force(row, resuming, gas)
+        expect_forces(row, acts, horizon, last_bin, rate, n_bins, window, gas)
+    while active == 1:
+        # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
+        n_searching, first, second, half = 0, 0, 0, 0
+        all_search, stop, stopped = 0, window, -1  # for a piston, after an event of it
+        x_low, x_high, y_low, y_high = -1, 1, -1, 1
+        keeps = 0
+        if fresh < n:
+            first, n_searching, half, x_low = offset + fresh, 1, 1, 0
+            fresh += 1
+        else:
+            i = EMPTY
+            t = window
+            earliest_event(i, t, present, bins, last_bin, gas)
+            if ti.static(gas.uses.pistons):
+                earliest_stop(i, t, stop, stopped, offset, gas)
+            writing, kicked = -1, 0
+            if ti.static(gas.uses.forced):
+                apply_forces(
+                    i, t, n, tile, row, acts, horizon, last_bin, present, fresh, kicked, moment, rate, n_bins, window,
+                    region, gas,
+                )  # fmt: skip
+            if kicked == 0:
+                check_moment(i, t, moment, written, writing, active, pausing, pauses, gas)
+            if kicked == 1:
+                pass
+            elif writing >= 0:
+                write_here(n, tile, writing, region, gas)
+            elif stopped >= 0:
+                events += 1
+                if ti.static(gas.uses.pistons):
+                    bounce(stopped, t, gas)
+                n_searching, all_search = n, 1
+                present = ti.min(present, n_bins - 1)  # for disks that meet it later in this window
+            else:
+                events += 1
+                first, n_searching = i, 1
+                run_event(
+                    i, t, n, tile, bins, second, n_searching, all_search, keeps, x_low, x_high, y_low, y_high, moment,
+                    written, pausing, pauses, region, gas,
+                )  # fmt: skip
+                if events - checked > patience:
+                    check_progress(n, offset, t, window, events, checked, checked_at, active, region, gas)
+        for q in range(n_searching):
+            i = first
+            if q == 1:
+                i = second
+            if ti.static(gas.uses.pistons):
+                look_for_pistons(i, q, offset, bins, all_search, x_low, x_high, keeps, gas)
+            t = predict(i, x_low, x_high, y_low, y_high, half, keeps, horizon, region, gas)
+            if ti.static(gas.uses.forced):
+                if t <= horizon:
+                    insert_event(i, t, present, bins, n_bins, rate, gas)
+            else:
+                insert_event(i, t, present, bins, n_bins, rate, gas)
+    if ti.static(gas.uses.forced):
+        if pausing == 1:
+            gas.clock.next_kick = ti.cast(row, ti.f64)
+    ti.atomic_add(gas.counter.n_events, events)

@@ -1,0 +1,726 @@
+"""Tiles with halos: gathering disks for a window, writing them at its end, and the test that it is exact.
+
+*Gather.* A tile takes all disks that lie in it (its own) or within its halo, from its list and those of the eight tiles
+around it. Disks may have left their tile since they were listed. A tile owns a disk for a window if the disk lies in
+the tile at the window's beginning.
+
+*Write.* Own disks go into the tile's new list. For each, the hash of its history (times and partners) and a bound on
+its displacement are stored; for each copy of another tile's disk a *ghost record*: the hash of the history that the
+copy had here.
+
+*Verify.* A tile is good if
+
+1. its halo is as wide as the largest diameter, as its own disks left its sides, and as any disk around moved at
+   all, so that no disk that was not gathered can touch an own disk;
+2. of each copy with another history than the disk had in its own tile, neither the disk nor the copy can have touched
+   an own disk: circles around their first positions with their displacements as radii do not meet.
+
+Proof. Suppose all tiles are good, and let t be the first time at which the histories that tiles found for their own
+disks leave the true motion. Then an own disk i meets, or misses, some k wrongly at t. Until t, i and k moved truly, so
+by 1 there is a copy of k in the tile of i, and it or k touched i, so by 2 the copy has the history that k
+has in its own tile, which is true before t. The tile of i then computed the meeting from true motions: a contradiction.
+
+Bad tiles are run again, from the same beginning, with wider halos. Nothing is ever undone.
+"""
+
+from ..columns import HELD, MECHANISM, TALLY
+from ..disks.flights import on_grid
+from ..disks.force_times import begin_actions
+from ..compiler.language import on_gpu, ti
+from ..layout import (
+    ASLEEP,
+    AT_END,
+    AT_MOMENT,
+    BLOCK_HALO_DECAY,
+    FIRST_WALL,
+    FULL_GHOSTS,
+    HALO_DECAY,
+    NO_PARTNER,
+    TEAM,
+    SNAPSHOT,
+    Uses,
+)
+from ..disks.particle import (
+    add,
+    collisions_in_window,
+    kind_of,
+    largest_speed,
+    latest_partner,
+    listed_kind,
+    note_speed,
+    radius_of,
+)
+from ..walls.pistons import write_pistons
+
+ENDLESS = 1.0e30  # a side of a tile at an end of the box that is no periodic side
+
+
+@ti.func
+def wrap_index(index, count, periodic):
+    """A column or row of tiles as one of the box, how many boxes away; -1 beyond an end."""
+    found, boxes = index, 0
+    if periodic == 1:
+        boxes = ti.floor(ti.cast(index, ti.f64) / ti.cast(count, ti.f64), ti.i32)
+        found = index - boxes * count
+    elif index < 0 or index >= count:
+        found = -1
+    return found, boxes
+
+
+@ti.func
+def sides_of(tile, gas: ti.template()):
+    """Width and height of a tile."""
+    tx = tile // gas.grid.tiles_y
+    ty = tile - tx * gas.grid.tiles_y
+    return (
+        ti.cast(gas.edge_x[tx + 1] - gas.edge_x[tx], float),
+        ti.cast(gas.edge_y[ty + 1] - gas.edge_y[ty], float),
+    )
+
+
+@ti.func
+def lies_in(x, y, margin, tile, gas: ti.template()):
+    """1 if a position (from the tile's corner) is in the tile or a margin around it, where ends have no end; else 0."""
+    tx = tile // gas.grid.tiles_y
+    ty = tile - tx * gas.grid.tiles_y
+    width, height = sides_of(tile, gas)
+    low_x = gas.grid.periodic_x == 0 and tx == 0
+    high_x = gas.grid.periodic_x == 0 and tx == gas.grid.tiles_x - 1
+    low_y = gas.grid.periodic_y == 0 and ty == 0
+    high_y = gas.grid.periodic_y == 0 and ty == gas.grid.tiles_y - 1
+    inside_x = (low_x or x >= -margin) and (high_x or x < width + margin)
+    inside_y = (low_y or y >= -margin) and (high_y or y < height + margin)
+    return inside_x and inside_y
+
+
+@ti.func
+def cell_at(x, y, region: ti.template()):
+    """Cell of a position; those at the ends of the region have no end."""
+    cx = ti.cast(ti.floor((x - region.x) / region.side_x), ti.i32)
+    cy = ti.cast(ti.floor((y - region.y) / region.side_y), ti.i32)
+    cx = ti.min(ti.max(cx, 0), region.nx - 1)
+    cy = ti.min(ti.max(cy, 0), region.ny - 1)
+    return cx * region.ny + cy
+
+
+@ti.func
+def cells_of(region: ti.template(), gas: ti.template()):
+    """Number of cells of a region; small ones first, then large ones, where there are two layers."""
+    cells = region.nx * region.ny
+    if ti.static(gas.uses.layered):
+        cells += (region.nx // region.coarse) * (region.ny // region.coarse)
+    return cells
+
+
+@ti.func
+def layer_of(i, gas: ti.template()):
+    """1 if the disk in slot i lies in a large cell, else 0."""
+    layer = 0
+    if ti.static(gas.uses.layered):
+        layer = ti.cast(radius_of(i, gas) > gas.scale.split, ti.i32)
+    return layer
+
+
+@ti.func
+def scale_of(layer, region: ti.template(), gas: ti.template()):
+    """Cells of a layer along the region in x and y; small cells along one of them."""
+    factor = 1
+    nx, ny = region.nx, region.ny
+    if ti.static(gas.uses.layered):
+        if layer == 1:
+            factor = region.coarse
+            nx, ny = nx // factor, ny // factor
+    return nx, ny, factor
+
+
+@ti.func
+def head_at(cx, cy, layer, region: ti.template(), gas: ti.template()):
+    """Index in `head` of the first disk in a cell of a layer."""
+    cell = region.cells + cx * region.ny + cy
+    if ti.static(gas.uses.layered):
+        if layer == 1:
+            cell = region.cells + region.nx * region.ny + cx * (region.ny // region.coarse) + cy
+    return cell
+
+
+@ti.func
+def region_of(tile, lane, gas: ti.template()):
+    """Cells of the tile and its halo, or of the whole box: corner (from the tile's), number, sides."""
+    width, height = sides_of(tile, gas)
+    halo = gas.reach[tile].halo
+    wrap_x, wrap_y = 0, 0
+    if gas.grid.single_tile == 1:
+        halo = 0.0 * halo
+        wrap_x, wrap_y = gas.grid.periodic_x, gas.grid.periodic_y
+        width, height = gas.scale.length_x, gas.scale.length_y
+    width += 2.0 * halo
+    height += 2.0 * halo
+    coarse = 1
+    if ti.static(gas.uses.layered):
+        coarse = gas.grid.coarse
+    nx = coarse * ti.max(ti.cast(width / (coarse * gas.scale.cell_side), ti.i32), 1)
+    ny = coarse * ti.max(ti.cast(height / (coarse * gas.scale.cell_side), ti.i32), 1)
+    tx = tile // gas.grid.tiles_y
+    ty = tile - tx * gas.grid.tiles_y
+    return ti.Struct(
+        x=-halo, y=-halo, nx=nx, ny=ny, side_x=width / nx, side_y=height / ny, wrap_x=wrap_x, wrap_y=wrap_y,
+        cells=lane * gas.grid.cells, lane=lane, coarse=coarse,
+        corner_x=ti.cast(gas.edge_x[tx], float), corner_y=ti.cast(gas.edge_y[ty], float),
+    )  # fmt: skip
+
+
+@ti.func
+def neighbor_tile(tile, step_x, step_y, gas: ti.template()):
+    """The tile so many columns and rows away, or -1; how far its corner is; how many boxes it is away.
+
+    Exact: corners and lengths are on the grid. In a sheared gas all tiles are alike, and rows above have moved on by
+    `tiles_aside` tiles (and by `aside`, which is not in this).
+    """
+    tx = tile // gas.grid.tiles_y
+    ty = tile - tx * gas.grid.tiles_y
+    ax = tx + step_x
+    if ti.static(gas.uses.sheared):
+        ax -= step_y * gas.grid.tiles_aside
+    bx, boxes_x = wrap_index(ax, gas.grid.tiles_x, gas.grid.periodic_x)
+    by, boxes_y = wrap_index(ty + step_y, gas.grid.tiles_y, gas.grid.periodic_y)
+    other = -1
+    shift_x, shift_y = 0.0 * gas.scale.window, 0.0 * gas.scale.window
+    if bx >= 0 and by >= 0:
+        other = bx * gas.grid.tiles_y + by
+        far_x = gas.edge_x[bx] - gas.edge_x[tx] + boxes_x * gas.edge_x[gas.grid.tiles_x]
+        far_y = gas.edge_y[by] - gas.edge_y[ty] + boxes_y * gas.edge_y[gas.grid.tiles_y]
+        if ti.static(gas.uses.sheared):
+            far_x += step_y * gas.grid.tiles_aside * gas.edge_x[1]
+        shift_x, shift_y = ti.cast(far_x, float), ti.cast(far_y, float)
+    if ti.static(gas.uses.sheared):
+        boxes_x -= step_y * gas.grid.boxes_aside
+    return other, shift_x, shift_y, boxes_x, boxes_y
+
+
+@ti.func
+def gather_tile(tile, step, gas: ti.template()):
+    """One of the tiles that a tile gathers from, with the results of `neighbor_tile`, and how many rows up it is.
+
+    The nine around it, or all where one region is the whole box.
+    """
+    other, step_y, boxes_x, boxes_y = step, 0, 0, 0
+    shift_x, shift_y = 0.0 * gas.scale.window, 0.0 * gas.scale.window
+    if gas.grid.single_tile == 1:
+        shift_x = ti.cast(gas.edge_x[step // gas.grid.tiles_y] - gas.edge_x[0], float)
+        shift_y = ti.cast(gas.edge_y[step % gas.grid.tiles_y] - gas.edge_y[0], float)
+    else:
+        step_y = step % 3 - 1
+        other, shift_x, shift_y, boxes_x, boxes_y = neighbor_tile(tile, step // 3 - 1, step_y, gas)
+    return other, step_y, shift_x, shift_y, boxes_x, boxes_y
+
+
+@ti.func
+def position_in_tile(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
+    """Position of a listed disk from the corner of the tile that gathers, boxes that it crossed, its row of tiles."""
+    disk = gas.disk[s]
+    x, y = disk.x + shift_x, disk.y + shift_y
+    lap_x, lap_y, row = 0, 0, 0
+    if ti.static(gas.uses.sheared):
+        x += step_y * gas.scale.aside
+        height = ti.cast(gas.edge_y[1], float)
+        row = step_y + ti.cast(ti.floor((disk.y) / height), ti.i32)
+    if region.wrap_x == 1:
+        if x < 0.0:
+            x += gas.scale.length_x
+            lap_x = -1
+        elif x >= gas.scale.length_x:
+            x -= gas.scale.length_x
+            lap_x = 1
+    if region.wrap_y == 1:
+        if y < 0.0:
+            y += gas.scale.length_y
+            lap_y = -1
+        elif y >= gas.scale.length_y:
+            y -= gas.scale.length_y
+            lap_y = 1
+    return x, y, lap_x, lap_y, row
+
+
+def team_of(uses: Uses) -> int:
+    """Threads that share the work on a tile on a GPU; its events are run in order by one of them."""
+    return TEAM if on_gpu() and not (uses.sheared or uses.layered) else 1
+
+
+@ti.func
+def begin(tile, gas: ti.template()):
+    """Set the halo of a tile, and its sums over a window to 0; those of all tiles where one is the whole box."""
+    part = 1 - gas.grid.part
+    last = tile
+    if gas.grid.single_tile == 1:
+        last = gas.grid.tiles_x * gas.grid.tiles_y - 1
+    for k in range(tile, last + 1):
+        clear(k, gas)
+    if gas.counter.again == 0:
+        decay = ti.static(BLOCK_HALO_DECAY if on_gpu() and gas.uses.blockwise else HALO_DECAY)
+        gas.reach[tile].halo_factor = ti.max(decay * gas.reach[tile].halo_factor, 1.0)
+    gas.reach[tile].halo = ti.min(gas.scale.usual_halo * gas.reach[tile].halo_factor, gas.scale.most_halo)
+    gas.tile[tile].count[part], gas.tile[tile].gathered, gas.tile[tile].n_ghosts = 0, 0, 0
+    gas.tile[tile].mark, gas.tile[tile].bad = 0, 0
+
+
+@ti.func
+def clear(tile, gas: ti.template()):
+    """Set the sums of a tile over a window to 0."""
+    for when in range(AT_MOMENT + gas.grid.moments):
+        for column in range(gas.tally.shape[2]):
+            gas.tally[tile, when][column] = 0.0
+    gas.reach[tile].excursion, gas.reach[tile].max_displacement = -ENDLESS, 0.0
+    gas.reach[tile].overhang = 0.0
+
+
+@ti.func
+def gather(tile, thread, region: ti.template(), gas: ti.template()):
+    """List slots, cells and neighbouring tiles of the disks in a tile and its halo, and count them, also by cell."""
+    team = ti.static(team_of(gas.uses))
+    part = gas.grid.part
+    room = gas.grid.lane_slots
+    offset = region.lane * room
+    n, own_disks = 0, 0
+    halo = gas.reach[tile].halo
+    alone = gas.grid.single_tile == 1
+    steps = 9
+    if alone:
+        steps = gas.grid.tiles_x * gas.grid.tiles_y
+    for step in range(steps):
+        other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = gather_tile(tile, step, gas)
+        if other >= 0:
+            first = part * gas.grid.room + gas.tile[other].start[part]
+            s, end = first + thread, first + gas.tile[other].count[part]
+            while s < end:
+                x, y, _lap_x, _lap_y, _row = position_in_tile(s, step_y, shift_x, shift_y, region, gas)
+                near = alone or lies_in(x, y, halo, tile, gas)
+                if near:
+                    own = alone or lies_in(x, y, 0.0 * x, tile, gas)
+                    if ti.static(team > 1):
+                        n = ti.atomic_add(gas.tile[tile].gathered, 1)
+                        if own:
+                            own_disks = ti.atomic_add(gas.tile[tile].count.other[part], 1)
+                        else:
+                            own_disks = n - ti.atomic_add(gas.tile[tile].n_ghosts, 1)
+                    if n < room:
+                        c = cell_at(x, y, region)
+                        gas.candidates[offset + n].slot = s
+                        gas.candidates[offset + n].cell = c
+                        gas.candidates[offset + n].own_rank = ti.select(own, own_disks + 1, own_disks - n - 1)
+                        gas.candidates[offset + n].step = step
+                        if ti.static(team > 1):
+                            ti.atomic_add(gas.head[region.cells + c], 1)
+                        else:
+                            gas.head[region.cells + c] = gas.head[region.cells + c] + 1
+                    if ti.static(team == 1):
+                        n += 1
+                        own_disks += ti.cast(own, ti.i32)
+                s += team
+    if ti.static(team == 1):
+        gas.tile[tile].gathered, gas.tile[tile].count.other[part] = n, own_disks
+        gas.tile[tile].n_ghosts = n - own_disks
+
+
+@ti.func
+def count_chunk(thread, region: ti.template(), gas: ti.template()):
+    """Count the disks in a thread's share of the cells, for `order`: into the bins, which are free until the events."""
+    cells = region.nx * region.ny
+    chunk = (cells + ti.static(team_of(gas.uses)) - 1) // ti.static(team_of(gas.uses))
+    found = 0
+    for c in range(thread * chunk, ti.min((thread + 1) * chunk, cells)):
+        found += gas.head[region.cells + c]
+    gas.bin[region.lane * gas.grid.bins + thread] = found
+
+
+@ti.func
+def order(tile, thread, region: ti.template(), gas: ti.template()):
+    """Store where the disks of each cell begin, and where the tile's list and its ghost records do."""
+    cells = region.nx * region.ny
+    chunk = (cells + ti.static(team_of(gas.uses)) - 1) // ti.static(team_of(gas.uses))
+    before = 0
+    for other in range(thread):
+        before += gas.bin[region.lane * gas.grid.bins + other]
+    for c in range(thread * chunk, ti.min((thread + 1) * chunk, cells)):
+        here = gas.head[region.cells + c]
+        gas.head[region.cells + c] = ti.select(here > 0, before, -1)
+        before += here
+    if thread == 0:
+        reserve(tile, gas)
+
+
+@ti.func
+def reserve(tile, gas: ti.template()):
+    """Choose where the tile's list and its ghost records begin: their lengths are known."""
+    reserve_list(tile, gas)
+    reserve_ghosts(tile, gas)
+
+
+@ti.func
+def reserve_list(tile, gas: ti.template()):
+    """Choose where the tile's list begins, unless that was done before, when the window was run first."""
+    part = 1 - gas.grid.part
+    if gas.counter.again == 0:
+        if gas.grid.single_tile == 1:
+            for other in range(gas.grid.tiles_x * gas.grid.tiles_y):
+                gas.tile[other].start[part] = gas.tile[other].start.other[part]
+                gas.tile[other].count[part] = gas.tile[other].count.other[part]
+        else:
+            gas.tile[tile].start[part] = ti.atomic_add(gas.counter.n_slots, gas.tile[tile].count[part])
+
+
+@ti.func
+def reserve_ghosts(tile, gas: ti.template()):
+    """Choose where the ghost records of a tile begin."""
+    ghosts = gas.tile[tile].n_ghosts
+    if ghosts > 0:
+        g = ti.atomic_add(gas.counter.n_ghosts, ghosts)
+        gas.tile[tile].ghosts = g
+        if g + ghosts > gas.grid.most_ghosts:
+            ti.atomic_or(gas.counter.full, FULL_GHOSTS)
+
+
+@ti.func
+def slot_of(m, region: ti.template(), gas: ti.template()):
+    """The slot of candidate m among those that are sorted by cell: the next one of its cell."""
+    cell = region.cells + gas.candidates[region.lane * gas.grid.lane_slots + m].cell
+    i = region.lane * gas.grid.lane_slots
+    if ti.static(on_gpu()):
+        i += ti.atomic_add(gas.head[cell], 1)
+    else:
+        i += gas.head[cell]
+        gas.head[cell] = gas.head[cell] + 1
+    return i
+
+
+@ti.func
+def load(m, i, tile, region: ti.template(), gas: ti.template()):
+    """Load candidate m into slot i."""
+    part = gas.grid.part
+    chosen = gas.candidates[region.lane * gas.grid.lane_slots + m]
+    s, c, rank, step = chosen.slot, chosen.cell, chosen.own_rank, chosen.step
+    other, step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, step, gas)
+    x, y, lap_x, lap_y, row = position_in_tile(s, step_y, shift_x, shift_y, region, gas)
+    vx, vy = gas.disk[s].vx, gas.disk[s].vy
+    gas.image_info[i].home_tile = other
+    gas.image_info[i].slot = s - part * gas.grid.room
+    gas.event_info[i].id = gas.meta[s].id
+    gas.event_info[i].own_rank = rank
+    gas.image_info[i].lap_x, gas.image_info[i].lap_y = lap_x - boxes_x, lap_y - boxes_y
+    gas.event_info[i].shear_row = row
+    gas.image_info[i].wall_collisions = 0
+    gas.image_info[i].events_before = gas.meta[s].events
+    if ti.static(gas.uses.mixed):
+        gas.event_info[i].kind = listed_kind(s, gas)
+    if ti.static(gas.uses.remembers):
+        gas.since[i] = ti.cast(gas.past[s].latest, float)
+    if ti.static(gas.uses.turned):
+        gas.turn[i] = 0.0
+    if ti.static(gas.uses.itemised):
+        for column in ti.static(range(MECHANISM.width)):
+            gas.loss[i][column] = 0.0
+    if ti.static(gas.uses.rests):
+        gas.rest[i].asleep, gas.rest[i].may_rest, gas.rest[i].hits = gas.asleep[s], 0, 0
+        for column in ti.static(range(HELD.width)):
+            gas.cached_force[i][column] = gas.held[s][column]
+    if ti.static(gas.uses.sheared):
+        # Into the frame of the row that it is in now.
+        crossed = row - step_y
+        if crossed != 0:
+            faster = crossed * gas.scale.drift
+            if rank > 0:
+                work = ti.cast(faster * (0.5 * faster - vx), ti.f64)
+                kind = kind_of(i, gas)
+                add(tile, TALLY.flow_work, work / gas.kinds[kind].inverse_mass, gas)
+            vx -= faster
+        x -= row * gas.scale.aside
+    gas.motion[i].x, gas.motion[i].y, gas.motion[i].vx, gas.motion[i].vy = x, y, vx, vy
+    gas.motion[i].tau = 0.0
+    gas.motion[i].spin = gas.disk[s].spin
+    gas.event_info[i].hash_1, gas.event_info[i].hash_2, gas.event_info[i].max_speed_sq = 0, 0, 0
+    note_speed(i, gas)
+    gas.start_position[i].x, gas.start_position[i].y = x + row * gas.scale.aside, y
+    gas.event_info[i].last = NO_PARTNER
+    gas.event_info[i].number, gas.event_info[i].previous = 0, -1
+    if ti.static(gas.uses.actions):
+        begin_actions(i, gas)
+    cx = c // region.ny
+    gas.event_info[i].cell = (cx << 16) + c - cx * region.ny
+
+
+@ti.func
+def link_cells(i, n, region: ti.template(), gas: ti.template()):
+    """Link the disk in slot i, of n that are loaded, with the next one in its cell, or its cell with it."""
+    offset = region.lane * gas.grid.lane_slots
+    cell = gas.event_info[i].cell
+    following = -1
+    if i + 1 < offset + n:
+        if gas.event_info[i + 1].cell == cell:
+            following = i + 1
+    gas.event_info[i].next_in_cell = following
+    is_first = i == offset
+    if not is_first:
+        is_first = gas.event_info[i - 1].cell != cell
+    if is_first:
+        gas.head[region.cells + (cell >> 16) * region.ny + (cell & 0xFFFF)] = i
+
+
+@ti.func
+def link_cells_of_layers(n, region: ti.template(), gas: ti.template()):
+    """Link all of n disks with the next one in their cells, where there are two layers of cells."""
+    for c in range(cells_of(region, gas)):
+        gas.head[region.cells + c] = -1
+    offset = region.lane * gas.grid.lane_slots
+    for i in range(offset, offset + n):
+        info = gas.event_info[i]
+        layer = layer_of(i, gas)
+        _nx, _ny, factor = scale_of(layer, region, gas)
+        cx, cy = (info.cell >> 16) // factor, (info.cell & 0xFFFF) // factor
+        info.cell = (cx << 16) + cy
+        at = head_at(cx, cy, layer, region, gas)
+        info.next_in_cell = gas.head[at]
+        gas.head[at] = i
+
+
+@ti.func
+def inside(x, y, tile, gas: ti.template()):
+    """Distance of a position from the sides of its tile; negative outside. Open ends of the box are no sides."""
+    tx = tile // gas.grid.tiles_y
+    ty = tile - tx * gas.grid.tiles_y
+    width, height = sides_of(tile, gas)
+    left, right, below, above = x, width - x, y, height - y
+    if gas.grid.periodic_x == 0:
+        left = ti.select(tx == 0, ENDLESS, left)
+        right = ti.select(tx == gas.grid.tiles_x - 1, ENDLESS, right)
+    if gas.grid.periodic_y == 0:
+        below = ti.select(ty == 0, ENDLESS, below)
+        above = ti.select(ty == gas.grid.tiles_y - 1, ENDLESS, above)
+    return ti.min(ti.min(left, right), ti.min(below, above))
+
+
+@ti.func
+def last_hit(i, gas: ti.template()):
+    """Slot, position and boxes travelled of the own disk in lane slot i at its latest collision.
+
+    The slot is counted from the tile's first, the position is from the corner of the tile that will list it.
+    """
+    image = gas.image_info[i]
+    x, y = gas.motion[i].x, gas.motion[i].y
+    slot, lap_x, lap_y = gas.event_info[i].own_rank - 1, image.lap_x, image.lap_y
+    if gas.grid.single_tile == 1 and gas.grid.tiles_x * gas.grid.tiles_y > 1:  # the lists stay as they are
+        slot = image.slot
+        listed = image.home_tile
+        x += lap_x * gas.scale.length_x
+        y += lap_y * gas.scale.length_y
+        x -= ti.cast(gas.edge_x[listed // gas.grid.tiles_y] - gas.edge_x[0], float)
+        y -= ti.cast(gas.edge_y[listed % gas.grid.tiles_y] - gas.edge_y[0], float)
+        lap_x, lap_y = 0, 0
+    return slot, x, y, lap_x, lap_y
+
+
+@ti.func
+def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
+    """Write the disk in slot i into a row of the state, with this position and velocity."""
+    info, disk_row, meta_row = gas.event_info[i], gas.disk[row], gas.meta[row]
+    s = gas.grid.part * gas.grid.room + gas.image_info[i].slot
+    disk_row.x, disk_row.y = x, y
+    disk_row.vx, disk_row.vy = vx, vy
+    disk_row.spin = gas.motion[i].spin
+    meta_row.id = info.id
+    meta_row.events = gas.meta[s].events + collisions_in_window(i, gas)
+    meta_row.image_x = gas.meta[s].image_x + lap_x
+    meta_row.image_y = gas.meta[s].image_y + lap_y
+    if ti.static(gas.uses.mixed and gas.uses.shared):
+        gas.kind[row] = info.kind
+    if ti.static(gas.uses.remembers):
+        gas.past[row].latest = ti.cast(gas.since[i], ti.f64)
+    if ti.static(gas.uses.rests):
+        gas.asleep[row] = gas.rest[i].asleep
+        for column in ti.static(range(HELD.width)):
+            gas.held[row][column] = gas.cached_force[i][column]
+    if ti.static(gas.uses.turned):
+        gas.past[row].angle = gas.past[s].angle + gas.turn[i]
+    if ti.static(gas.uses.itemised):
+        for column in ti.static(range(MECHANISM.width)):
+            gas.dissipated[row][column] = gas.dissipated[s][column] + gas.loss[i][column]
+    if ti.static(gas.uses.walled):
+        gas.hits[row].wall_collisions = gas.hits[s].wall_collisions + gas.image_info[i].wall_collisions
+    if ti.static(gas.uses.partnered):
+        partner = gas.hits[s].last_partner
+        last = latest_partner(i, gas)
+        if last >= 0:
+            partner = gas.event_info[last].id
+        elif last <= FIRST_WALL:
+            partner = -2 - (FIRST_WALL - last)
+        gas.hits[row].last_partner = partner
+
+
+@ti.func
+def fly(row, dt, time, fall_x, fall_y, gas: ti.template()):
+    """Fly the disk in a row of the state for dt to a time since the window's beginning; positions are on the grid."""
+    disk_row = gas.disk[row]
+    vx, vy = disk_row.vx, disk_row.vy
+    disk_row.x = disk_row.x + on_grid(vx * dt + 0.5 * fall_x * time, gas)
+    disk_row.y = disk_row.y + on_grid(vy * dt + 0.5 * fall_y * time, gas)
+    disk_row.vx, disk_row.vy = vx + fall_x, vy + fall_y
+    if ti.static(gas.uses.turned):
+        gas.past[row].angle = gas.past[row].angle + ti.cast(disk_row.spin, ti.f64) * ti.cast(dt, ti.f64)
+
+
+@ti.func
+def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()):
+    """Write own disks to their slots, as they are at the window's end, or at a requested moment.
+
+    At the end, where a window begins next, histories and ghost records are written. A `team` of threads shares the n
+    disks. Returns what `note_extremes` takes, of the thread's share.
+    """
+    offset = region.lane * gas.grid.lane_slots
+    base = gas.tile[tile].start.other[gas.grid.part]
+    part = 1 - gas.grid.part
+    time = gas.scale.window
+    if when >= AT_MOMENT:
+        m = when - AT_MOMENT
+        part = SNAPSHOT + m
+        time = gas.scale.moment[m]
+        if thread == 0:
+            for column in range(gas.tally.shape[2]):
+                gas.tally[tile, when][column] = gas.tally[tile, AT_END][column]
+    if ti.static(gas.uses.pistons):
+        write_pistons(tile, when, time, gas)
+    fall_x, fall_y = gas.scale.gx * time, gas.scale.gy * time
+    excursion, max_displacement = -ENDLESS + 0.0 * time, 0.0 * time
+    fastest, squares, event_squares = 0.0 * time, ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+    in_place = gas.grid.single_tile == 1 and gas.grid.tiles_x * gas.grid.tiles_y > 1
+    overhang = 0.0 * time
+    i = offset + thread
+    while i < offset + n:
+        displacement = largest_speed(i, gas) * time
+        rank = gas.event_info[i].own_rank
+        if rank > 0:
+            slot, x, y, lap_x, lap_y = last_hit(i, gas)
+            if not in_place:
+                slot += base
+            row = part * gas.grid.room + slot
+            store(i, row, x, y, gas.motion[i].vx, gas.motion[i].vy, lap_x, lap_y, gas)
+            if ti.static(gas.uses.rests):
+                fall_x, fall_y = gas.scale.gx * time, gas.scale.gy * time
+                if gas.rest[i].asleep == ASLEEP:
+                    fall_x, fall_y = 0.0 * time, 0.0 * time
+            fly(row, time - gas.motion[i].tau, time, fall_x, fall_y, gas)
+            if when == AT_END:
+                x, y = gas.disk[row].x, gas.disk[row].y
+                gas.history_hash[gas.image_info[i].slot].hash_1 = gas.event_info[i].hash_1
+                gas.history_hash[gas.image_info[i].slot].hash_2 = gas.event_info[i].hash_2
+                gas.displacement[gas.image_info[i].slot] = ti.cast(
+                    1.000001 * displacement / gas.scale.widest, ti.f32
+                )
+                gas.slot_before[slot] = gas.image_info[i].slot
+                max_displacement = ti.max(max_displacement, displacement)
+                listed = tile
+                if in_place:
+                    listed = gas.image_info[i].home_tile
+                excursion = ti.max(
+                    excursion,
+                    displacement - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, listed, gas),
+                )
+                overhang = ti.max(overhang, -inside(x, y, listed, gas))
+                vx, vy = gas.disk[row].vx, gas.disk[row].vy
+                speed2 = vx * vx + vy * vy
+                fastest = ti.max(fastest, speed2)
+                squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock.square_unit)
+                events = ti.cast(collisions_in_window(i, gas), ti.f64)
+                event_squares += events * events
+                if ti.static(gas.uses.remembers):
+                    gas.past[row].latest = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
+        elif when == AT_END:
+            g = gas.tile[tile].ghosts - rank - 1
+            gas.ghost[g].slot = gas.image_info[i].slot
+            gas.ghost[g].hash_1, gas.ghost[g].hash_2 = gas.event_info[i].hash_1, gas.event_info[i].hash_2
+            faster = 0.0 * time
+            if ti.static(gas.uses.sheared):
+                faster = ti.abs(gas.event_info[i].shear_row * gas.scale.drift)
+            position = gas.ghost_position[g]
+            position.x, position.y = gas.start_position[i].x, gas.start_position[i].y
+            position.displacement = (largest_speed(i, gas) + faster) * time
+        i += team
+    return fastest, squares, event_squares, excursion, max_displacement, overhang
+
+
+@ti.func
+def note_extremes(
+    tile, fastest, squares, event_squares, excursion, max_displacement, overhang, gas: ti.template()
+):  # fmt: skip
+    """Enter what `write` returns at a window's end into the sums of a tile and its bounds."""
+    ti.atomic_max(gas.tally[tile, AT_END].fastest, ti.cast(fastest, ti.f64))
+    # Whole numbers: exact in any order.
+    ti.atomic_add(gas.tally[tile, AT_END].squares, squares)
+    ti.atomic_add(gas.tally[tile, AT_END].event_squares, event_squares)
+    ti.atomic_max(gas.reach[tile].excursion, excursion)
+    ti.atomic_max(gas.reach[tile].max_displacement, max_displacement)
+    ti.atomic_max(gas.reach[tile].overhang, overhang)
+
+
+@ti.func
+def displacement_bound(slot, gas: ti.template()):
+    """Bound on the displacement of the disk at a slot in the window [length]."""
+    return ti.cast(gas.displacement[slot], float) * gas.scale.widest
+
+
+@ti.func
+def may_touch(g, tile, gas: ti.template()):
+    """1 if the disk of a ghost record, or its copy, may have touched an own disk of the tile that made it, else 0.
+
+    The path of either lies in a circle around its first position, that of an own disk in one around its last position,
+    with its displacement as the radius.
+    """
+    position = gas.ghost_position[g]
+    x, y = position.x, position.y
+    displacement = (
+        ti.max(position.displacement, displacement_bound(gas.ghost[g].slot, gas)) + gas.scale.widest
+    )
+    if ti.static(gas.uses.sheared):
+        displacement += ti.abs(gas.scale.drift) * gas.scale.window
+    found = 0
+    if -inside(x, y, tile, gas) <= displacement + gas.reach[tile].excursion:
+        part = 1 - gas.grid.part
+        fall_x = 0.5 * gas.scale.gx * gas.scale.window * gas.scale.window
+        fall_y = 0.5 * gas.scale.gy * gas.scale.window * gas.scale.window
+        k, end = gas.tile[tile].start[part], gas.tile[tile].start[part] + gas.tile[tile].count[part]
+        while k < end:
+            s = part * gas.grid.room + k
+            dx, dy = gas.disk[s].x - fall_x - x, gas.disk[s].y - fall_y - y
+            both = displacement + displacement_bound(gas.slot_before[k], gas)
+            k += 1
+            if dx * dx + dy * dy <= both * both:
+                found, k = 1, end
+    return found
+
+
+@ti.func
+def is_too_narrow(tile, gas: ti.template()):
+    """1 if the halo of a tile may lack disks that touched its own disks (1 above), else 0."""
+    max_displacement = 0.0 * gas.scale.window
+    for step_x in range(-1, 2):
+        for step_y in range(-1, 2):
+            other, _x, _y, _bx, _by = neighbor_tile(tile, step_x, step_y, gas)
+            if other >= 0 and (step_x != 0 or step_y != 0):
+                max_displacement = ti.max(max_displacement, gas.reach[other].max_displacement)
+    if ti.static(gas.uses.sheared):
+        max_displacement += ti.abs(gas.scale.drift) * gas.scale.window
+    needed = gas.scale.widest + ti.max(gas.reach[tile].excursion, 0.0) + max_displacement
+    return ti.cast(gas.reach[tile].halo < needed, ti.i32)
+
+
+@ti.func
+def is_wrong(tile, thread, gas: ti.template()):
+    """1 if a ghost record of a tile that this thread of its team tests may make its window inexact (2 above)."""
+    invalid = 0
+    g, end = gas.tile[tile].ghosts + thread, gas.tile[tile].ghosts + gas.tile[tile].n_ghosts
+    while g < end and invalid == 0:
+        s = gas.ghost[g].slot
+        if (
+            gas.ghost[g].hash_1 != gas.history_hash[s].hash_1
+            or gas.ghost[g].hash_2 != gas.history_hash[s].hash_2
+        ):
+            invalid = may_touch(g, tile, gas)
+        g += ti.static(team_of(gas.uses))
+    return invalid
