@@ -201,8 +201,8 @@ def describe(file: h5py.File, units: Mapping[str, str], group: str = "/") -> Non
 def _described(path: str) -> tuple[str, str | None] | None:
     """Text and quantity of a dataset; None as the quantity where only its writer knows it."""
     if (each := OTHERS.get(path)) is not None:
-        seen = path.endswith("/value") and path.split("/")[-2] in VIEWED
-        return (f"{each.text}; z is 0" if seen else each.text), each.quantity
+        flat = path.endswith("/value") and path.split("/")[-2] in VIEWED
+        return (f"{each.text}; z is 0" if flat else each.text), each.quantity
     place, _, name = path.removesuffix("/value").partition("/")
     if (last := path.split("/")[-1]) in ("step", "time"):
         return CLOCKS["timeseries" if place == "timeseries" else "frames", last]
