@@ -86,7 +86,7 @@ def test_the_style_ends_with_the_command(run, tmp_path: Path, monkeypatch) -> No
 
 
 # Machado, Oliveira and Fernandes, IEEE Trans. Vis. Comput. Graph. 15, 1291 (2009): dichromats, linear RGB.
-SEEN = {
+BLINDNESS = {
     "all": np.eye(3),
     "no red": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
     "no green": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
@@ -105,14 +105,14 @@ def lab(linear: np.ndarray) -> np.ndarray:
     return np.stack([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
 
 
-@pytest.mark.parametrize("eyes", SEEN)
+@pytest.mark.parametrize("eyes", BLINDNESS)
 def test_eight_directions_differ_for_every_kind_of_colour_blindness(eyes: str) -> None:
     colours = disks.colour_map("cyclic", dark=True)
     assert colours(0.0) == pytest.approx(colours(1.0))
-    seen = []
+    colours_of_eyes = []
     for angle in np.arange(8) / 8.0:
         srgb = np.array(to_rgb(colours(angle)))
         linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-        seen.append(lab(np.asarray(SEEN[eyes]) @ linear))
-    apart = [np.linalg.norm(seen[i] - seen[j]) for i in range(8) for j in range(i)]
-    assert min(apart) > 18.0  # eight times what is just seen side by side (2.3)
+        colours_of_eyes.append(lab(np.asarray(BLINDNESS[eyes]) @ linear))
+    apart = [np.linalg.norm(colours_of_eyes[i] - colours_of_eyes[j]) for i in range(8) for j in range(i)]
+    assert min(apart) > 18.0  # eight times what is just colours_of_eyes side by side (2.3)
