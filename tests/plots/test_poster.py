@@ -115,4 +115,4 @@ def test_eight_directions_differ_for_every_kind_of_colour_blindness(eyes: str) -
         linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
         colours_of_eyes.append(lab(np.asarray(BLINDNESS[eyes]) @ linear))
     apart = [np.linalg.norm(colours_of_eyes[i] - colours_of_eyes[j]) for i in range(8) for j in range(i)]
-    assert min(apart) > 18.0  # eight times what is just colours_of_eyes side by side (2.3)
+    assert min(apart) > 18.0  # eight times what is just noticed side by side (2.3)
