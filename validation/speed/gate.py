@@ -23,6 +23,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...case.case import CaseSections
 from ...case.gas import CaseGas
 from ...errors import EngineError, InputError
@@ -38,10 +40,12 @@ MARGIN = 3.0
 """Instructions that a gas may need more than stored, in percent."""
 WARM = 5.0
 """Collisions per disk before those that are counted."""
+SHORT = 0.25
+"""Length of the shorter run that is counted, as a part of the longer one."""
 
 
 def gases() -> dict[str, tuple[CaseSections, float]]:
-    """Cases by name, and collisions per disk that are counted of each."""
+    """Cases by name, and collisions per disk of the longer run of each."""
     alone: dict[str, Any] = {"threads": 1}
     return {
         "elastic, N = 1e3, phi = 0.3": (bench.elastic_gas(1_000, 0.3, **alone), 40.0),
@@ -77,18 +81,24 @@ class Callgrind:
 
 
 def count(folder: str) -> None:
-    """In a process that callgrind runs: run the gases, with a dump before and after each; write down collisions."""
+    """Run each gas for two lengths, with a dump before and after each; write down the collisions of both.
+
+    In a process that callgrind runs; in another one only the kernels are compiled.
+    """
     callgrind, collisions = Callgrind(), {}
     for name, (case, per_disk) in gases().items():
         gas = CaseGas.from_case(case).simulation()
         gas.run(collisions_per_disk=WARM)
-        before = gas.collisions
+        gas.run_for(collisions_per_disk=SHORT * per_disk)
+        reached = [gas.collisions]
         callgrind.request(_START)
         callgrind.request(_DUMP)  # the next dump has what comes after this one
-        gas.run_for(collisions_per_disk=per_disk)
-        callgrind.request(_DUMP)
+        for part in (SHORT, 1.0):
+            gas.run_for(collisions_per_disk=part * per_disk)
+            callgrind.request(_DUMP)
+            reached.append(gas.collisions)
         callgrind.request(_STOP)
-        collisions[name] = gas.collisions - before
+        collisions[name] = np.diff(reached).tolist()
     (Path(folder) / "collisions.json").write_text(json.dumps(collisions), encoding="utf-8")
 
 
@@ -96,25 +106,22 @@ def counted() -> dict[str, float]:
     """Instructions of a collision by gas. EngineError if callgrind, or the process that it runs, fails."""
     with tempfile.TemporaryDirectory(prefix="ifrdem-gate-") as folder:
         code = f"import {__package__}.gate as own; own.count({folder!r})"
-        command = [
-            "valgrind",
-            "--tool=callgrind",
-            "--instr-atstart=no",
-            f"--callgrind-out-file={folder}/dump",
-        ]
-        environment = {**os.environ, "PYTHONHASHSEED": "0"}
-        done = subprocess.run(
-            [*command, sys.executable, "-c", code],
-            env=environment, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if done.returncode != 0:
-            last = (done.stderr.strip().splitlines() or ["without a message"])[-1]
-            raise EngineError(f"callgrind ended with {done.returncode}: {last}")
+        tool = ["--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={folder}/dump"]
+        # First without valgrind, which takes ten minutes to compile what then is in the cache of kernels.
+        for command in ([], ["valgrind", *tool]):
+            done = subprocess.run(
+                [*command, sys.executable, "-c", code],
+                env={**os.environ, "PYTHONHASHSEED": "0"}, capture_output=True, text=True, check=False,
+            )  # fmt: skip
+            if done.returncode != 0:
+                last = (done.stderr.strip().splitlines() or ["without a message"])[-1]
+                raise EngineError(f"{' '.join(command[:1])} python ended with {done.returncode}: {last}")
         collisions = json.loads((Path(folder) / "collisions.json").read_text(encoding="utf-8"))
-        return {
-            name: instructions_in(Path(folder) / f"dump.{2 * number}") / collisions[name]
-            for number, name in enumerate(collisions, start=1)
-        }
+        found = {}
+        for number, (name, (few, many)) in enumerate(collisions.items()):
+            short, long = (instructions_in(Path(folder) / f"dump.{3 * number + part}") for part in (2, 3))
+            found[name] = (long - short) / (many - few)
+        return found
 
 
 def instructions_in(dump: Path) -> int:

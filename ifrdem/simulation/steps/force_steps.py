@@ -201,6 +201,13 @@ class ForceSteps:
         return changed
 
     @property
+    def n_kernels(self) -> int:
+        """Number of kernels of the forces outside windows: that of each class, and those of its totals."""
+        within = {type(self.forces[i]) for i in self._within}
+        between = {type(force) for i, force in enumerate(self.forces) if i not in self._within}
+        return len(between) + sum(bool(kind.totals) for kind in [*within, *between])
+
+    @property
     def any_within(self) -> bool:
         """True if forces act within windows."""
         return bool(self._within)
