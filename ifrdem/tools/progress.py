@@ -200,7 +200,9 @@ class Compilation:
         if not self._expected:
             return f"compiling kernel {self._count} ({kernel})", is_slow
         of = max(self._count, self._expected)
-        text = f"compiling kernels: {self._count} of about {of} ({kernel}), {now - self._started:.0f} s so far"
+        text = (
+            f"compiling kernels: {self._count} of about {of} ({kernel}), {now - self._started:.0f} s so far"
+        )
         return text, is_slow
 
 

@@ -52,7 +52,7 @@ def record(folder: Path, command: list[str]) -> int:
     import quadrants as qd
     from quadrants.lang import _func_base, _kernel_coverage
 
-    from ifrdem.kernels import frontends
+    from ifrdem.kernels.compiler import frontends
 
     first = {str(path): number for path, number in files().items()}
     whole = _kernel_coverage._CoverageASTRewriter

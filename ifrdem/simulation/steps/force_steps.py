@@ -146,7 +146,7 @@ class ForceSteps:
     @property
     def next_time(self) -> float:
         """Time at which the next force acts [time]; infinite without forces."""
-        return self._times(range(len(self.forces)))
+        return self._times(range(len(self.forces))) if self.forces else math.inf
 
     @property
     def ends_window(self) -> float:
@@ -181,7 +181,7 @@ class ForceSteps:
 
     def acting(self, now: float) -> list[int]:
         """Indices of the forces that act at `now` [time], in the order in which they do."""
-        if now < self.next_time:  # by rounding too: a readout just before changes nothing
+        if not self.forces or now < self.next_time:  # by rounding too: a readout just before changes nothing
             return []
         steps = self.next_steps
         found = [i for i, step in enumerate(self._steps) if reached(time_of(steps[i], step), now)]
