@@ -7,6 +7,9 @@ from .model.forces import (
     Drag,
     Force,
     Langevin,
+    PoissonForce,
+    PoissonKicks,
+    PoissonSpinKicks,
     RandomKicks,
     Rescale,
     SpinKicks,
@@ -16,5 +19,6 @@ from .model.forces import (
 )
 
 __all__ = [
-    "Drag", "Force", "Langevin", "RandomKicks", "Rescale", "SpinKicks", "TableFriction", "normals", "uniforms",
+    "Drag", "Force", "Langevin", "PoissonForce", "PoissonKicks", "PoissonSpinKicks", "RandomKicks", "Rescale",
+    "SpinKicks", "TableFriction", "normals", "uniforms",
 ]  # fmt: skip

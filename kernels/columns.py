@@ -151,6 +151,8 @@ PAST = Columns(**columns("latest", "angle"))
 HITS = Columns(**columns("wall_collisions", "last_partner"))
 # What collisions take, by mechanism.
 MECHANISM = Columns(**columns("normal", "restitution", "sliding", "sticking", "rolling", "walls", "rest"))
+# What one collision of two disks takes (`laws/contact.py`); friction is sliding or sticking.
+LOSS = Columns(**columns("normal", "restitution", "friction", "rolling"))
 KIND = Columns(**columns("inverse_mass", "k", "radius", "material", "mass", "inertia"))
 # Forces at contacts of a disk that may rest, as last solved for: of each the other's id (FIRST_WALL - wall for a wall,
 # or NO_PARTNER) and four forces.
@@ -204,6 +206,9 @@ EVENT_INFO = Columns(**columns(
 # lists it.
 IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_collisions", "home_tile"))
 START_POSITION = Columns(**columns("x", "y"))
+# The next action of a force on the disk alone (`disks/force_times.py`): time of the run, number of the slice of time,
+# number in it, number of the force among those within windows; actions so far in the window.
+ACTION = Columns(**columns("time", "slice", "draw", "force", "count"))
 CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
 # The scratch space of a block of a GPU (`windows/blocks.py`), by types of numbers.
 BLOCK_INTEGERS = Columns(event_info=EVENT_INFO, image_info=IMAGE_INFO, candidates=CANDIDATE)
@@ -256,12 +261,12 @@ COUNTER = Columns(**columns(
 # have in a window where most happen (`planner.path_from`). Of forces that act within windows: rows of `kicks` that
 # acted before the window; the next row of a gas in one tile that has paused; length of the latest windows; the
 # shortest step; what rounds energies that they give to a first part, over the unit of squares of speeds, and for the
-# next part over that.
+# next part over that; square of a speed that a disk at rest may get at a random time.
 CLOCK = Columns(**columns(
     "begin", "end", "stop", "wanted", "pause", "pause_after", "kick", "path", "tile_side", "wall_speed",
     "square_unit", "free_path", "in_window", "speed", "longest", "turned", "n", "fastest", "overhang",
     "local_collisions",
-    "acted", "next_kick", "recent", "shortest_step", "gain_unit", "gain_step",
+    "acted", "next_kick", "recent", "shortest_step", "gain_unit", "gain_step", "action_square",
 ))  # fmt: skip
 # Disks; tiles; lanes; slots, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
 # seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small
@@ -406,7 +411,8 @@ WHEN = Columns(**columns("time", "dt", "free_x", "free_y"))
 # A step of a force within a window: when it acts; number of the force among those that act so, and among all; number
 # and length of the step; totals, at least one.
 KICK = Columns(**columns("time", "force", "index", "number", "dt"), totals=1)
-# 1 for x and y where the whole gas can drift, else 0; behind them the parameters of the forces.
+# 1 for x and y where the whole gas can drift, else 0; behind them the parameters of the forces. Of one that acts on
+# single disks, two numbers come before them: the mean time between two actions on a disk, its number among all forces.
 FORCE_VALUES = Columns(**columns("free_x", "free_y"))
 # Number of the step (low, high word), index of the force, seed (low, high word).
 COUNTER_WORDS = Columns(**columns("step_low", "step_high", "index", "seed_low", "seed_high"))
@@ -434,19 +440,21 @@ TABLES: dict[str, Columns] = {
     "disk": DISK, "meta": META, "past": PAST, "hits": HITS, "dissipated": MECHANISM, "held": HELD, "kinds": KIND,
     "history_hash": HISTORY_HASH,
     "tile": TILE, "reach": REACH, "tally": TALLY, "found": TOTAL, "ghost": GHOST, "ghost_position": GHOST_POSITION,
-    "motion": MOTION, "event_info": EVENT_INFO, "image_info": IMAGE_INFO, "start_position": START_POSITION,
-    "candidates": CANDIDATE, "loss": MECHANISM, "rest": REST, "contact": CONTACT, "cached_force": HELD,
+    "motion": MOTION, "action": ACTION, "event_info": EVENT_INFO, "image_info": IMAGE_INFO,
+    "start_position": START_POSITION, "candidates": CANDIDATE, "loss": MECHANISM, "rest": REST, "contact": CONTACT,
+    "cached_force": HELD,
     "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT, "pair": PAIR,
     "counter": COUNTER, "clock": CLOCK, "grid": GRID, "scale": SCALE, "sums": TALLY, "total": TOTAL,
     "walls": WALL, "law": LAW,
-    "totals": READOUT, "when": WHEN, "counter_words": COUNTER_WORDS, "kicks": KICK, "force_values": FORCE_VALUES,
+    "totals": READOUT, "species_totals": SPECIES,
+    "when": WHEN, "counter_words": COUNTER_WORDS, "kicks": KICK, "force_values": FORCE_VALUES,
 }  # fmt: skip
 """Tables of the columns of arrays, by the names that kernels give them; others have numbers."""
 TYPES: dict[str, str] = {
     "disk": REAL, "meta": I32, "past": F64, "hits": I32, "dissipated": F64, "held": F64, "asleep": I32, "kind": I32,
     "kinds": REAL, "history_hash": I32, "displacement": F32, "slot_before": I32,
     "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
-    "ghost_position": REAL, "motion": REAL, "event_info": I32, "image_info": I32, "start_position": REAL,
+    "ghost_position": REAL, "motion": REAL, "action": F64, "event_info": I32, "image_info": I32, "start_position": REAL,
     "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
     "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
     "near": U64, "near_image": U64, "image_list": I32, "dense": I32, "block_integers": I32, "block_reals": REAL,
@@ -456,7 +464,7 @@ TYPES: dict[str, str] = {
 """Types of the numbers of arrays on the device."""
 AXES = {
     "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2,
-    "species_totals": 2, "todo": 2, "pairs": 2, "kicks": 2,
+    "species_totals": 3, "todo": 2, "pairs": 2, "kicks": 2,
 }  # fmt: skip
 """Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
 SINGLE = (

@@ -8,6 +8,7 @@ drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simulati
 from .columns import BODY, DSMC_TABLES
 from .laws.contact import collided
 from .compiler.language import spread_of_loops, ti
+from .compiler.records import NamedVector
 from .layout import BLOCK
 from .random import DRAWS, library_normals, unit, words
 from .compiler.signature import Arrays, kernel
@@ -72,22 +73,20 @@ def meet(c, i, j, gas: ti.template()):
     Of all directions n in which j may lie, the rate of collisions is proportional to g_n > 0, g = v_i - v_j: the sine
     of the angle between n and g is uniform, and the rate of all together 2 g_ij sigma_ij |g| / area.
     """
-    a, b = gas.disk[i].vector, gas.disk[j].vector
-    gx, gy = a[BODY.vx] - b[BODY.vx], a[BODY.vy] - b[BODY.vy]
+    of_i, of_j = gas.disk[i].vector, gas.disk[j].vector
+    a, b = NamedVector(of_i, BODY), NamedVector(of_j, BODY)
+    gx, gy = a.vx - b.vx, a.vy - b.vy
     speed = ti.sqrt(gx * gx + gy * gy)
-    section = (
-        gas.contact_value.one * (a[BODY.radius] + b[BODY.radius])
-        + gas.contact_value.two * a[BODY.radius] * b[BODY.radius]
-    )
+    section = gas.contact_value.one * (a.radius + b.radius) + gas.contact_value.two * a.radius * b.radius
     w = words(stream_of(c, PAIRS, gas), 1)
     if unit(w[0], w[1]) * gas.contact_value.majorant <= section * speed and speed > 0.0:
         sine = ti.cast(2.0 * unit(w[2], w[3]) - 1.0, float)
         cosine = ti.sqrt(ti.max(1.0 - sine * sine, 0.0))
         n_x, n_y = (gx * cosine - gy * sine) / speed, (gy * cosine + gx * sine) / speed
         vx_i, vy_i, w_i, vx_j, vy_j, w_j, _regime, _lost = collided(
-            ti.cast(a[BODY.material], ti.i32), ti.cast(b[BODY.material], ti.i32), n_x, n_y,
-            a[BODY.inverse_mass], a[BODY.radius], a[BODY.k], a[BODY.vx], a[BODY.vy], a[BODY.spin],
-            b[BODY.inverse_mass], b[BODY.radius], b[BODY.k], b[BODY.vx], b[BODY.vy], b[BODY.spin], 0, gas,
+            ti.cast(a.material, ti.i32), ti.cast(b.material, ti.i32), n_x, n_y,
+            a.inverse_mass, a.radius, a.k, a.vx, a.vy, a.spin,
+            b.inverse_mass, b.radius, b.k, b.vx, b.vy, b.spin, 0, gas,
         )  # fmt: skip
         gas.disk[i].vx, gas.disk[i].vy, gas.disk[i].spin = vx_i, vy_i, w_i
         gas.disk[j].vx, gas.disk[j].vy, gas.disk[j].spin = vx_j, vy_j, w_j

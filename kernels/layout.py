@@ -35,8 +35,8 @@ pair_time, pair        (pairs,)       times of collisions of two disks, and thei
 found                  (blocks, ...)  sums over BLOCK_OF_TILES tiles
 total                  (...)          the same over all
 watched                (n,)           1 for tracked disks, by id
-motion, ...            (lanes         the scratch space of a lane, which runs one tile after another
-                       slots,)
+motion, ...            (lanes         the scratch space of a lane, which runs one tile after another; `action` of
+                       slots,)        gases in which forces act on single disks
 dense                  (tiles,)       tiles that need blocks with more room
 block_integers, ...    (blocks        the scratch space of a block: column after column
                        slots,)
@@ -82,7 +82,10 @@ FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w
 NO_PARTNER = -1
 # The latest partner where a force has acted since: VOID_WALL plus a wall, or VOID_DISK minus a slot.
 VOID_WALL, VOID_DISK = -1_000_000, -2_000_000
-NOT_FINITE = 3  # plus the row of `kicks`, as `counter.stalled`: a force made a velocity that is not finite
+OWN_ACTION = -2  # as a partner: a force acts on the disk alone
+# As `counter.stalled`: a force made a velocity that is not finite. Plus the row of `kicks`, or of a force that acts on
+# single disks its number.
+NOT_FINITE, NOT_FINITE_ALONE = 3, 1 << 30
 
 
 class CompiledLaw(NamedTuple):
@@ -101,7 +104,13 @@ class CompiledForce:
     n_totals: int
     names: tuple[str, ...]  # of its parameters
     number: int  # among these forces
-    first: int  # of its parameters, in `force_values`
+    first: int  # of its numbers, in `force_values`
+    alone: bool = False  # it acts on single disks, each at times of its own (`disks/force_times.py`)
+
+    @property
+    def first_parameter(self) -> int:
+        """Number of its first parameter, in `force_values`."""
+        return self.first + (2 if self.alone else 0)
 
 
 class Uses:
@@ -147,6 +156,11 @@ class Uses:
     def forced(self) -> bool:
         """True if forces act within windows."""
         return bool(self.forces)
+
+    @property
+    def actions(self) -> bool:
+        """True if forces act on single disks, each at times of its own."""
+        return any(force.alone for force in self.forces)
 
     @property
     def gains(self) -> int:

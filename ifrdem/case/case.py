@@ -316,7 +316,7 @@ class ForceSection(Section):
     """A force on all disks between collisions, at the middle of each of its steps: driving, or drag."""
 
     kind: str = field("random_force")
-    """ "random_force" (without total momentum; power or diffusion), "random_torque" (the same of spins), "langevin" (a
+    """ "random_force" (kicks; power or diffusion; step or rate), "random_torque" (the same of spins), "langevin" (a
     heat bath; temperature, rate, spin_temperature, spin_rate), "drag" (rate, quadratic, spin_rate), "rescale" (a
     thermostat; temperature or energy) or "table_friction" (disks that lie on a table; mu, gravity)."""
     step: float = field(2e-3, gt=0.0)
@@ -334,6 +334,16 @@ class ForceSection(Section):
         return problems
 
     @property
+    def at_random_times(self) -> bool:
+        """True if it acts on each disk alone, in a Poisson process."""
+        return False
+
+    @property
+    def interval(self) -> float:
+        """Time between two applications [time]; of a force at random times, the mean of a disk."""
+        return self.step
+
+    @property
     def moves_disks_at_rest(self) -> bool:
         """True if the force sets disks in motion that are at rest."""
         return False
@@ -345,15 +355,29 @@ class ForceSection(Section):
 
 
 class RandomForce(ForceSection):
-    """Random changes of velocities, without total momentum."""
+    """Random changes of velocities: in steps, without total momentum, or of each disk at times of its own."""
 
-    one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("power", "diffusion"),)
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("step", "rate"), ("power", "diffusion"))
 
     kind: Literal["random_force"]
+    step: float | None = field(2e-3, None, gt=0.0)  # type: ignore[assignment]
+    """Time between two applications [s]; a part of the mean free time. Errors go with its square."""
+    rate: float | None = field(500.0, None, gt=0.0)
+    """Instead of step: kicks of a disk per time, at random times of its own, a Poisson process [1/s]."""
     power: float | None = field(1e-3, None, gt=0.0)
     """Energy that each disk gets per time [W]."""
     diffusion: float | None = field(0.5, None, gt=0.0)
     """Instead of power: D in <dv_x^2> = 2 D dt [m^2/s^3], or <d omega^2> = 2 D dt [rad^2/s^3]."""
+
+    @property
+    def at_random_times(self) -> bool:
+        """True with a rate."""
+        return self.rate is not None
+
+    @property
+    def interval(self) -> float:
+        """The step, or the mean time between two kicks of a disk [time]."""
+        return 1.0 / self.rate if self.rate is not None else float(self.step or 0.0)
 
     @property
     def moves_disks_at_rest(self) -> bool:

@@ -107,6 +107,8 @@ FORCE_SECONDS = {
 phi = 0.3 in steps of 0.05 mean free times (`results/forces.md`)."""
 ENDS_WINDOW = "rescale"
 """Kind of a force that ends windows, because it needs sums over all disks at that time."""
+AT_RANDOM_TIMES, ACTION_SECONDS = "at random times", 3.4e-7
+"""Name of all kinds that act on each disk at times of its own, and time of one thread for such an action."""
 
 
 def step_seconds(steps: Mapping[str, Mapping[float, float]], n: int, threads: int) -> float:
@@ -126,9 +128,11 @@ def step_seconds(steps: Mapping[str, Mapping[float, float]], n: int, threads: in
     searches: dict[float, float] = {}
     for kind, given in steps.items():
         for step, number in given.items():
-            if kind != ENDS_WINDOW and step not in ending:
+            if kind == AT_RANDOM_TIMES:
+                found += number * n * ACTION_SECONDS * shared
+            elif kind != ENDS_WINDOW and step not in ending:
                 found += number * n * FORCE_SECONDS[kind] * shared
-                searches[step] = number
+                searches[step] = min(number, searches.get(step, number))
     return found + sum(searches.values()) * n * SEARCH_SECONDS * shared
 
 
@@ -281,7 +285,7 @@ class RunEstimate:
         )
         tracked = _tracked(gas)
         # Every collision of a tracked disk, and each time that forces act on it; unknown ones do not count.
-        steps = [(end - begin) / step for step in {force.step for force in case.force}]
+        steps = [(end - begin) / step for step in {force.interval for force in case.force}]
         changes = [per_disk, *steps]
         events = sum(round(tracked * each) for each in changes if not math.isnan(each))
         return cls(
@@ -305,10 +309,13 @@ class RunEstimate:
 
 
 def _steps(case: CaseSections, duration: float) -> dict[str, dict[float, float]]:
-    """Steps of forces in a run of this duration [time], by kind and length."""
+    """Steps of forces in a run of this duration [time], by kind and length; actions on a disk at random times."""
     found: dict[str, dict[float, float]] = {}
     for force in case.force:
-        found.setdefault(force.kind, {})[force.step] = duration / force.step
+        kind = AT_RANDOM_TIMES if force.at_random_times else force.kind
+        given = found.setdefault(kind, {})
+        # Forces of one kind and step are searched for once, but each acts.
+        given[force.interval] = given.get(force.interval, 0.0) + duration / force.interval
     return found
 
 

@@ -34,7 +34,7 @@ from ..simulation.start import checks
 from ..simulation.steps.turning import FASTEST_DRUM
 from ..tools import seeds
 from . import pair_rules, rules
-from .case import GROWN, IMPACT_SCAN, CaseSections
+from .case import GROWN, IMPACT_SCAN, CaseSections, ForceSection
 from .objects import choose_runtime, collapse_of, device_of, gravity_of, record_of
 from .pair_rules import PairVerdict
 from .section import Problem
@@ -721,10 +721,25 @@ def forces_of(case: CaseSections) -> list[Force]:
     """The forces of a case, in its order. Imports the runtime if there are any."""
     if not case.force:
         return []
-    from ..model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
+    from ..model.forces import (
+        Drag,
+        Langevin,
+        PoissonKicks,
+        PoissonSpinKicks,
+        RandomKicks,
+        Rescale,
+        SpinKicks,
+        TableFriction,
+    )
 
     kinds: dict[str, Callable[..., Force]] = {
         "random_force": RandomKicks, "random_torque": SpinKicks, "langevin": Langevin, "drag": Drag, "rescale": Rescale,
         "table_friction": TableFriction,
     }  # fmt: skip
-    return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
+    at_random_times = {"random_force": PoissonKicks, "random_torque": PoissonSpinKicks}
+
+    def made(each: ForceSection) -> Force:
+        kind = at_random_times[each.kind] if each.at_random_times else kinds[each.kind]
+        return kind(**each.model_dump(exclude={"kind"}, exclude_none=True))
+
+    return [made(each) for each in case.force]

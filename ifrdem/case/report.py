@@ -293,9 +293,11 @@ def _when(case: CaseSections, force: ForceSection) -> str:
     """Text that says whether a force acts within windows, and why not (`simulation/steps/force_steps.py`)."""
     if case.run.device != "cpu":
         return "between windows, as all forces on a GPU"
+    if force.at_random_times:
+        return "within windows, on each disk at times of its own"
     if force.kind == ENDS_WINDOW:
         return "between windows, because it needs sums over all disks"
-    if any(each.kind == ENDS_WINDOW and each.step == force.step for each in case.force):
+    if any(each.kind == ENDS_WINDOW and each.interval == force.interval for each in case.force):
         return f"between windows, at the times of {ENDS_WINDOW}"
     return "within windows"
 
@@ -304,14 +306,17 @@ def _forces(case: CaseSections, estimate: RunEstimate, units: Units) -> Iterator
     """Rows on each force, and the steady state that theory expects."""
     free_times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
     for i, force in enumerate(case.force):
-        given = force.model_dump(exclude={"kind", "step"}, exclude_none=True)
+        times = {"step", "rate"} if force.at_random_times else {"step"}
+        given = force.model_dump(exclude={"kind", *times}, exclude_none=True)
         values = ", ".join(f"{key} = {value:g}" for key, value in given.items())
         yield ReportRow(f"force {i}", f"{force.kind} ({values})")
-        yield ReportRow(f"force {i}: step", f"{force.step:g}", units.time)
+        name = "mean time between two kicks of a disk" if force.at_random_times else "step"
+        yield ReportRow(f"force {i}: {name}", f"{force.interval:g}", units.time)
         yield ReportRow(f"force {i}: acts", _when(case, force))
         if free_times:
-            part = force.step / min(free_times)
-            yield ReportRow(f"force {i}: step / shortest mean free time at the start", f"{part:.3g}")
+            part = force.interval / min(free_times)
+            short = "mean time" if force.at_random_times else "step"
+            yield ReportRow(f"force {i}: {short} / shortest mean free time at the start", f"{part:.3g}")
     if estimate.steady_state is not None:
         T, T_rot = estimate.steady_state
         yield ReportRow("steady state by kinetic theory: T", f"{T:.4g}", units.energy)

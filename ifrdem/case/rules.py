@@ -173,7 +173,8 @@ def check_clock(case: CaseSections, time: float = 0.0, collisions: int = 0) -> I
         already = f"{2.0 * collisions / _disks(case):.6g}, the collisions per disk until the frame"
         yield _at(case, "run.collisions_per_disk", f"must be above {already}{continues}")
     for i, force in enumerate(case.force):
-        if t_end is not None and time_of(first_after(time, force.step), force.step) > t_end:
+        step = force.interval
+        if t_end is not None and not force.at_random_times and time_of(first_after(time, step), step) > t_end:
             text = f"must have its middle, when the force acts, before run.t_end = {t_end:g}"
             yield _at(case, f"force[{i}].step", text)
 
@@ -182,7 +183,10 @@ def check_forces(case: CaseSections) -> Iterator[Problem]:
     """Problems: forces that the gas or the box do not allow."""
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
-        if force.kind == "random_force" and _disks(case) < 2:
+        if force.at_random_times and case.run.device != "cpu":
+            text = f'on run.device = "{case.run.device}", kicks at random times are not supported: use step, or "cpu"'
+            yield _at(case, f"{key}.rate", text)
+        if force.kind == "random_force" and not force.at_random_times and _disks(case) < 2:
             text = "requires at least 2 disks: random kicks keep the total momentum"
             yield _at(case, f"{key}.kind", text)
         if force.kind == "table_friction" and any(case.box.gravity):

@@ -82,7 +82,7 @@ def _length(gas: CaseGas, estimate: RunEstimate) -> tuple[float, str]:
         return estimate.end_time - gas.begin[0], "the length of the run by kinetic theory"
     times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
     times += [each.summary.radius.low / each.speed_rms for each in gas.species if each.speed_rms > 0.0]
-    times += [each.step for each in case.force]
+    times += [each.interval for each in case.force]
     return (min(times), "the shortest time that the case names") if times else (math.nan, "")
 
 

@@ -3,9 +3,9 @@
 A force acts on every disk at the middle of each of its steps, at the times (k + 1/2) step counted from time 0. Between
 these times disks fly freely and collide exactly. This splitting is symmetric in time, so that what a run shows at
 multiples of the step is off by the square of the step (and between them, where the force of up to half a step is still
-missing or early, by the step itself).
+missing or early, by the step itself). Such a force takes its `step` first, the time between two applications [time].
 
-Every force takes its `step` first, the time between two applications [time] (`Force`).
+A force at random times acts on each disk by itself, in a Poisson process (`PoissonForce`). It takes its `rate` first.
 
 The module imports Taichi: `act` and `measure` are compiled to run on the device.
 """
@@ -25,7 +25,8 @@ from .custom_code import declared_names, named_numbers
 from .state import Disks
 
 __all__ = [
-    "Drag", "Force", "Langevin", "RandomKicks", "Rescale", "SpinKicks", "TableFriction", "normals", "uniforms",
+    "Drag", "Force", "Langevin", "PoissonForce", "PoissonKicks", "PoissonSpinKicks", "RandomKicks", "Rescale",
+    "SpinKicks", "TableFriction", "normals", "uniforms",
 ]  # fmt: skip
 
 OF_DISK = ("x", "y", "vx", "vy", "spin", "mass", "radius", "k", "inertia")
@@ -76,6 +77,9 @@ class Force(ReadOnlyAttributes):
         True if the force changes the total momentum by no more than rounding. Where all forces do, temperatures are
         about the mean velocity of a gas that can drift (`observables.Measure`); a force that does not, such as a drag,
         has a frame of its own, in which temperatures are measured.
+    moves_along : bool
+        True if the force is the same in all frames that move at constant velocity, as kicks are that do not look at the
+        velocity. Temperatures are then about the mean velocity too, although the force may change that.
 
     Notes
     -----
@@ -108,6 +112,7 @@ class Force(ReadOnlyAttributes):
     totals: ClassVar[int] = 0
     totals_ahead: ClassVar[bool] = False
     keeps_rest: ClassVar[bool] = False
+    moves_along: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -257,9 +262,131 @@ class SpinKicks(Force):
 
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
-        # Energy I d omega^2 / 2: one degree of freedom, so that D = power / I.
-        spread = ti.sqrt(2.0 * (p.power / disk.inertia + p.diffusion) * step.dt)
-        return disk.vx, disk.vy, disk.spin + spread * normals(step.random, 0)[0]
+        return disk.vx, disk.vy, disk.spin + _spin_kick(disk, step, p)
+
+
+class PoissonForce(Force):
+    """A force that acts on each disk by itself, at random times: a Poisson process of each disk, exact in time.
+
+    Subclasses say in `act` what it does to the disk each time. There `step.dt` is the mean time between two actions on
+    a disk, 1 / rate, and `step.time` the time of the action. Times and random numbers depend on the seed, the disk, and
+    the position of the force in the list only.
+
+    InputError if the rate is not a positive finite number, or of a class with totals.
+
+    Parameters
+    ----------
+    rate : float
+        Mean number of actions on a disk per time [1/time].
+    **values : float
+        The parameters, as of `Force`.
+
+    Examples
+    --------
+    Andersen's thermostat, J. Chem. Phys. 72, 2384 (1980): a disk forgets its velocity.
+
+    >>> import ifrdem
+    >>> from ifrdem import ti
+    >>> class Andersen(ifrdem.forces.PoissonForce):
+    ...     parameters = ("temperature",)
+    ...     @staticmethod
+    ...     def act(disk, step, p):
+    ...         v = ti.sqrt(p.temperature / disk.mass) * ifrdem.forces.normals(step.random, 0)
+    ...         return v[0], v[1], disk.spin
+    ...
+    >>> Andersen(rate=2.0, temperature=1.0)
+    <Andersen: rate 2, temperature 1>
+    """
+
+    @validated
+    def __init__(self, rate: Positive, **values: float) -> None:
+        if self.totals:
+            raise InputError(
+                f"{type(self).__name__}: totals = {self.totals}: must be 0 of a force at random times"
+            )
+        super().__init__(1.0 / number("rate", rate, positive=True), **values)
+
+    @property
+    def rate(self) -> float:
+        """Mean number of actions on a disk per time [1/time]."""
+        return 1.0 / self.step
+
+    def __repr__(self) -> str:
+        values = "".join(f", {name} {value:g}" for name, value in self._values.items())
+        return f"<{type(self).__name__}: rate {self.rate:g}{values}>"
+
+
+class PoissonKicks(PoissonForce):
+    r"""Kicks at random times: each disk gets Gaussian ones at a `rate`, with <dv_x^2> = <dv_y^2> = 2 D / rate.
+
+    D = power / (2 m), as of `RandomKicks`: for any rate the mean energy of a free disk grows by `power` per time. The
+    sum of the kicks in a time t is white noise but for cumulants of fourth and higher order, which go with 1 / rate:
+    the excess kurtosis of v_x of a free disk is 3 / (rate t). How close to white noise the steady state of a gas is
+    follows from `theory.heated_sonine` with the mean energy of a kick over T, power / (rate T).
+
+    A kick changes the total momentum. The drift of the whole gas gets the energy power per time, as one disk does, and
+    temperatures are about the mean velocity.
+
+    Parameters
+    ----------
+    rate : float
+        Mean number of kicks of a disk per time [1/time].
+    power : float
+        Energy that each disk gets per time, on average [energy/time].
+    diffusion : float
+        Instead of it, D [length^2/time^3], the same for all masses.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> ifrdem.forces.PoissonKicks(rate=20.0, power=0.1)
+    <PoissonKicks: rate 20, power 0.1, diffusion 0>
+    """
+
+    parameters = ("power", "diffusion")
+    moves_along = True
+
+    @validated
+    def __init__(self, rate: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
+        super().__init__(rate, **_strength(power, diffusion))
+
+    @staticmethod
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
+        kick = _velocity_kick(disk, step, p)
+        return disk.vx + kick[0], disk.vy + kick[1], disk.spin
+
+
+class PoissonSpinKicks(PoissonForce):
+    """Kicks of spins at random times: each disk gets Gaussian ones at a `rate`, with <d omega^2> = 2 D / rate.
+
+    D = power / I, as of `SpinKicks`.
+
+    Parameters
+    ----------
+    rate : float
+        Mean number of kicks of a disk per time [1/time].
+    power : float
+        Energy that each disk gets per time, on average [energy/time].
+    diffusion : float
+        Instead of it, D [rad^2/time^3], the same for all disks.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> ifrdem.forces.PoissonSpinKicks(rate=20.0, power=0.1)
+    <PoissonSpinKicks: rate 20, power 0.1, diffusion 0>
+    """
+
+    parameters = ("power", "diffusion")
+    keeps_momentum = True
+
+    @validated
+    def __init__(self, rate: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
+        super().__init__(rate, **_strength(power, diffusion))
+
+    @staticmethod
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
+        return disk.vx, disk.vy, disk.spin + _spin_kick(disk, step, p)
 
 
 class Langevin(Force):
@@ -511,6 +638,12 @@ def _velocity_kick(disk, step, p):
     """Independent kick of one disk, before the mean of all is taken off."""
     spread = ti.sqrt((p.power / disk.mass + 2.0 * p.diffusion) * step.dt)
     return spread * normals(step.random, 0)
+
+
+@ti.func
+def _spin_kick(disk, step, p):
+    """Kick of the spin of one disk, of energy I d omega^2 / 2: one degree of freedom, so that D = power / I."""
+    return ti.sqrt(2.0 * (p.power / disk.inertia + p.diffusion) * step.dt) * normals(step.random, 0)[0]
 
 
 def number(name: str, value: float | None, *, positive: bool = False, negative: bool = False) -> float:

@@ -694,6 +694,8 @@ class Engine:
 
     def _nothing_happens(self) -> bool:
         """True if no disk meets another one or a wall before something else sets it in motion."""
+        if self.n and self.force_steps.any_alone:
+            return False
         if self._no_future_collisions or self._is_alone:
             return True
         self.windows.go_on(self.next_kick)

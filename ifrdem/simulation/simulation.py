@@ -1115,7 +1115,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def _energy_terms(self) -> dict[str, Any]:
         """Arguments of `measure` that a state does not contain: sums since the start, directions of a free drift."""
-        free = self._engine.free if self._engine.force_steps.keep_momentum else (False, False)
+        free = self._engine.free if self._engine.force_steps.allow_drift else (False, False)
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
             "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,

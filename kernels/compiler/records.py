@@ -58,6 +58,18 @@ class NamedRow:
         return _at(self._array, *self._index, column)
 
 
+class NamedVector(NamedRow):
+    """The numbers of a vector, or of a flat array, by the names of columns."""
+
+    _is_taichi_function = _is_quadrants_function = (
+        False  # with either, no warning where a kernel calls the class
+    )
+    __slots__ = ()
+
+    def __init__(self, vector: Any, columns: Columns) -> None:
+        super().__init__(vector, (), columns)
+
+
 class Records:
     """An `array` whose rows have columns with names: `records[i]` is one of them, or `records[i, j]` with more axes."""
 

@@ -142,6 +142,15 @@ def advance_to(i, t, gas: ti.template()):
 
 
 @ti.func
+def collisions_in_window(i, gas: ti.template()):
+    """Collisions of the disk in slot i so far in the window, without actions of forces on it."""
+    found = gas.event_info[i].number
+    if ti.static(gas.uses.actions):
+        found -= ti.cast(gas.action[i].count, ti.i32)
+    return found
+
+
+@ti.func
 def add(tile, column, value, gas: ti.template()):
     """Add to the tally of a tile. On a GPU several threads may do that at a time (`windows/blocks.py`)."""
     if ti.static(on_gpu()):
@@ -176,7 +185,7 @@ def watched_row(i, t, tile, region: ti.template(), gas: ti.template()):
                 s = gas.grid.part * gas.grid.room + image.slot
                 gas.event_int[row].image[0] = gas.meta[s].image_x + image.lap_x
                 gas.event_int[row].image[1] = gas.meta[s].image_y + image.lap_y
-                gas.event_int[row].number = info.number
+                gas.event_int[row].number = collisions_in_window(i, gas)
     return row
 
 

@@ -13,14 +13,16 @@ Positions and clocks of disks change at collisions only, never at crossings, and
 histories depend neither on the cells nor on the region, only on the disks in it.
 """
 
-from ..columns import MECHANISM, TALLY
+from ..columns import LOSS, MECHANISM, TALLY
+from ..compiler.records import NamedVector
 from ..laws.contact import ELASTIC, ROLLS, STICKS, collided
-from ..forces.force_events import act_on_all, kick_time
+from ..forces.force_events import act_alone, act_on_all, kick_time
+from ..disks.force_times import action_time
 from ..disks.flights import bits_of, contact_delay, contact_signs, real_of, rounding
 from ..compiler.language import on_gpu, ti
 from ..layout import (
     AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS, NO_PARTNER,
-    PAIRS,
+    OWN_ACTION, PAIRS,
 )  # fmt: skip
 from ..disks.particle import (
     add, advance_to, charge, just_collided, kind_of, largest_speed, note_speed, radius_of, update_history_hash,
@@ -39,6 +41,7 @@ from ..walls.pistons import bounce, meets_piston, next_stop
 EMPTY = -1  # of bins and cells
 SEPARATING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
 RING = 16  # places for slots to come, of up to 9 cells; a power of two
+LEAST_ID = -(2**31)
 NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
 TOO_FAR = 1e6  # or a disk that would come so many times through its region in a window
@@ -90,6 +93,11 @@ def precedes(i, k, gas: ti.template()):
         d = gas.event_info[info_k.partner].id
     low_1, high_1 = ti.min(a, b), ti.max(a, b)
     low_2, high_2 = ti.min(c, d), ti.max(c, d)
+    if ti.static(gas.uses.actions):  # forces first: a disk predicts no collision at that time
+        if info.partner == OWN_ACTION and gas.motion[i].t_hit <= gas.motion[i].t_leave:
+            low_1 = ti.i32(LEAST_ID)
+        if info_k.partner == OWN_ACTION and gas.motion[k].t_hit <= gas.motion[k].t_leave:
+            low_2 = ti.i32(LEAST_ID)
     return low_1 < low_2 or (low_1 == low_2 and high_1 < high_2)
 
 
@@ -198,20 +206,22 @@ def friction_column(regime):
 @ti.func
 def enter_losses(tile, regime, lost, gas: ti.template()):
     """Add the losses and the regime of a collision of two disks to the tally."""
-    add(tile, TALLY.losses.normal, lost[0], gas)
-    add(tile, TALLY.losses.restitution, lost[1], gas)
-    add(tile, TALLY.losses[friction_column(regime)], lost[2], gas)
-    add(tile, TALLY.losses.rolling, lost[3], gas)
+    loss = NamedVector(lost, LOSS)
+    add(tile, TALLY.losses.normal, loss.normal, gas)
+    add(tile, TALLY.losses.restitution, loss.restitution, gas)
+    add(tile, TALLY.losses[friction_column(regime)], loss.friction, gas)
+    add(tile, TALLY.losses.rolling, loss.rolling, gas)
     add(tile, TALLY.regimes[ti.min(regime, ELASTICALLY)], 1.0, gas)
 
 
 @ti.func
 def charge_half(i, regime, lost, gas: ti.template()):
     """Add half of the losses of a collision to those of the disk in slot i."""
-    charge(i, MECHANISM.normal, 0.5 * lost[0], gas)
-    charge(i, MECHANISM.restitution, 0.5 * lost[1], gas)
-    charge(i, friction_column(regime), 0.5 * lost[2], gas)
-    charge(i, MECHANISM.rolling, 0.5 * lost[3], gas)
+    loss = NamedVector(lost, LOSS)
+    charge(i, MECHANISM.normal, 0.5 * loss.normal, gas)
+    charge(i, MECHANISM.restitution, 0.5 * loss.restitution, gas)
+    charge(i, friction_column(regime), 0.5 * loss.friction, gas)
+    charge(i, MECHANISM.rolling, 0.5 * loss.rolling, gas)
 
 
 @ti.func
@@ -661,6 +671,10 @@ def predict(
     """
     motion, info = gas.motion[i], gas.event_info[i]
     best, partner = horizon, NO_PARTNER
+    if ti.static(gas.uses.actions):
+        acts = action_time(i, gas)
+        if acts <= horizon:
+            best, partner = acts, OWN_ACTION
     if keeps == 1:
         if info.partner != NO_PARTNER:
             best, partner = motion.t_hit, info.partner
@@ -679,7 +693,7 @@ def predict(
     info.partner = partner
     leaves, side = FAR + 0.0 * horizon, 0
     if ti.static(gas.uses.forced):
-        if not stays(i, horizon, region, gas):
+        if not stays(i, ti.min(best, horizon), region, gas):
             leaves, side = leaving(i, region, gas)
     else:
         leaves, side = leaving(i, region, gas)
@@ -909,8 +923,14 @@ def run_event(
             second, n_searching = partner, 2
             pause_after(t, tile, moment, written, pausing, pauses, gas)
     else:
+        is_action = False
+        if ti.static(gas.uses.actions):
+            is_action = partner == OWN_ACTION
+            if is_action:
+                act_alone(i, t, tile, region, gas)
         if ti.static(gas.uses.walled):
-            meet_wall(i, partner, t, n, tile, n_searching, all_search, region, gas)
+            if not is_action:
+                meet_wall(i, partner, t, n, tile, n_searching, all_search, region, gas)
 
 
 @ti.func

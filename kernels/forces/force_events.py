@@ -1,7 +1,8 @@
-"""Forces that act within a window: an event at which all disks of a region fly to one time and get new velocities.
+"""Forces that act within a window: events at which disks get new velocities.
 
-It is for forces that look at one disk only, so that copies of a disk in the halos of other tiles move as the disk
-itself. Positions are rounded to the grid there, as at a collision, and all disks look around themselves again.
+They are for forces that look at one disk only, so that copies of a disk in the halos of other tiles move as the disk
+itself. Positions are rounded to the grid there, as at a collision. A force in steps acts on all disks of a region at
+one time, and all look around themselves again. A force at random times acts on one disk, which then looks around.
 
 Rows of `kicks` are steps of forces, in order; those that act at one time have the very same `time`. All their numbers
 are given before the window: totals too, of forces whose totals do not depend on the motion.
@@ -12,11 +13,12 @@ from typing import Any
 from ..columns import FORCE_VALUES, LEVELS, TALLY
 from ..disks.flights import on_grid
 from ..compiler.language import ti
-from ..layout import BY_LAW, KICKED, NOT_FINITE
+from ..layout import BY_LAW, KICKED, NOT_FINITE, NOT_FINITE_ALONE
 from ..disks.particle import add, fly_to, kind_of, note_speed, void_latest_partner, watched_row, write_motion
 from ..random import DRAWS
 from ..compiler.records import NamedNumbers
 from ..disks.shear import flow_at
+from ..disks.force_times import action_stream, interval, next_action
 
 
 @ti.func
@@ -107,6 +109,45 @@ def act_on_all(n, first, end, t, tile, region: ti.template(), gas: ti.template()
         note_speed(i, gas)
         if ti.static(gas.uses.watched):
             write_kick(i, t, vx, vy, spin, tile, region, gas)
+    add_gains(gains, tile, gas)
+
+
+@ti.func
+def act_alone(i, t, tile, region: ti.template(), gas: ti.template()):
+    """Apply the force whose time has come to the disk in slot i alone, at time t of the window.
+
+    What others predicted for this disk is stale then, as after a collision of it.
+    """
+    gains = ti.Vector([0.0] * gas.uses.gains, ti.f64)
+    fly_to(i, t, gas)
+    void_latest_partner(i, gas)
+    gas.event_info[i].number = gas.event_info[i].number + 1
+    motion = gas.motion[i]
+    vx, vy, spin = motion.vx, motion.vy, motion.spin
+    for force in ti.static(gas.uses.forces):
+        if ti.static(force.alone):
+            if ti.cast(gas.action[i].force, ti.i32) == force.number:
+                step = ti.static(step_of(
+                    ti.cast(gas.action[i].time, float), ti.cast(interval(force, gas), float), free_of(gas),
+                    action_stream(i, force, gas), [],
+                ))[0]  # fmt: skip
+                change(i, t, step, NOT_FINITE_ALONE + force.number, tile, force, gains, gas)
+    note_speed(i, gas)
+    if ti.static(gas.uses.watched):
+        write_kick(i, t, vx, vy, spin, tile, region, gas)
+    next_action(i, gas)
+    add_gains(gains, tile, gas)
+
+
+@ti.func
+def free_of(gas: ti.template()):
+    """1 for x and y where the whole gas can drift, else 0."""
+    return ti.Vector([ti.cast(gas.force_values.free_x, float), ti.cast(gas.force_values.free_y, float)])
+
+
+@ti.func
+def add_gains(gains: ti.template(), tile, gas: ti.template()):
+    """Add energies that forces gave to the tally of a tile."""
     for column in ti.static(range(gas.uses.gains)):
         add(tile, gas.tally.shape[2] - gas.uses.gains + column, gains[column], gas)
 
@@ -114,7 +155,30 @@ def act_on_all(n, first, end, t, tile, region: ti.template(), gas: ti.template()
 @ti.func
 def act_on(i, row, t, tile, gains: ti.template(), gas: ti.template()):
     """Apply the force of a row of `kicks` to the disk in slot i, and add up what it gains if it is an own one."""
-    motion, kick = gas.motion[i], gas.kicks[row]
+    kick = gas.kicks[row]
+    number = ti.cast(kick.number, ti.i64)
+    random = ti.Vector([
+        ti.cast(gas.event_info[i].id, ti.u32), ti.cast(number, ti.u32), ti.cast(number >> ti.i64(32), ti.u32),
+        ti.cast(kick.index, ti.u32) * ti.u32(DRAWS), ti.cast(gas.grid.seed_low, ti.u32),
+        ti.cast(gas.grid.seed_high, ti.u32),
+    ], ti.u32)  # fmt: skip
+    for force in ti.static(gas.uses.forces):
+        if ti.static(not force.alone):
+            if ti.cast(kick.force, ti.i32) == force.number:
+                step = ti.static(step_of(
+                    ti.cast((kick.number + 0.5) * kick.dt, float), ti.cast(kick.dt, float), free_of(gas), random,
+                    [kick.totals[j] for j in range(force.n_totals)],
+                ))[0]  # fmt: skip
+                change(i, t, step, NOT_FINITE + row, tile, force, gains, gas)
+
+
+@ti.func
+def change(i, t, step, mark, tile, force: ti.template(), gains: ti.template(), gas: ti.template()):
+    """Change velocity and spin of the disk in slot i by a force, and add up what it gains if it is an own one.
+
+    `mark` is for `counter.stalled` if the change is not finite.
+    """
+    motion = gas.motion[i]
     kind = kind_of(i, gas)
     mass, radius = 1.0 / gas.kinds[kind].inverse_mass, gas.kinds[kind].radius
     x, y = position_in_box(i, t, tile, gas)
@@ -124,33 +188,20 @@ def act_on(i, row, t, tile, gains: ti.template(), gas: ti.template()):
         x=x, y=y, vx=motion.vx + fall_x - flow, vy=motion.vy + fall_y, spin=motion.spin, mass=mass, radius=radius,
         k=gas.kinds[kind].k, inertia=mass * radius * radius / gas.kinds[kind].k,
     )  # fmt: skip
-    number = ti.cast(kick.number, ti.i64)
-    random = ti.Vector([
-        ti.cast(gas.event_info[i].id, ti.u32), ti.cast(number, ti.u32), ti.cast(number >> ti.i64(32), ti.u32),
-        ti.cast(kick.index, ti.u32) * ti.u32(DRAWS), ti.cast(gas.grid.seed_low, ti.u32),
-        ti.cast(gas.grid.seed_high, ti.u32),
-    ], ti.u32)  # fmt: skip
-    free = ti.Vector([ti.cast(gas.force_values.free_x, float), ti.cast(gas.force_values.free_y, float)])
-    for force in ti.static(gas.uses.forces):
-        if ti.cast(kick.force, ti.i32) == force.number:
-            step = ti.static(step_of(
-                ti.cast((kick.number + 0.5) * kick.dt, float), ti.cast(kick.dt, float), free, random,
-                [kick.totals[j] for j in range(force.n_totals)],
-            ))[0]  # fmt: skip
-            given = ti.static(
-                (NamedNumbers(gas.force_values, force.names, FORCE_VALUES.width + force.first),)
-            )[0]
-            new_vx, new_vy, new_spin = force.act(body, step, given)
-            motion.vx = ti.cast(new_vx, float) + flow - fall_x
-            motion.vy, motion.spin = ti.cast(new_vy, float) - fall_y, ti.cast(new_spin, float)
-            if gas.event_info[i].own_rank > 0:
-                # What was stored may be rounded, to single precision or with the fall.
-                stored_x, stored_y = motion.vx + fall_x - flow, motion.vy + fall_y
-                gain = energy(mass, body.inertia, stored_x, stored_y, motion.spin)
-                gain -= energy(mass, body.inertia, body.vx, body.vy, body.spin)
-                add_gain(gains, force.number, gain, gas)
-                if not gain - gain == 0.0:
-                    ti.atomic_max(gas.counter.stalled, NOT_FINITE + row)
-                if ti.static(gas.uses.sheared):
-                    # What the frame of the row sees of it beyond that is not the flow's doing (`disks/shear.py`).
-                    add(tile, TALLY.flow_work, ti.cast(mass * flow * (stored_x - body.vx), ti.f64), gas)
+    given = ti.static(
+        (NamedNumbers(gas.force_values, force.names, FORCE_VALUES.width + force.first_parameter),)
+    )[0]
+    new_vx, new_vy, new_spin = force.act(body, step, given)
+    motion.vx = ti.cast(new_vx, float) + flow - fall_x
+    motion.vy, motion.spin = ti.cast(new_vy, float) - fall_y, ti.cast(new_spin, float)
+    if gas.event_info[i].own_rank > 0:
+        # What was stored may be rounded, to single precision or with the fall.
+        stored_x, stored_y = motion.vx + fall_x - flow, motion.vy + fall_y
+        gain = energy(mass, body.inertia, stored_x, stored_y, motion.spin)
+        gain -= energy(mass, body.inertia, body.vx, body.vy, body.spin)
+        add_gain(gains, force.number, gain, gas)
+        if not gain - gain == 0.0:
+            ti.atomic_max(gas.counter.stalled, mark)
+        if ti.static(gas.uses.sheared):
+            # What the frame of the row sees of it beyond that is not the flow's doing (`disks/shear.py`).
+            add(tile, TALLY.flow_work, ti.cast(mass * flow * (stored_x - body.vx), ti.f64), gas)

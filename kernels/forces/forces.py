@@ -70,12 +70,14 @@ def free_of(gas: ti.template()):
 
 
 class ForceKernels(NamedTuple):
-    """Kernels of a class of forces: sum its totals, at a moment and of steps ahead; apply it; try it on one disk."""
+    """Kernels of a class of forces: sum totals, at a moment and of steps ahead; apply it; try it on one disk; on disks
+    at rest."""
 
     sum_totals: Any
     sum_ahead: Any
     apply_force: Any
     sample_force: Any
+    kick_from_rest: Any
 
 
 def kernels_of(force: Any) -> ForceKernels:
@@ -87,6 +89,7 @@ def kernels_of(force: Any) -> ForceKernels:
         _sum_ahead_of(measure, force.totals, names),
         _apply_force_of(act, force.totals, names),
         _sample_force_of(act, measure, force.totals, names),
+        _kick_from_rest_of(act, names),
     )
 
 
@@ -254,3 +257,29 @@ def _sample_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ..
             numbers[s] = vx + vy + spin
 
     return sample_force
+
+
+def _kick_from_rest_of(act: Any, names: tuple[str, ...]) -> Any:
+    """Kernel that finds how fast a force without totals makes disks at rest."""
+
+    @kernel
+    def kick_from_rest(dt: ti.f64, gas: Arrays("uses kinds"), parameters: Rows, found: Rows):
+        """Set the largest square of a speed that a disk of any kind has got in a few draws."""
+        given = ti.static((NamedNumbers(parameters, names),))[0]
+        ti.loop_config(serialize=True)
+        for draw in range(8 * gas.kinds.shape[0]):
+            zero = ti.cast(0.0, float)
+            kind = draw // 8
+            mass, radius = 1.0 / gas.kinds[kind].inverse_mass, gas.kinds[kind].radius
+            body = ti.Struct(
+                x=zero, y=zero, vx=zero, vy=zero, spin=zero, mass=mass, radius=radius, k=gas.kinds[kind].k,
+                inertia=mass * radius * radius / gas.kinds[kind].k,
+            )  # fmt: skip
+            random = ti.Vector([ti.cast(draw, ti.u32)] + [ti.u32(0) for _ in ti.static(range(5))], ti.u32)
+            step = ti.static(step_of(zero, ti.cast(dt, float), ti.Vector([zero, zero]), random, []))[0]
+            vx, vy, _spin = act(body, step, given)
+            square = ti.cast(vx * vx + vy * vy, ti.f64)
+            if square - square == 0.0:  # a number
+                found[0] = ti.max(found[0], square)
+
+    return kick_from_rest

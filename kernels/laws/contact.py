@@ -14,13 +14,11 @@ Losses of kinetic energy by mechanism, none of which depends on the frame; their
 - the rolling torque: what it takes from each spin.
 """
 
-from ..columns import TRIAL_TABLES
+from ..columns import LOSS, TRIAL_TABLES
 from ..compiler.language import ti
+from ..compiler.records import NamedVector
 from .law import after_impulses, inverse_masses, relative_motion
 from ..compiler.signature import Arrays, kernel
-
-# Columns of losses.
-BY_NORMAL, BY_RESTITUTION, BY_FRICTION, BY_ROLLING = range(4)
 
 
 @ti.func
@@ -38,20 +36,21 @@ def braking_loss(T, w_free, inverse_mass, radius, k):
 
 @ti.func
 def losses_of(P_n, P_t, T, P_et, pair: ti.template()):
-    """Energy that these impulses take from a pair that approaches (`impulses_between`), by column."""
+    """Energy that these impulses take from a pair that approaches (`impulses_between`): a vector of `LOSS`."""
     # Divisions are what this costs: none that can be spared.
     inverse_n, inverse_t = inverse_masses(pair.inverse_mass_i, pair.k_i, pair.inverse_mass_j, pair.k_j)
     tangential = ti.cast(P_t, ti.f64) * (pair.g_t - 0.5 * P_t * inverse_t)
     restitution = ti.cast(P_et, ti.f64) * (pair.g_t - 0.5 * P_et * inverse_t)
     lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
-    lost[BY_NORMAL] = ti.cast(P_n, ti.f64) * (pair.g_n - 0.5 * P_n * inverse_n)
-    lost[BY_RESTITUTION] = restitution
-    lost[BY_FRICTION] = tangential - restitution
+    loss = NamedVector(lost, LOSS)
+    loss.normal = ti.cast(P_n, ti.f64) * (pair.g_n - 0.5 * P_n * inverse_n)
+    loss.restitution = restitution
+    loss.friction = tangential - restitution
     if T != 0.0:  # a custom law may give a negative one, which drives spins
         free_i = pair.spin_i - pair.k_i * pair.inverse_mass_i / pair.radius_i * P_t
         free_j = pair.spin_j - pair.k_j * pair.inverse_mass_j / pair.radius_j * P_t
-        lost[BY_ROLLING] = braking_loss(T, free_i, pair.inverse_mass_i, pair.radius_i, pair.k_i)
-        lost[BY_ROLLING] += braking_loss(T, free_j, pair.inverse_mass_j, pair.radius_j, pair.k_j)
+        loss.rolling = braking_loss(T, free_i, pair.inverse_mass_i, pair.radius_i, pair.k_i)
+        loss.rolling += braking_loss(T, free_j, pair.inverse_mass_j, pair.radius_j, pair.k_j)
     return lost
 
 

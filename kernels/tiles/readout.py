@@ -3,12 +3,27 @@
 Also copies of small arrays, and of rows of others, between host and GPU.
 """
 
-from ..columns import FRAME, MECHANISM, READOUT, SMALL, SPECIES, first_word
+from ..columns import FRAME, MECHANISM, READOUT, SMALL, first_word
 from ..compiler.language import Rows, Table, has_numbers, spread_of_loops, ti, width
+from ..compiler.records import NamedVector
 from ..layout import ASLEEP, ASLEEP_UNVERIFIED, SNAPSHOT
 from ..disks.particle import listed_kind, round_products
 from ..disks.shear import flow_at, frame_speed
 from ..compiler.signature import Arrays, kernel
+
+
+@ti.func
+def own_slots(tile, part, gas: ti.template()):
+    """Slots of the disks of a tile in a part: the first, and the one behind the last; none in one of another rank."""
+    lists = part
+    if part >= SNAPSHOT:
+        lists = 1 - gas.grid.part  # the lists at a moment are those at the end
+    first = part * gas.grid.room + gas.tile[tile].start[lists]
+    last = first + gas.tile[tile].count[lists]
+    if ti.static(gas.uses.shared):
+        if gas.tile[tile].owned == 0:
+            last = first
+    return first, last
 
 
 @ti.func
@@ -24,18 +39,19 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     mass = ti.cast(gas.kinds[kind].mass, ti.f64)
     vx, vy = ti.cast(disk.vx, ti.f64), ti.cast(disk.vy, ti.f64)
     spin = ti.cast(disk.spin, ti.f64)
-    total[READOUT.all_events] += gas.meta[s].events
+    sums = NamedVector(total, READOUT)
+    sums.all_events += gas.meta[s].events
     if ti.static(gas.uses.sheared):
-        total[READOUT.excess] += flow * (vx - 0.5 * flow) * mass
+        sums.excess += flow * (vx - 0.5 * flow) * mass
         vx -= flow
-    total[READOUT.momentum_x] += mass * vx
-    total[READOUT.momentum_y] += mass * vy
-    total[READOUT.translational] += 0.5 * mass * (vx * vx + vy * vy)
-    total[READOUT.rotational] += 0.5 * ti.cast(gas.kinds[kind].inertia, ti.f64) * spin * spin
-    total[READOUT.momentum_flux_xx] += mass * vx * vx
-    total[READOUT.momentum_flux_xy] += mass * vx * vy
-    total[READOUT.fall] += (x * gas.scale.gx + y * gas.scale.gy) * mass
-    total[READOUT.mass] += mass
+    sums.momentum_x += mass * vx
+    sums.momentum_y += mass * vy
+    sums.translational += 0.5 * mass * (vx * vx + vy * vy)
+    sums.rotational += 0.5 * ti.cast(gas.kinds[kind].inertia, ti.f64) * spin * spin
+    sums.momentum_flux_xx += mass * vx * vx
+    sums.momentum_flux_xy += mass * vx * vy
+    sums.fall += (x * gas.scale.gx + y * gas.scale.gy) * mass
+    sums.mass += mass
 
 
 @ti.func
@@ -112,15 +128,8 @@ def read_out(
         round_products(gas)
         if item % spread == 0:
             k = item // spread
-            lists = part
-            if part >= SNAPSHOT:
-                lists = 1 - gas.grid.part  # the lists at a moment are those at the end
-            first = part * gas.grid.room + gas.tile[k].start[lists]
+            first, last = own_slots(k, part, gas)
             total = ti.Vector([0.0] * READOUT.width, ti.f64)
-            last = first + gas.tile[k].count[lists]
-            if ti.static(gas.uses.shared):
-                if gas.tile[k].owned == 0:
-                    last = first
             for s in range(first, last):
                 meta_row, listed_disk = gas.meta[s], gas.disk[s]
                 x, y, boxes_x, boxes_y, frame, flow = placed(s, k, time, gas)
@@ -167,21 +176,14 @@ def read_species(
 ):
     """Add up the motion and the collisions with disks of each species, tile by tile.
 
-    Ids of species s begin at `first_of_species[s]`; `species_totals` (tiles, species times columns of SPECIES) are 0.
+    Ids of species s begin at `first_of_species[s]`; `species_totals` (tiles, species, columns of SPECIES) are 0.
     """
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
         if item % spread == 0:
             k = item // spread
-            lists = part
-            if part >= SNAPSHOT:
-                lists = 1 - gas.grid.part
-            first = part * gas.grid.room + gas.tile[k].start[lists]
-            last = first + gas.tile[k].count[lists]
-            if ti.static(gas.uses.shared):
-                if gas.tile[k].owned == 0:
-                    last = first
+            first, last = own_slots(k, part, gas)
             for s in range(first, last):
                 listed_disk, kind_row, id_of_disk = gas.disk[s], listed_kind(s, gas), gas.meta[s].id
                 mass = ti.cast(gas.kinds[kind_row].mass, ti.f64)
@@ -189,22 +191,23 @@ def read_species(
                 if ti.static(gas.uses.sheared):
                     vx -= flow_at(listed_disk.y, gas)
                 spin = ti.cast(listed_disk.spin, ti.f64)
-                at = -SPECIES.width
+                species = -1
                 for j in range(gas.first_of_species.shape[0]):
                     if id_of_disk >= gas.first_of_species[j]:
-                        at += SPECIES.width
+                        species += 1
                 events = gas.meta[s].events
                 if ti.static(gas.uses.walled):
                     events -= gas.hits[s].wall_collisions
                 inertia = ti.cast(gas.kinds[kind_row].inertia, ti.f64)
-                gas.species_totals[k, at + SPECIES.translational] += 0.5 * mass * (vx * vx + vy * vy)
-                gas.species_totals[k, at + SPECIES.rotational] += 0.5 * inertia * spin * spin
-                gas.species_totals[k, at + SPECIES.momentum_x] += mass * vx
-                gas.species_totals[k, at + SPECIES.momentum_y] += mass * vy
-                gas.species_totals[k, at + SPECIES.mass] += mass
-                gas.species_totals[k, at + SPECIES.collisions] += events
+                sums = gas.species_totals[k, species]
+                sums.translational += 0.5 * mass * (vx * vx + vy * vy)
+                sums.rotational += 0.5 * inertia * spin * spin
+                sums.momentum_x += mass * vx
+                sums.momentum_y += mass * vy
+                sums.mass += mass
+                sums.collisions += events
                 if mass > 0.0:
-                    gas.species_totals[k, at + SPECIES.movable] += 1.0
+                    sums.movable += 1.0
 
 
 @kernel

@@ -25,6 +25,7 @@ Bad tiles are run again, from the same beginning, with wider halos. Nothing is e
 
 from ..columns import HELD, MECHANISM, TALLY
 from ..disks.flights import on_grid
+from ..disks.force_times import begin_actions
 from ..compiler.language import on_gpu, ti
 from ..layout import (
     ASLEEP,
@@ -39,7 +40,16 @@ from ..layout import (
     SNAPSHOT,
     Uses,
 )
-from ..disks.particle import add, kind_of, largest_speed, latest_partner, listed_kind, note_speed, radius_of
+from ..disks.particle import (
+    add,
+    collisions_in_window,
+    kind_of,
+    largest_speed,
+    latest_partner,
+    listed_kind,
+    note_speed,
+    radius_of,
+)
 from ..walls.pistons import write_pistons
 
 ENDLESS = 1.0e30  # a side of a tile at an end of the box that is no periodic side
@@ -431,6 +441,8 @@ def load(m, i, tile, region: ti.template(), gas: ti.template()):
     gas.start_position[i].x, gas.start_position[i].y = x + row * gas.scale.aside, y
     gas.event_info[i].last = NO_PARTNER
     gas.event_info[i].number, gas.event_info[i].previous = 0, -1
+    if ti.static(gas.uses.actions):
+        begin_actions(i, gas)
     cx = c // region.ny
     gas.event_info[i].cell = (cx << 16) + c - cx * region.ny
 
@@ -514,7 +526,7 @@ def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
     disk_row.vx, disk_row.vy = vx, vy
     disk_row.spin = gas.motion[i].spin
     meta_row.id = info.id
-    meta_row.events = gas.meta[s].events + info.number
+    meta_row.events = gas.meta[s].events + collisions_in_window(i, gas)
     meta_row.image_x = gas.meta[s].image_x + lap_x
     meta_row.image_y = gas.meta[s].image_y + lap_y
     if ti.static(gas.uses.mixed and gas.uses.shared):
@@ -615,7 +627,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 speed2 = vx * vx + vy * vy
                 fastest = ti.max(fastest, speed2)
                 squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock.square_unit)
-                events = ti.cast(gas.event_info[i].number, ti.f64)
+                events = ti.cast(collisions_in_window(i, gas), ti.f64)
                 event_squares += events * events
                 if ti.static(gas.uses.remembers):
                     gas.past[row].latest = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)

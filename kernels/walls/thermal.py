@@ -10,7 +10,7 @@ doi:10.1103/PhysRevE.57.R17, show what goes wrong with other densities.
 """
 
 from ..compiler.language import ti
-from ..disks.particle import kind_of
+from ..disks.particle import collisions_in_window, kind_of
 from ..random import DRAWS, library_normals, rayleigh
 
 OF_WALLS = 0xFFFF * DRAWS  # in streams of random numbers: the index that no force has
@@ -26,8 +26,8 @@ def thermal_velocity(i, temperature, nx, ny, ux, uy, gas: ti.template()):
     """
     stream = ti.Vector([
         ti.cast(gas.event_info[i].id, ti.u32),
-        ti.cast(gas.image_info[i].events_before + gas.event_info[i].number - 1, ti.u32), ti.u32(0), ti.u32(OF_WALLS),
-        ti.cast(gas.grid.seed_low, ti.u32), ti.cast(gas.grid.seed_high, ti.u32),
+        ti.cast(gas.image_info[i].events_before + collisions_in_window(i, gas) - 1, ti.u32),
+        ti.u32(0), ti.u32(OF_WALLS), ti.cast(gas.grid.seed_low, ti.u32), ti.cast(gas.grid.seed_high, ti.u32),
     ], ti.u32)  # fmt: skip
     kind = kind_of(i, gas)
     spread = ti.sqrt(temperature * gas.kinds[kind].inverse_mass)

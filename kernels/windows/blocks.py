@@ -29,7 +29,7 @@ that has more disks than a block has room for, is run by one thread (`windows.ru
 from collections import namedtuple
 from typing import Any
 
-from ..columns import BLOCK_INTEGERS, BLOCK_REALS, BLOCK_SUMS
+from ..columns import BLOCK_INTEGERS, BLOCK_REALS, BLOCK_SUMS, Columns, columns
 from ..events.events import collide, compare, precedes, separation
 from ..disks.flights import bits_of, contact_signs, real_of
 from ..compiler.language import is_single_precision, shared, ti
@@ -47,7 +47,7 @@ from ..layout import (
 )
 from ..disks.particle import largest_square, radius_of, round_products, upper_half
 from .planner import pull_of
-from ..compiler.records import From, InColumns, Split
+from ..compiler.records import From, InColumns, Split, NamedVector
 from ..compiler.signature import Arrays, kernel
 from ..tiles.sums import sum_tiles
 from ..tiles.tiles import (
@@ -80,9 +80,11 @@ MARGIN = 1.5  # beyond contact that lists have at least, in largest diameters
 ATTEMPTS = 3
 MOST_BLOCKS = 1024  # of a GPU
 MOST_ROUNDS = 20_000
-# What threads note for one another.
-GATHERED, OWN, COPIES, MARK, SPEED, EXTENT, IMAGES, QUEUED, LEAST, TILE, ROOM, FIRST_SUM = range(12)
-NOTES = FIRST_SUM + THREADS // 32
+# What threads note for one another; sums of warps.
+NOTES = Columns(
+    **columns("gathered", "own", "copies", "mark", "speed", "extent", "images", "queued", "least", "tile", "room"),
+    sums=THREADS // 32,
+)  # fmt: skip
 # Why a tile has to be run again: a list has no place left, the order of events is not certain, a disk is too fast for
 # the lists, there are too many disks (TOO_MANY), rounds without end, no room for ghost records, or too many disks for
 # any block.
@@ -99,17 +101,20 @@ def block_of(gas: Any, number: Any, slots: int) -> Any:
     first, given = number * slots, gas._asdict()
     for array, table in (("integers", BLOCK_INTEGERS), ("reals", BLOCK_REALS), ("sums", BLOCK_SUMS)):
         flat, begin_at = given[f"block_{array}"], first * table.width
-        for name, columns in table.at.items():
-            if isinstance(columns, int):
-                given[name] = From(flat, begin_at + columns * slots)
+        for name, column in table.at.items():
+            if isinstance(column, int):
+                given[name] = From(flat, begin_at + column * slots)
             else:
-                given[name] = InColumns(flat, columns, begin_at, slots)
+                given[name] = InColumns(flat, column, begin_at, slots)
     given["near"] = From(gas.near, first * NEAR_WORDS)
     given["image_list"], given["near_image"] = From(gas.image_list, first), From(gas.near_image, first)
     given["order"] = From(gas.block_integers, first * BLOCK_INTEGERS.width)  # before there are events
     given["key"], given["low"] = shared(slots, ti.i32), shared(slots, ti.i32)
     given["head"] = given["low"]  # before there are events
-    given["queue"], given["note"] = shared(slots // 4, ti.u16), shared(NOTES, ti.i32)
+    given["queue"], given["note"] = (
+        shared(slots // 4, ti.u16),
+        NamedVector(shared(NOTES.width, ti.i32), NOTES),
+    )
     if slots <= BLOCK_SLOTS:
         given["motion"] = Split(given["motion"], {name: shared(slots) for name in FLIGHT})
         event = {
@@ -195,10 +200,10 @@ def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
                 if x >= left - halo and x < right + halo and y >= below - halo and y < above + halo:
                     rank = 0
                     if x >= left and x < right and y >= below and y < above:
-                        rank = 1 + ti.atomic_add(block.note[OWN], 1)
+                        rank = 1 + ti.atomic_add(block.note.own, 1)
                     else:
-                        rank = -1 - ti.atomic_add(block.note[COPIES], 1)
-                    m = ti.atomic_add(block.note[GATHERED], 1)
+                        rank = -1 - ti.atomic_add(block.note.copies, 1)
+                    m = ti.atomic_add(block.note.gathered, 1)
                     if m < block.slots:
                         block.candidates[m].slot = s
                         block.candidates[m].own_rank = rank
@@ -206,7 +211,7 @@ def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
                     vx, vy = ti.cast(block.disk[s].vx, ti.f64), ti.cast(block.disk[s].vy, ti.f64)
                     fastest = ti.max(fastest, upper_half(1.000001 * (vx * vx + vy * vy)))
                 s += THREADS
-    ti.atomic_max(block.note[SPEED], fastest)
+    ti.atomic_max(block.note.speed, fastest)
 
 
 @ti.func
@@ -235,11 +240,11 @@ def count_by_cell(n, tile, me, region: ti.template(), block: ti.template()):
         if lane >= step:
             upto += other
     if lane == 31:
-        block.note[FIRST_SUM + me // 32] = upto
+        block.note.sums[me // 32] = upto
     ti.simt.block.sync()
     before = upto - mine
     for warp in range(me // 32):
-        before += block.note[FIRST_SUM + warp]
+        before += block.note.sums[warp]
     for c in range(first, last):
         here = block.head[c]
         block.head[c] = before
@@ -342,7 +347,7 @@ def list_images(me, way, region: ti.template(), block: ti.template()):
     """
     if me < 32:
         extent = ti.cast(
-            ti.sqrt(ti.bit_cast(ti.cast(block.note[EXTENT], ti.i64) << ti.i64(32), ti.f64)), float
+            ti.sqrt(ti.bit_cast(ti.cast(block.note.extent, ti.i64) << ti.i64(32), ti.f64)), float
         )
         x = region.x + 0.5 * region.nx * region.side_x
         y = region.y + 0.5 * region.ny * region.side_y
@@ -359,16 +364,16 @@ def list_images(me, way, region: ti.template(), block: ti.template()):
             many += ti.cast(ti.math.popcnt(votes), ti.i32)
             image += 32
         if me == 0:
-            block.note[IMAGES] = ti.min(many, block.slots)
+            block.note.images = ti.min(many, block.slots)
             if many > block.slots:
-                block.note[MARK] = TOO_MANY
+                block.note.mark = TOO_MANY
 
 
 @ti.func
 def list_walls(i, way, region: ti.template(), block: ti.template()):
     """List the images of walls that the disk in slot i may touch in the window: their number, and places of three."""
     many, word = 0, ti.u64(0)
-    for m in range(block.note[IMAGES]):
+    for m in range(block.note.images):
         if may_touch(block.image_list[m], block.motion[i].x, block.motion[i].y, way, region, block) == 1:
             many += 1
             if many < 4:
@@ -383,7 +388,7 @@ def first_wall(i, best, partner, region: ti.template(), block: ti.template()):
     many = ti.cast(word & ti.u64(0xFFFF), ti.i32)
     end = many
     if many > 3:
-        end = block.note[IMAGES]
+        end = block.note.images
     for m in range(end):
         at = m
         if many <= 3:
@@ -467,13 +472,13 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     while c < block.slots:
         block.head[c] = 0
         c += THREADS
-    if me < TILE:
+    if me < NOTES.tile:
         block.note[me] = 0
     ti.simt.block.sync()
     choose_disks(tile, halo, me, region, block)
     ti.simt.block.sync()
-    n = block.note[GATHERED]
-    square = ti.bit_cast(ti.cast(block.note[SPEED], ti.i64) << ti.i64(32), ti.f64) * (faster * faster)
+    n = block.note.gathered
+    square = ti.bit_cast(ti.cast(block.note.speed, ti.i64) << ti.i64(32), ti.f64) * (faster * faster)
     bound = block.clock.fastest * ti.max(faster / FASTER * FASTEST_OF_ALL, FASTEST_OF_ALL)
     square = ti.min(square, bound * bound)
     way = 2.0 * ti.cast(ti.sqrt(square), float) * block.scale.window
@@ -491,7 +496,7 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     if n > block.slots:
         n = 0
         if me == 0:
-            block.note[MARK] = TOO_MANY
+            block.note.mark = TOO_MANY
     found = region_around(tile, halo, block.scale.widest + margin, block)
     region.nx, region.ny, region.side_x, region.side_y = found.nx, found.ny, found.side_x, found.side_y
     count_by_cell(n, tile, me, region, block)
@@ -507,7 +512,7 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
         if ti.static(block.uses.walled):
             x = block.motion[i].x - (region.x + 0.5 * region.nx * region.side_x)
             y = block.motion[i].y - (region.y + 0.5 * region.ny * region.side_y)
-            ti.atomic_max(block.note[EXTENT], upper_half(1.000001 * ti.cast(x * x + y * y, ti.f64)))
+            ti.atomic_max(block.note.extent, upper_half(1.000001 * ti.cast(x * x + y * y, ti.f64)))
         i += THREADS
     ti.simt.block.sync()
     if ti.static(block.uses.walled):
@@ -517,7 +522,7 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     while i < n:
         full, n_meet, meet = list_neighbors(i, margin, region, block)
         if full == 1:
-            ti.atomic_or(block.note[MARK], LIST_FULL)
+            ti.atomic_or(block.note.mark, LIST_FULL)
         best, partner = block.scale.window, NO_PARTNER
         best, partner = first_meeting(i, n_meet, meet, best, partner, region, block)
         if ti.static(block.uses.walled):
@@ -570,7 +575,7 @@ def queue_events(n, me, block: ti.template()):
                 m += 16
             if ti.simt.warp.ballot(late) == 0:
                 if lane == 0:
-                    at = ti.atomic_add(block.note[QUEUED], 1)
+                    at = ti.atomic_add(block.note.queued, 1)
                     if at < block.slots // 4:
                         block.queue[at] = ti.cast(j, ti.u16)
         i += THREADS
@@ -600,19 +605,19 @@ def queue_least(n, me, block: ti.template()):
     i = me
     while i < n:
         if block.key[i] < NONE:
-            ti.atomic_min(block.note[LEAST], block.key[i])
+            ti.atomic_min(block.note.least, block.key[i])
         i += THREADS
     ti.simt.block.sync()
     i = me
     while i < n:
         key = block.key[i]
-        if key < NONE and key == block.note[LEAST]:
+        if key < NONE and key == block.note.least:
             p = partner_of(i, block)
             counts = p < 0
             if p >= 0:
                 counts = block.key[p] > key or i < p or partner_of(p, block) != i  # not stored by both
             if counts:
-                if ti.atomic_add(block.note[QUEUED], 1) == 0:
+                if ti.atomic_add(block.note.queued, 1) == 0:
                     block.queue[0] = ti.cast(i, ti.u16)
         i += THREADS
 
@@ -623,7 +628,7 @@ def collide_queue(tile, me, region: ti.template(), block: ti.template()):
 
     The key of an event then says whether it was a collision (MET), or was STALE.
     """
-    q, many = me, ti.min(block.note[QUEUED], block.slots // 4)
+    q, many = me, ti.min(block.note.queued, block.slots // 4)
     while q < many:
         i = ti.cast(block.queue[q], ti.i32)
         p = partner_of(i, block)
@@ -647,7 +652,7 @@ def predict_queue(me, limit, fastest, region: ti.template(), block: ti.template(
     place = me % (2 * ABREAST)
     half = place // ABREAST
     mask = ti.u32((1 << (2 * ABREAST)) - 1) << ti.cast(lane - place, ti.u32)
-    q, many = me // (2 * ABREAST), ti.min(block.note[QUEUED], block.slots // 4)
+    q, many = me // (2 * ABREAST), ti.min(block.note.queued, block.slots // 4)
     while q < many:
         i = ti.cast(block.queue[q], ti.i32)
         p, t = partner_of(i, block), block.motion[i].t_hit
@@ -668,12 +673,12 @@ def predict_queue(me, limit, fastest, region: ti.template(), block: ti.template(
                 best, partner, number = t_k, k, number_k
         ti.simt.warp.sync(mask)
         if wrong == 1:
-            ti.atomic_or(block.note[MARK], UNCERTAIN)
+            ti.atomic_or(block.note.mark, UNCERTAIN)
         if place % ABREAST == 0 and looks:
             if ti.static(block.uses.walled):
                 best, partner = first_wall(a, best, partner, region, block)
             if block.event_info[a].max_speed_sq > fastest:
-                ti.atomic_or(block.note[MARK], TOO_FAST)
+                ti.atomic_or(block.note.mark, TOO_FAST)
             keep_event(a, best, partner, limit, block)
         q += THREADS // (2 * ABREAST)
 
@@ -710,11 +715,11 @@ def run_rounds(
                     ti.atomic_min(block.low[p], key)
             i += THREADS
         if me == 0:
-            block.note[QUEUED], block.note[LEAST] = 0, NONE
+            block.note.queued, block.note.least = 0, NONE
             if rounds > MOST_ROUNDS:
-                block.note[MARK] = ENDLESS
+                block.note.mark = ENDLESS
         going = ti.simt.block.sync_count_nonzero(pending)
-        if block.note[MARK] > 0:
+        if block.note.mark > 0:
             going = 0
         if going > 0:
             rounds += 1
@@ -723,12 +728,12 @@ def run_rounds(
             else:
                 queue_least(n, me, block)
             ti.simt.block.sync()
-            many = block.note[QUEUED]
+            many = block.note.queued
             if many == 0 or (serial == 1 and many > 1):
                 ti.simt.block.sync()
                 if me == 0:
                     queue_earliest(n, block)
-                    block.note[QUEUED] = 1
+                    block.note.queued = 1
                 ti.simt.block.sync()
             collide_queue(tile, me, region, block)
             ti.simt.block.sync()
@@ -752,7 +757,7 @@ def run_stages(n, tile, me, fastest, serial, region: ti.template(), block: ti.te
         ti.simt.block.sync()
         rounds = run_rounds(n, tile, me, limit, fastest, serial, rounds, region, block)
         ti.simt.block.sync()
-        if limit < FAR and block.note[MARK] == 0:
+        if limit < FAR and block.note.mark == 0:
             write(n, tile, AT_MOMENT + stage, me, THREADS, region, block)
             stage += 1
         else:
@@ -805,19 +810,19 @@ def run_tile_by_block(tile, me, block: ti.template()):
         n, fastest = prepare_block(tile, me, wider, ti.cast(faster, ti.f64), region, block)
         if attempt == 0 and me == 0:
             block.tile[tile].gathered = n
-            block.tile[tile].count.other[block.grid.part] = block.note[OWN]
-            block.tile[tile].n_ghosts = block.note[COPIES]
+            block.tile[tile].count.other[block.grid.part] = block.note.own
+            block.tile[tile].n_ghosts = block.note.copies
             if ti.static(block.slots == BLOCK_SLOTS):  # whichever block runs it
                 reserve_list(tile, block)
-            block.note[ROOM] = 1
-            if (block.note[MARK] & TOO_MANY) == 0:
+            block.note.room = 1
+            if (block.note.mark & TOO_MANY) == 0:
                 reserve_ghosts(tile, block)
-                block.note[ROOM] = ti.cast((block.counter.full & FULL_GHOSTS) == 0, ti.i32)
+                block.note.room = ti.cast((block.counter.full & FULL_GHOSTS) == 0, ti.i32)
         ti.simt.block.sync()
-        if block.note[MARK] == 0 and block.note[ROOM] == 1:
+        if block.note.mark == 0 and block.note.room == 1:
             run_stages(n, tile, me, fastest, serial, region, block)
         ti.simt.block.sync()
-        mark = block.note[MARK]
+        mark = block.note.mark
         ti.simt.block.sync()
         attempt += 1
         if mark == 0 or mark >= TOO_MANY or block.grid.watching > 0:
@@ -834,7 +839,7 @@ def run_tile_by_block(tile, me, block: ti.template()):
             if me == 0:
                 clear(tile, block)
         ti.simt.block.sync()
-    if block.note[ROOM] == 0:
+    if block.note.room == 0:
         mark = NO_ROOM
     if mark == 0:
         write_block(n, tile, me, region, block)
@@ -874,9 +879,9 @@ def take_tile(n_tiles, me, block: ti.template()):
     """Number of the next one of so many tiles, the same for all threads; -1 if none is left."""
     if me == 0:
         k = ti.atomic_add(block.counter.next_tile, 1)
-        block.note[TILE] = ti.select(k < n_tiles and block.counter.halted == 0, k, -1)
+        block.note.tile = ti.select(k < n_tiles and block.counter.halted == 0, k, -1)
     ti.simt.block.sync()
-    return block.note[TILE]
+    return block.note.tile
 
 
 BLOCKS = Arrays(

@@ -106,6 +106,8 @@ def plan(gas: ti.template()):
     """Set the end of the window that begins now, from the speeds of the disks. A force ends it."""
     fastest2 = max_speed_sq(gas)
     mean_square = total_of(TALLY.squares, gas) * gas.clock.square_unit / ti.max(gas.clock.n, 1.0)
+    if ti.static(gas.uses.actions):
+        mean_square = ti.min(mean_square, fastest2)  # infinite where the unit was that of a gas at rest
     gas.clock.speed, gas.clock.fastest = ti.sqrt(mean_square), ti.sqrt(fastest2)
     pull, wall_speed = pull_of(gas), gas.clock.wall_speed
     if ti.static(gas.uses.pistons):
@@ -116,7 +118,10 @@ def plan(gas: ti.template()):
         gas.uses.forced
     ):  # which may make disks faster: a window lasts not much longer than the last one
         length = ti.min(length, 2.0 * gas.clock.recent + gas.clock.shortest_step)
-    gas.clock.square_unit = square_unit(ti.max(fastest2, least_square(pull, length, wall_speed)))
+    least = least_square(pull, length, wall_speed)
+    if ti.static(gas.uses.actions):
+        least = ti.max(least, gas.clock.action_square)
+    gas.clock.square_unit = square_unit(ti.max(fastest2, least))
     if ti.static(gas.uses.sheared):  # rows of tiles move against each other
         most = gas.clock.fastest + 2.0 * ti.abs(ti.cast(gas.scale.drift, ti.f64))
         length = ti.min(length, ti.f64(MAX_TRAVEL) * gas.clock.tile_side / most)

@@ -85,11 +85,18 @@ def test_the_case_is_in_order() -> None:
         (["force[0].diffusion=1.0"], "force[0]", "given: power, diffusion"),
         (["force[0].power=0"], "force[0].power = 0", "greater than 0"),
         (["force[0].step=-1.0"], "force[0].step = -1.0", "greater than 0"),
-        (["force[0].step="], "force[0].step", "missing: time between two applications"),
+        (["force[0].step="], "force[0]", "exactly one of step, rate; given: none"),
+        (["force[0].rate=1.0"], "force[0]", "exactly one of step, rate; given: step, rate"),
+        (["force[0].step=", "force[0].rate=0.0"], "force[0].rate = 0", "greater than 0"),
         (
-            ["force[0].rate=1.0"],
+            ["force[0].step=", "force[0].rate=1.0", "run.device=cuda"],
             "force[0].rate = 1",
-            "requires kind = 'langevin' or 'drag', not with 'random_force'",
+            "kicks at random times are not supported: use step",
+        ),
+        (
+            ["force[0].quadratic=1.0"],
+            "force[0].quadratic = 1",
+            "requires kind = 'drag', not with 'random_force'",
         ),
         (
             ["force[0].kind=drag", "force[0].power="],
@@ -158,6 +165,42 @@ def test_every_kind_of_force_reaches_its_class() -> None:
         assert (one.step, one.values) == (other.step, other.values)
 
 
+def test_a_rate_in_place_of_the_step_makes_kicks_at_random_times() -> None:
+    raw = changed("force[0].step=", "force[0].rate=25.0")
+    raw["force"].append({"kind": "random_torque", "rate": 3.0, "diffusion": 0.5})  # type: ignore[attr-defined]
+    case = CaseSections.model_validate(raw)
+    made = forces_of(case)
+    assert [repr(each) for each in made] == [
+        "<PoissonKicks: rate 25, power 3, diffusion 0>",
+        "<PoissonSpinKicks: rate 3, power 0, diffusion 0.5>",
+    ]
+    # The same power as in steps: theory has the same steady state.
+    one, other = (RunEstimate.of(CaseGas.from_case(CaseSections.model_validate(changed(*more))))
+                  for more in ([], ["force[0].step=", "force[0].rate=25.0"]))  # fmt: skip
+    assert one.steady_state == other.steady_state is not None
+    assert other.force_steps == {"at random times": {0.04: pytest.approx(50.0)}}
+    assert problems("force[0].step=", "force[0].rate=25.0", "species[0].number=1", "box.lengths=[9.0, 9.0]",
+                    "box.packing_fraction=") == []  # fmt: skip
+
+
+def test_a_run_with_a_rate_records_it_and_keeps_its_ledger(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("kicked.toml").write_text(DRIVEN.replace("step = 0.05", "rate = 20.0"))
+    assert main(["run", "kicked.toml", "--no-picture"]) == 0
+    with Trajectory("kicked.h5") as whole:
+        assert json.loads(str(whole.parameters["forces"])) == [
+            {"kind": "random_force", "power": 3.0, "rate": 20.0}
+        ]
+        totals = {name: values[:] for name, values in whole.observables.items()}
+    # As in steps, and the energy of each kick scatters too: 40 of each disk, sqrt(200 x 40 x 2) 3 / 20 = 19.
+    assert totals["energy_input"][-1] == pytest.approx(1200.0, abs=440.0)
+    np.testing.assert_allclose(
+        totals["energy"] + totals["dissipated_energy"], totals["energy_input"], rtol=1e-12
+    )
+
+
 def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     case = tmp_path / "kicked.toml"
     case.write_text(DRIVEN)
@@ -168,6 +211,13 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
         r" +force 0: acts +within windows\n"
         r" +force 0: step / shortest mean free time at the start +[\d.]+\n",
         shown,
+    )
+    at_random = ["--set", "force[0].step=", "--set", "force[0].rate=20.0"]
+    assert main(["check", str(case), *at_random]) == 0
+    assert re.search(
+        r"force 0 +random_force \(power = 3\)\n +force 0: mean time between two kicks of a disk +0\.05\n"
+        r" +force 0: acts +within windows, on each disk at times of its own\n",
+        capsys.readouterr().out,
     )
     T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Driving(power=3.0)) or (
         0,

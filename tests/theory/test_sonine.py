@@ -36,6 +36,26 @@ def test_elastic_disks_are_gaussian() -> None:
     assert cooling_sonine(math.sqrt(0.5)) == pytest.approx(0.0, abs=1e-15)
 
 
+@pytest.mark.parametrize(("e", "kick_energy"), [(0.9, 0.5), (0.6, 0.2)])
+def test_kicks_at_random_times_add_their_fourth_moment(e: float, kick_energy: float) -> None:
+    """What a kick adds to <v^4>, over what it adds to <v^2> and <v^2>, by random numbers; T_1 and T_2 as published."""
+    rng = np.random.default_rng(5)
+    n, squares = 4_000_000, 2.0  # T = m = 1
+    v, w = (
+        rng.normal(size=(2, n)),
+        math.sqrt(kick_energy) * rng.normal(size=(2, n)),
+    )  # m w^2 / 2 = kick_energy T
+    # Terms that are odd in w are 0 on average.
+    fourth = np.mean(
+        2.0 * np.sum(v**2, 0) * np.sum(w**2, 0) + 4.0 * np.sum(v * w, 0) ** 2 + np.sum(w**2, 0) ** 2
+    )
+    gained = float(fourth) / (2.0 * kick_energy * squares)
+    T_1, T_2 = 3.5 + e**2, 3.0 / 32.0 * (59.0 + 10.0 * e**2) + 1.0 / (1.0 - e)
+    a_2 = (gained - T_1) / (T_2 - 3.0 / 16.0 * gained)
+    assert heated_sonine(e, kick_energy) == pytest.approx(a_2, abs=0.0015)  # random numbers: 0.3 % of gained
+    assert heated_sonine(e, 1e-9) == pytest.approx(heated_sonine(e), abs=1e-8)
+
+
 def test_a_gaussian_sample_has_the_coefficient_that_its_size_allows() -> None:
     rng = np.random.default_rng(2)
     # 1 + a_2 = n / (n + 1) on average: for n = 4, 0.8.

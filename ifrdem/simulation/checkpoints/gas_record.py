@@ -143,7 +143,9 @@ def _forces() -> list[type[Force]]:
     from ...model import forces
 
     found = [getattr(forces, name) for name in forces.__all__]
-    return [each for each in found if isinstance(each, type) and each is not forces.Force]
+    return [
+        each for each in found if isinstance(each, type) and each not in (forces.Force, forces.PoissonForce)
+    ]
 
 
 def _forces_of(record: list[dict[str, Any]]) -> list[Force]:

@@ -29,9 +29,9 @@ def species_totals(engine: Engine) -> NDArray[np.float64]:
     """Sums over each species at the present time, shape (species, columns of SPECIES)."""
     arrays, numbers = engine.arrays, np.array([number for _, number in engine.options.species])
     first = (np.cumsum(numbers) - numbers + arrays.domain.first_id).astype(np.int32)
-    found = np.zeros((arrays.tiles, len(numbers) * SPECIES.width))
+    found = np.zeros((arrays.tiles, len(numbers), SPECIES.width))
     arrays.launch(read_species, engine.windows.part, first_of_species=first, species_totals=found)
-    return arrays.domain.sums(found).reshape(len(numbers), SPECIES.width)
+    return arrays.domain.sums(found.reshape(arrays.tiles, -1)).reshape(len(numbers), SPECIES.width)
 
 
 def _launch(engine: Engine, words: NDArray[Any], *, filled: int) -> NDArray[np.float64]:

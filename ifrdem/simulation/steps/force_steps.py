@@ -6,6 +6,9 @@ Forces that act at one and the same time do so in the order given at every other
 those between. Forces that do not commute would else make an error of first order in the step: drag before kicks is
 a colder gas than kicks before drag. Alternating makes two steps together symmetric in time, hence second order.
 
+A force at random times (`PoissonForce`) acts on each disk alone, at times that kernels find
+(`kernels/disks/force_times.py`): it is always within windows, and nothing of it is planned here.
+
 A force *within windows* looks at one disk only, and its totals, if it has some, do not depend on the motion. It acts as
 an event of the window (`kernels/forces/force_events.py`), in steps that are planned up to a time at which a window ends
 anyway. Other forces end the window; those that are due at that time then act between windows, all in their order. So
@@ -28,7 +31,7 @@ from ...kernels.columns import KICK, LEVELS
 from ...kernels.compiler.language import CompilationError, declared
 from ...kernels.forces.forces import kernels_of
 from ...model.custom_code import check_constants, check_signature, why_not_compiled
-from ...model.forces import OF_DISK, OF_STEP, Force
+from ...model.forces import OF_DISK, OF_STEP, Force, PoissonForce
 from ...model.state import Disks
 from ..windows.arrays import DeviceArrays
 from .schedule import first_after, reached, time_of
@@ -46,7 +49,8 @@ _kernels = functools.cache(kernels_of)  # compiled once for all objects of a cla
 @functools.cache
 def _compiled(kind: Any, number: int, first: int) -> k.CompiledForce:
     """The part of a class of forces that acts within windows."""
-    return k.CompiledForce(declared(kind.act), kind.totals, tuple(kind.parameters), number, first)
+    alone = issubclass(kind, PoissonForce)
+    return k.CompiledForce(declared(kind.act), kind.totals, tuple(kind.parameters), number, first, alone)
 
 
 def acts_within(force: Force, arrays: DeviceArrays) -> bool:
@@ -77,11 +81,20 @@ class ForceSteps:
                     "that returns a ti.Vector of as many numbers"
                 )
             force.check(disks)
+            if isinstance(force, PoissonForce) and not acts_within(force, arrays):
+                where = (
+                    "on a GPU: use device = 'cpu'" if arrays.on_gpu else "in a sheared box, as a custom force"
+                )
+                raise InputError(
+                    f"forces[{i}] = {force!r}: random times are not supported {where}, or a force in steps"
+                )
             _check_compiles(i, force)
         self.arrays = arrays
         self._seed = seed
         self._steps = [force.step for force in self.forces]
         self._within = [i for i, force in enumerate(self.forces) if acts_within(force, arrays)]
+        # Those that act at random times are never due at a step.
+        self._in_steps = [i for i, force in enumerate(self.forces) if not isinstance(force, PoissonForce)]
         self._block = AHEAD * min((self._steps[i] for i in self._within), default=math.inf)
         self._next: list[int] = [first_after(time, step) for step in self._steps]  # without planned ones
         self._given: NDArray[np.float64] = np.zeros(len(self.forces))  # between windows
@@ -96,7 +109,7 @@ class ForceSteps:
         for number, i in enumerate(self._within):
             kind: Any = type(self.forces[i])
             compiled.append(_compiled(kind, number, first))
-            first += len(kind.parameters)
+            first += len(self._numbers_of(i))
         windows.set_forces(self, tuple(compiled))
         self._windows = windows
         if not self._within:
@@ -141,7 +154,8 @@ class ForceSteps:
     def _times(self, chosen: Sequence[int]) -> float:
         """Time at which one of the chosen forces acts next [time]; infinite without any."""
         steps = self.next_steps
-        return min((time_of(steps[i], self._steps[i]) for i in chosen), default=math.inf)
+        times = (time_of(steps[i], self._steps[i]) for i in chosen if i in self._in_steps)
+        return min(times, default=math.inf)
 
     @property
     def next_time(self) -> float:
@@ -167,9 +181,9 @@ class ForceSteps:
         return bool(self.forces) and all(force.keeps_rest for force in self.forces)
 
     @property
-    def keep_momentum(self) -> bool:
-        """True if none of the forces changes the total momentum."""
-        return all(force.keeps_momentum for force in self.forces)
+    def allow_drift(self) -> bool:
+        """True if no force has a frame of its own: temperatures are then about the mean velocity of a free gas."""
+        return all(force.keeps_momentum or force.moves_along for force in self.forces)
 
     def skip_to(self, time: float) -> None:
         """Skip the steps until `time` [time], in which the forces have no effect, between two windows."""
@@ -184,7 +198,7 @@ class ForceSteps:
         if not self.forces or now < self.next_time:  # by rounding too: a readout just before changes nothing
             return []
         steps = self.next_steps
-        found = [i for i, step in enumerate(self._steps) if reached(time_of(steps[i], step), now)]
+        found = [i for i in self._in_steps if reached(time_of(steps[i], self._steps[i]), now)]
         return found[::-1] if found and steps[found[0]] % 2 else found
 
     # ------------------------------------------------------------------ within windows
@@ -194,11 +208,17 @@ class ForceSteps:
 
         The window then has to end.
         """
-        given = [value for i in self._within for value in self.forces[i].values.values()]
+        given = [value for i in self._within for value in self._numbers_of(i)]
         values = np.array([*free, *given], dtype=np.float64)
         changed = not np.array_equal(values, self._values)
         self._free, self._values = free, values
         return changed
+
+    def _numbers_of(self, index: int) -> list[float]:
+        """What kernels get of a force within windows (`columns.FORCE_VALUES`)."""
+        force = self.forces[index]
+        alone = [force.step, float(index)] if isinstance(force, PoissonForce) else []
+        return [*alone, *force.values.values()]
 
     @property
     def n_kernels(self) -> int:
@@ -211,6 +231,11 @@ class ForceSteps:
     def any_within(self) -> bool:
         """True if forces act within windows."""
         return bool(self._within)
+
+    @property
+    def any_alone(self) -> bool:
+        """True if forces act on single disks, each at times of its own, which only windows know."""
+        return len(self._in_steps) < len(self.forces)
 
     def begin_window(self, moment: float | None) -> None:
         """Drop the planned steps: a window begins at a moment of the present one, or (None) where that begins."""
@@ -233,6 +258,8 @@ class ForceSteps:
         rows: list[tuple[float, ...]] = []
         totals = max(self.forces[i].totals for i in self._within)
         for number, i in enumerate(self._within):
+            if i not in self._in_steps:
+                continue
             step = self._steps[i]
             at, time = self._next[i], time_of(self._next[i], step)
             while time < until and not reached(until, time):
@@ -242,6 +269,7 @@ class ForceSteps:
         if rows:
             planned[:, : len(rows[0])] = self._in_order(rows)
         a.set_force_values(self._values)
+        a.clock.action_square = self._action_square()
         for number, i in enumerate(self._within):
             if self.forces[i].totals:
                 chosen = planned[:, KICK.force] == number
@@ -252,6 +280,20 @@ class ForceSteps:
         table = np.full((capacity, planned.shape[1]), k.FAR)
         table[: len(planned)] = planned
         a.set_kicks(table)
+
+    def _action_square(self) -> float:
+        """The largest square of a speed that forces at random times have given to disks at rest, in a few draws.
+
+        It sets a scale of speeds for a gas at rest, and for kicks that are strong.
+        """
+        found = np.zeros(1)
+        for force in self.forces:
+            kind: Any = type(force)
+            if isinstance(force, PoissonForce):
+                self.arrays.launch(
+                    _kernels(kind).kick_from_rest, force.step, parameters=_values_of(force), found=found
+                )
+        return self.arrays.domain.comm.largest(float(found[0]))
 
     @staticmethod
     def _in_order(rows: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
@@ -309,10 +351,17 @@ class ForceSteps:
                 return domain.sums(found)
             self._sizes[index] = size
 
-    def name_of(self, row: int) -> tuple[float, str]:
-        """Time of a planned step [time], and which force acts then."""
-        index = int(self._planned[row, KICK.index])
-        return float(self._planned[row, KICK.time]), f"force {index + 1}, {type(self.forces[index]).__name__}"
+    def name_of(self, mark: int) -> tuple[str, str]:
+        """When a force acted [time], as text, and its name, by a mark in `counter.stalled` (`layout.NOT_FINITE`)."""
+        if mark >= k.NOT_FINITE_ALONE:
+            index = self._within[mark - k.NOT_FINITE_ALONE]
+            clock = self.arrays.clock
+            when = f"{float(clock.begin):.9g} to {float(clock.end):.9g}"
+        else:
+            row = mark - k.NOT_FINITE
+            index = int(self._planned[row, KICK.index])
+            when = f"{float(self._planned[row, KICK.time]):.9g}"
+        return when, f"force {index + 1}, {type(self.forces[index]).__name__}"
 
     # ------------------------------------------------------------------ between windows
 

@@ -276,6 +276,7 @@ class DeviceArrays:
         grid.lane_slots, grid.cells, grid.bins, grid.items = lane_slots, cells, bins, items
         for name in ("motion", "event_info", "image_info", "start_position"):
             self.make(name, rows)
+        self.make("action", rows if uses.actions else 1)
         self.make("rest", rows if uses.rests else 1)
         self.make("residual_acceleration", rows if uses.rests else 1)
         self.make("contact", CONTACTS_PER_DISK * rows if uses.rests else 1)
@@ -688,6 +689,7 @@ class DeviceArrays:
     def set_forces(self, forces: tuple[k.CompiledForce, ...]) -> None:
         """Set the forces that act within windows, between two of these; what they have given is 0."""
         self.uses = self.uses.replace(forces=forces)
+        self.make("action", int(self.grid.lanes * self.grid.lane_slots) if self.uses.actions else 1)
         self.extra_tally = dataclasses.replace(self.extra_tally, n_forces=len(forces))
         if (columns := self.extra_tally.width) != self.columns:
             self.columns, self.total = columns, np.zeros(0)

@@ -237,8 +237,8 @@ class TileRunner:
         a = self.arrays
         stalled = int(a.counter.stalled)
         if stalled >= k.NOT_FINITE and self.forces is not None:
-            time, name = self.forces.name_of(stalled - k.NOT_FINITE)
-            raise EngineError(f"t = {time:.9g}: {name}, made a velocity or spin that is not finite")
+            when, name = self.forces.name_of(stalled)
+            raise EngineError(f"t = {when}: {name}, made a velocity or spin that is not finite")
         if stalled == 2:
             raise unbounded(float(a.clock.begin))
         if stalled:

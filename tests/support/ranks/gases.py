@@ -26,7 +26,7 @@ from ifrdem.kernels import layout as k
 from ifrdem.kernels.columns import KIND, named
 from ifrdem.kernels.tiles import sums
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
+from ifrdem.model.forces import Drag, PoissonKicks, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
@@ -103,6 +103,7 @@ def driven(make: Any = mixture) -> Gas:
         RandomKicks(0.05, power=1.0),
         SpinKicks(0.08, power=0.2),
         TableFriction(0.05, mu=0.02, gravity=10.0),
+        PoissonKicks(3.0, power=0.5),
     ]
     return periodic(0.3, COIN, 5.0, make, seed=3, record=["energy"], forces=[*forces, Drag(0.1, rate=0.3)])
 
