@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -259,7 +258,7 @@ def fit(
 
     kinds = list(options.model or (of_laws.IFR if options.law is None else ()))
     own = [] if options.law is None else [of_laws.own_from_file(options.law, ranges)]
-    number_of_laws = len(of_laws.chosen(kinds, fixed, own))
+    of_laws.chosen(kinds, fixed, own)  # refuses names before the file is read
     measured = read(source, errors, form=form, min_quality=options.min_quality, **both)
     if not isinstance(measured, Data) and pair:
         raise InputError(
@@ -272,13 +271,12 @@ def fit(
     from ..fit import maximum, report  # import SciPy, which is slow
 
     parts = _parts(measured, options.kind, written)
-    with _progress(sets * number_of_laws * len(parts)) as bar:
-        every = [maximum.fit(
-            part, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
-            robust=options.robust, level=0.01 * options.level, cross_validate=options.cross_validate,
-            bootstrap=sets, seed=seed,
-            progress=None if bar is None else bar.update,
-        ) for part in parts]  # fmt: skip
+    progress = _progress(len(parts))
+    every = [maximum.fit(
+        part, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
+        robust=options.robust, level=0.01 * options.level, cross_validate=options.cross_validate,
+        bootstrap=sets, seed=seed, progress=progress(i),
+    ) for i, part in enumerate(parts)]  # fmt: skip
     for i, found in enumerate(every, start=1):
         if len(every) > 1:
             echo("\n" * (i > 1) + f"pair of kinds of disks {i} of {len(every)} (--kind {i}):")
@@ -334,14 +332,16 @@ def _parts(measured: Any, kind: int | None, written: Sequence[Path]) -> list[Any
     return parts
 
 
-def _progress(fits: int) -> AbstractContextManager[Any]:
-    from ..tools.progress import quiet
+def _progress(fits: int) -> Callable[[int], Callable[[float], None]]:
+    """Progress of each of several fits, shown from two seconds on."""
+    from ..tools.progress import Stage, quiet
 
-    if fits == 0 or quiet():
-        return nullcontext()
-    from tqdm import tqdm
+    stage = None if quiet() else Stage("fit", interval=2.0)
 
-    return tqdm(total=fits, desc="bootstrap", unit="fit", leave=False, disable=None)
+    def of(i: int) -> Callable[[float], None]:
+        return lambda part: stage((i + part) / fits) if stage is not None else None
+
+    return of
 
 
 def _check_files(paths: Sequence[Path], data: Path, force: bool, problems: OptionProblems) -> None:

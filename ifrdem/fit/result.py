@@ -243,7 +243,9 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
     found = _outliers(fitted, robust)
     if others:
         free, chi2 = others[0]
-        values = ", ".join(f"{name} = {value:.4g}" for name, value in zip(fitted.law.free, free, strict=True))
+        values = ", ".join(
+            f"{name} = {round(value, 9):.4g}" for name, value in zip(fitted.law.free, free, strict=True)
+        )
         found.append(
             f"another solution, outside of these intervals, fits nearly as well: {values}, chi2 = {chi2:.4g}; impacts "
             "over a wider range of psi, or another quantity, would decide between them"

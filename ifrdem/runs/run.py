@@ -232,7 +232,7 @@ class RootOutput:
         self.progress = Progress(
             gas.n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk,
             begin=(plan.begin.time, int(plan.begin.collisions)),
-            unit=UNITS[run.units]["time"] if run.units == "SI" else "", kernels=backend.kernels,
+            unit=UNITS[run.units]["time"] if run.units == "SI" else "", kernels=running.simulation.n_kernels,
         )  # fmt: skip
 
     def follow(self) -> None:
@@ -332,11 +332,11 @@ def run_root(
         max_hours=max_hours, every_minutes=running.file.case.output.checkpoint_minutes,
         elapsed=time.perf_counter() - started, warn=warn,
     )  # fmt: skip
+    log(f"compiling kernels: {check.COMPILING}")  # before a bar is there
     output = RootOutput(running, stops)
     worked = time.process_time()
-    log(f"compiling kernels: {check.COMPILING}")
     try:
-        with stops, output.progress:
+        with stops, output.progress, backend.announced(output.progress.compiling):
             output.follow()
     except Stopped as stop:
         raise Stopped(output.stop(str(stop)), stop.status) from None

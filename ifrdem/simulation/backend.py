@@ -17,7 +17,7 @@ import threading
 import time
 import warnings
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
@@ -358,11 +358,14 @@ def lanes() -> int:
     return _running.threads if _running.device == "cpu" else GPU_LANES
 
 
-def kernels() -> int:
-    """Number of kernels compiled so far, or found in the cache."""
-    from ..kernels.compiler.language import ti
-
-    return int(ti.lang.impl.get_runtime().get_num_compiled_functions())
+@contextlib.contextmanager
+def announced(listener: Callable[[str], object]) -> Iterator[None]:
+    """Call `listener` with the name of each kernel before it is compiled, or loaded from the cache, in the block."""
+    runtime.LISTENERS.append(listener)
+    try:
+        yield
+    finally:
+        runtime.LISTENERS.remove(listener)
 
 
 def free_array(array: Any) -> None:
@@ -425,6 +428,7 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
         return _running
     if _running is not None:
         _release_all()
+        runtime.forget_announced()
     cache = _kernel_cache()
     ti.set_logging_level(ti.ERROR)  # it would warn of variables of the environment that arguments override
     with contextlib.redirect_stdout(io.StringIO()):  # it announces itself on stdout, where results go
@@ -478,4 +482,5 @@ def stop() -> None:
 
         _release_all()
         ti.reset()
+        runtime.forget_announced()
         _running = _process = None

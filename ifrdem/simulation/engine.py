@@ -667,6 +667,14 @@ class Engine:
         checks.check_duration(self.time, t_end, radius, self.box, speed)
 
     @property
+    def n_kernels(self) -> int:
+        """Number of kernels that a first window, its forces, and its output need, about."""
+        a = self.arrays
+        # Two of the readout, for rows and for sums; a survey, a plan and the window; then its verification.
+        found = 5 + (not a.single_tile) + a.uses.shared + bool(self.options.species)
+        return found + self.force_steps.n_kernels
+
+    @property
     def _is_alone(self) -> bool:
         """True for a single disk, or none, that can collide with nothing."""
         if self.n == 0:

@@ -444,6 +444,11 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         return self._engine.comm
 
     @property
+    def n_kernels(self) -> int:
+        """Number of kernels that the first window of a run, its forces and its output need, about."""
+        return self._engine.n_kernels
+
+    @property
     def communication(self) -> CommunicationStats | None:
         """Messages and bytes that this rank has sent to others so far; None if one rank has all of the gas."""
         found: CommunicationStats | None = getattr(self._engine.arrays.domain, "communication", None)
@@ -884,9 +889,12 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 progress = bar = Bar(
                     n, t_end=end.time if by_time else None, unit="",
                     collisions_per_disk=None if by_time else 2.0 * end.collisions / max(n, 1),
-                    begin=(self.time, self.collisions), kernels=backend.kernels, brief=True,
+                    begin=(self.time, self.collisions), kernels=self.n_kernels, brief=True,
                 )  # fmt: skip
-        with bar or contextlib.nullcontext():
+        with contextlib.ExitStack() as stack:
+            if bar is not None:
+                stack.enter_context(bar)
+                stack.enter_context(backend.announced(bar.compiling))
             self.follow(
                 plan,
                 frame_callbacks=frame_callbacks,

@@ -169,10 +169,9 @@ def test_an_empty_text_or_a_nul_character_is_refused_for_every_argument_and_opti
     for text in ("", "a\0b"):
         assert repr(text) in refused([command, text], folder, capsys)
         for name in options:
-            assert f"{name} {text!r}: must be" in refused([command, "tiny.toml", name, text], folder, capsys)
-            if name.startswith("--"):
-                shown = refused([command, "tiny.toml", f"{name}={text}"], folder, capsys)
-                assert f"{name} {text!r}: must be" in shown
+            joined = text != "" and name.startswith("--")  # one way of writing each: a call takes 20 ms
+            words = [f"{name}={text}"] if joined else [name, text]
+            assert f"{name} {text!r}: must be" in refused([command, "tiny.toml", *words], folder, capsys)
 
 
 def test_new_writes_a_template_that_check_likes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

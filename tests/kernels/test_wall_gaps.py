@@ -163,6 +163,16 @@ def test_gap_slope_bound_and_root_of_every_shape(name: str, motion: str) -> None
     assert touched > 5
 
 
+def test_the_inside_of_an_arc_narrower_than_a_disk_is_never_touched() -> None:
+    """Its ends, which are other pieces, are in the way."""
+    wall = Wall.arc((5.0, 5.0), 0.8 * RADIUS, (0.3, 2.8))
+    disks = np.array([[5.0, 4.0, 0.0, 3.0, RADIUS], [5.0, 5.0, 0.3, 1.0, RADIUS]])
+    out, root = of_kernel("arc inside", wall, disks, TIMES)
+    assert np.all(out[:, :, 0] > WINDOW)
+    assert not out[:, :, 4].any()
+    assert np.all(root > WINDOW)
+
+
 def test_an_image_of_a_wall_follows_from_its_number() -> None:
     backend.start("cpu")
     from ifrdem.kernels.walls.images import as_partner, boxes_of, from_partner, image_of, wall_of

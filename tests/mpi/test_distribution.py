@@ -17,10 +17,9 @@ MISSING = "a disk is on no rank, or on two: please report this"
 
 
 @mpi.needed
-@pytest.mark.parametrize("ranks", [2, 3])
-def test_slices_are_scattered_and_gathered_again(ranks: int) -> None:
+def test_slices_are_scattered_and_gathered_again() -> None:
     """Rows from anywhere, from and to the first rank; sums, digests and starts are those of one process, to the bit."""
-    done = mpi.on(ranks, sys.executable, "-m", "mpi4py", SCRIPT)
+    done = mpi.on(3, sys.executable, "-m", "mpi4py", SCRIPT)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found.pop("lost") == found.pop("twice") == MISSING

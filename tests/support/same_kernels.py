@@ -60,6 +60,13 @@ def lattice(n: int, box: Box, spacing: float, low: tuple[float, float], speed: f
     return State(place, speed * rng.normal(size=(n, 2)), speed * rng.normal(size=n))
 
 
+def anywhere(disks: Disks, box: Box, walls: list[Wall]) -> State:
+    """Disks all over a box with walls, with Gaussian velocities and spins."""
+    rng = np.random.default_rng(5)
+    position = ifrdem.initial.random_positions(box, disks.radius, seed=5, walls=walls)
+    return State(position, rng.normal(size=(disks.n, 2)), rng.normal(size=disks.n))
+
+
 def periodic(disks: Disks, packing_fraction: float, row: Any, **options: Any) -> Engine:
     box, state = start(disks, packing_fraction)
     return Engine(disks, box, state, np.array([[row]]), **options)
@@ -105,14 +112,14 @@ def walled(**options: Any) -> Engine:
         "gravity": (0.0, -0.3), "seed": 4, "collapse": ContactTime(1e-4), "record": [*ALL_SUMS["record"], "wall"],
     } | options  # fmt: skip
     disks = mixture(N)
-    return with_tracking(disks, box, lattice(N, box, 1.2, (0.8, 1.4)), walls, **options)
+    return with_tracking(disks, box, anywhere(disks, box, walls), walls, **options)
 
 
 def contained(**options: Any) -> Engine:
     box = Box((40.0, 40.0), (False, False))
     walls = [Wall.container((20.0, 20.0), 18.0), Wall.segment((8.0, 20.0), (12.0, 20.0))]
     disks = equal_disks(130)
-    state = lattice(130, box, 1.2, (10.0, 21.0))
+    state = anywhere(disks, box, walls)
     return Engine(disks, box, state, np.array([[COIN]]), walls=walls, gravity=(0.0, -0.1), **options)
 
 
@@ -172,7 +179,16 @@ def of_own_law(**options: Any) -> Engine:
 GASES: dict[str, Callable[..., Engine]] = {
     "plain": lambda **o: periodic(equal_disks(N), 0.3, COIN, order="serial", **o),
     "plain, tiles": lambda **o: periodic(equal_disks(N), 0.5, COIN, order="tiled", tile_disks=60, **o),
-    "mixture": lambda **o: periodic(mixture(N), 0.4, ROLLING, order="tiled", tile_disks=60, **ALL_SUMS, **o),
+    "mixture": lambda **o: periodic(
+        mixture(N),
+        0.4,
+        ROLLING,
+        order="tiled",
+        tile_disks=60,
+        species=(("first", 300), ("rest", N - 300)),
+        record=[*ALL_SUMS["record"], "stress"],
+        **o,
+    ),
     "two sizes": two_sizes,
     "walls": lambda **o: walled(order="serial", **o),
     "walls, tiles": lambda **o: walled(order="tiled", tile_disks=100, **o),
@@ -205,6 +221,8 @@ def numbers_of(engine: Engine) -> dict[str, Any]:
     state = engine.state()
     found = {each.name: np.asarray(getattr(state, each.name)) for each in dataclasses.fields(state)}
     found |= {f"statistics {name}": value for name, value in vars(engine.statistics).items()}
+    if engine.options.species:
+        found["species"] = engine.species_totals()
     found |= {
         "totals": engine.totals(),
         "sums": engine.windows.sums,
