@@ -71,7 +71,7 @@ class Disks(Brief):
     radius: _Sizes
     k: _Sizes = field(default_factory=lambda: np.array(2.0))
     material: NDArray[np.int32] = field(default_factory=lambda: np.array(0, dtype=np.int32))
-    species: Mapping[str, NumberOfDisks] = field(default_factory=dict)
+    species: Mapping[str, NumberOfDisks] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -405,7 +405,7 @@ def scatter_state(disks: Disks | None, state: State | None) -> tuple[Disks, Stat
     n, time, species = comm.bcast((n, time, species))
     found = comm.scatter_rows(n, arrays)
     ids = comm.slice_of(n)
-    own = Disks(len(ids), *found[: len(COLUMNS)], species_in(species, ids))
+    own = Disks(len(ids), *found[: len(COLUMNS)], species=species_in(species, ids))
     return own, State(time=time, **dict(zip(OF_STATE, found[len(COLUMNS) :], strict=True)))
 
 
@@ -413,7 +413,7 @@ def gather_disks(n: int, disks: Disks) -> Disks | None:
     """All n disks, of which each rank gives its slice: on the root; None on the others."""
     rows = current().gather_rows(n, [getattr(disks, name) for name in COLUMNS])
     species = merge_species(current().allgather(disks.species))
-    return None if rows is None else Disks(n, *rows, species)
+    return None if rows is None else Disks(n, *rows, species=species)
 
 
 def gather_state(n: int, state: State) -> State | None:

@@ -671,7 +671,7 @@ class Engine:
         """Number of kernels that a first window, its forces, and its output need, about."""
         a = self.arrays
         # Two of the readout, for rows and for sums; a survey, a plan and the window; then its verification.
-        found = 5 + (not a.single_tile) + a.uses.shared + bool(self.options.species)
+        found = 5 + (not a.single_tile) + a.uses.shared + bool(self.kinds.species)
         return found + self.force_steps.n_kernels
 
     @property

@@ -309,7 +309,7 @@ def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
 def disks_of(arrays: Mapping[str, NDArray[Any]], species: Mapping[str, int]) -> Disks:
     """The disks, of these species: of ranks, those of the slice."""
     columns = [arrays[f"disks_{name}"] for name in COLUMNS]
-    return Disks(len(columns[0]), *columns, species)
+    return Disks(len(columns[0]), *columns, species=species)
 
 
 def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], device: str = "cpu") -> None:
