@@ -157,7 +157,7 @@ def _poster(
     if what == "disks":
         poster.frame(axes[0], view := View.of(frame), color or default_color(view))
     else:
-        _draw(axes, trajectory, what, frames, color=color, **options)
+        _draw(list(axes), trajectory, what, frames, color=color, **options)
         for one in axes:
             poster.finish(one, trajectory, shown_region(trajectory, frame.position))
     poster.arrange(drawn, axes)
