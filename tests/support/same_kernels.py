@@ -32,7 +32,7 @@ import ifrdem
 from ifrdem import ContactTime, Device, Rest
 from ifrdem.kernels.compiler import runtime
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, TableFriction
+from ifrdem.model.forces import Drag, Langevin, PoissonKicks, RandomKicks, Rescale, TableFriction
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Piston, Turn
@@ -166,7 +166,7 @@ def sheared(**options: Any) -> Engine:
 
 def driven(**options: Any) -> Engine:
     forces = [RandomKicks(0.05, power=1.0), Langevin(0.08, temperature=1.0, rate=0.3), Rescale(0.13, energy=1.5),
-              TableFriction(0.05, mu=0.02, gravity=10.0)]  # fmt: skip
+              TableFriction(0.05, mu=0.02, gravity=10.0), PoissonKicks(2.0, power=0.5)]  # fmt: skip
     return periodic(mixture(N), 0.3, ROLLING, forces=forces, seed=2, **options)
 
 
