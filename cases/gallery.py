@@ -56,7 +56,7 @@ WALL = {
     ),
     "turn": (
         "drum", f"disks --color direction {POSTER}",
-        "Up with the drum (light), and down the slope (dark).",
+        "Right and up with the drum (yellow, light), and down the slope to the left (blue, dark).",
     ),
     "floating": (
         "vibrated", f"disks --frames 120 --color speed {POSTER}",
