@@ -187,7 +187,7 @@ pictures.
 ## Posters
 
 A million disks after 120 collisions per disk, coloured by their directions of motion. Cells of 1.8 diameters are as
-bright as they are full. The run takes a minute or two on one core.
+bright as they are full. The run has 60 million collisions; `ifrdem check` estimates its time.
 
 ![Filaments and clusters in a gas of a million disks](gallery/million.webp)
 
