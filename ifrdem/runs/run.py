@@ -483,7 +483,7 @@ def finish(running: Run, started: float, before: int, rate: float, log: Callable
             part = 100.0 * unverified / statistics.windows
             text = f"  in {unverified} windows, {part:.2g} % of all, the forces in the heap were not found"
             log(
-                f"{text}: it is uncertain which disks rest there; if they are many, compare the heap with one of another "
+                f"{text}: it is uncertain which disks rest there; if they are many, compare with a heap of another "
                 "resting_speed"
             )
         if jammed := statistics.jammed:
@@ -493,7 +493,8 @@ def finish(running: Run, started: float, before: int, rate: float, log: Callable
             )
     rows, frames = running.writer.series_rows, len(running.writer)
     log(
-        f"  output, {frames} frames and {rows} rows of series, took {100.0 * running.output_share:.2g} % of the run time"
+        f"  output, {frames} frames and {rows} rows of series, took {100.0 * running.output_share:.2g} % of the "
+        "run time"
     )
     for path, bytes_there in running.outputs.sizes().items():
         log(f"  {path} ({check.size(bytes_there)})")
