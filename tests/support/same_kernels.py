@@ -32,7 +32,7 @@ import ifrdem
 from ifrdem import ContactTime, Device, Rest
 from ifrdem.kernels.compiler import runtime
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, TableFriction
+from ifrdem.model.forces import Drag, Langevin, PoissonKicks, RandomKicks, Rescale, TableFriction
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Piston, Turn
@@ -89,7 +89,7 @@ def with_tracking(disks: Disks, box: Box, state: State, walls: list[Wall], **opt
     def disks_of(ids: Any) -> Disks:
         return Disks(len(ids), *(each[ids] for each in columns))
 
-    tracking = Tracking(np.array([0, 3, 40], np.int32), disks.n, disks_of, [[law]], walls)
+    tracking = Tracking(np.arange(0, disks.n, 5, dtype=np.int32), disks.n, disks_of, [[law]], walls)
     return Engine(disks, box, state, np.array([[law.table_row()]]), walls=walls, tracking=tracking, **options)
 
 
@@ -166,7 +166,7 @@ def sheared(**options: Any) -> Engine:
 
 def driven(**options: Any) -> Engine:
     forces = [RandomKicks(0.05, power=1.0), Langevin(0.08, temperature=1.0, rate=0.3), Rescale(0.13, energy=1.5),
-              TableFriction(0.05, mu=0.02, gravity=10.0)]  # fmt: skip
+              TableFriction(0.05, mu=0.02, gravity=10.0), PoissonKicks(2.0, power=0.5)]  # fmt: skip
     return periodic(mixture(N), 0.3, ROLLING, forces=forces, seed=2, **options)
 
 
@@ -228,8 +228,6 @@ def numbers_of(engine: Engine) -> dict[str, Any]:
         "sums": engine.windows.sums,
         "work": engine.force_steps.energy_inputs,
     }
-    if engine.tracking is not None:
-        found |= {f"event {name}": value for name, value in engine.tracking.take().columns().items()}
     return found
 
 
@@ -246,7 +244,11 @@ def after(make: Callable[..., Engine], **options: Any) -> str:
         while engine.collisions < count and engine.time < end + 0.5:
             engine.advance(collisions=count, t_end=end + 0.5)
         found = numbers_of(engine)
-    if engine.tracking is None:
+    if engine.tracking is not None:
+        events = engine.tracking.take().columns()
+        assert len(events["time"]) > 100
+        found |= {f"event {name}": value for name, value in events.items()}
+    else:
         engine.keep_collisions = True
         engine.advance(t_end=engine.time + 0.2)
         assert engine.last_collisions is not None
