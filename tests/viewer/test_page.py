@@ -404,8 +404,8 @@ def test_targets_of_touch_have_40_pixels(browser, serve, path):
     opened(page, serve(path))
     targets = "button, select, label, input:not(label *)"
     found = f"[...document.querySelectorAll('header, footer')].flatMap(one => [...one.querySelectorAll('{targets}')])"
-    seen = "one => one.offsetParent && (one.offsetHeight < 40 || one.offsetWidth < 40)"
-    small = page.evaluate(f"{found}.filter({seen}).map(one => one.outerHTML)")
+    too_small = "one => one.offsetParent && (one.offsetHeight < 40 || one.offsetWidth < 40)"
+    small = page.evaluate(f"{found}.filter({too_small}).map(one => one.outerHTML)")
     assert small == []
     context.close()
 
