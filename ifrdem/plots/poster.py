@@ -91,7 +91,7 @@ def cells(view: View, colour: Colour | None, region: Array) -> NDArray[np.float6
     area = np.pi * radius[inside] ** 2
 
     def total(weights: Array) -> Array:
-        return np.bincount(which, weights, int(counts.prod()))
+        return np.bincount(which, weights, int(counts.prod())).astype(np.float64)
 
     covered = total(area)
     bright = np.clip(covered * float(counts.prod() / np.prod(lengths)) / FULL, 0.0, 1.0) ** 0.8
