@@ -162,7 +162,7 @@ def _poster(
             trajectory.require(colour.field)
         poster.frame(axes[0], view, name)
     else:
-        _draw(axes, trajectory, what, frames, color=color, **options)
+        _draw(list(axes), trajectory, what, frames, color=color, **options)
         for one in axes:
             poster.finish(one, trajectory, shown_region(trajectory, frame.position))
     poster.arrange(drawn, axes)

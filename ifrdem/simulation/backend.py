@@ -25,7 +25,7 @@ from typing import Any
 
 from ..errors import EngineError, InputError
 from ..kernels.compiler import runtime
-from ..mpi import Communicator
+from ..mpi import current
 from .device import NAMES, Device
 
 MULTIPROCESSOR_COUNT = 16  # the driver's number of this attribute
@@ -462,8 +462,9 @@ def start_unless_running(device: Device) -> Running:
     return start(device)
 
 
-def start_on_ranks(device: Device, comm: Communicator) -> None:
+def start_on_ranks(device: Device) -> None:
     """Start the runtime on all ranks: each with its share of the cores of its machine, and with a GPU of its own."""
+    comm = current()
     if comm.size > 1:
         device = replace(device, threads=device.threads or comm.share_of_cores(cores()))
         if device.name == "cuda":

@@ -285,7 +285,8 @@ def _each_part(
         found = {}
         for number, rows in rows_of.items():
             each = [column[rows] for column in columns]
-            found[number] = make(number, Disks(len(each[0]), **dict(zip(layout.STATIC, each, strict=True))))
+            of_part: dict[str, Any] = dict(zip(layout.STATIC, each, strict=True))
+            found[number] = make(number, Disks(len(each[0]), **of_part))
             undo.callback(found[number].close)
         return found
 

@@ -180,12 +180,11 @@ GASES: dict[str, Callable[..., Engine]] = {
     "plain": lambda **o: periodic(equal_disks(N), 0.3, COIN, order="serial", **o),
     "plain, tiles": lambda **o: periodic(equal_disks(N), 0.5, COIN, order="tiled", tile_disks=60, **o),
     "mixture": lambda **o: periodic(
-        mixture(N),
+        dataclasses.replace(mixture(N), species={"first": 300, "rest": N - 300}),
         0.4,
         ROLLING,
         order="tiled",
         tile_disks=60,
-        species=(("first", 300), ("rest", N - 300)),
         record=[*ALL_SUMS["record"], "stress"],
         **o,
     ),
@@ -221,7 +220,7 @@ def numbers_of(engine: Engine) -> dict[str, Any]:
     state = engine.state()
     found = {each.name: np.asarray(getattr(state, each.name)) for each in dataclasses.fields(state)}
     found |= {f"statistics {name}": value for name, value in vars(engine.statistics).items()}
-    if engine.options.species:
+    if engine.kinds.species:
         found["species"] = engine.species_totals()
     found |= {
         "totals": engine.totals(),
