@@ -71,11 +71,9 @@ KINDS: dict[str, tuple[Callable[..., FitProblem], int, tuple[float, ...]]] = {
 }
 
 
-def best(
-    problem: FitProblem, law: str, start: np.ndarray, nu: float | None = None
-) -> tuple[Search, np.ndarray, float]:
+def best(problem: FitProblem, law: str, start: np.ndarray) -> tuple[Search, np.ndarray, float]:
     """Lowest minimum from the start and from others with more and less friction."""
-    search = Search(Likelihood(problem, LAWS[law], nu))
+    search = Search(Likelihood(problem, LAWS[law]))
     by = np.array([name == "mu" for name in LAWS[law].free])
     ends = [search.descend(start * np.where(by, factor, 1.0)) for factor in (1.0, 0.7, 1.4)]
     values, loss = min(ends, key=lambda each: each[1])
@@ -123,10 +121,11 @@ def robust(sets: int, seed: int, n: int = 30, error: float = 0.01) -> Iterator[s
             y = problem.y.copy()
             out = rng.permutation(n)[: round(part * n)]
             y[out] += np.sqrt(99.0) * problem.s[out] * rng.standard_normal(y[out].shape)  # 1 + 99 = 10^2
-            search, values, loss = best(problem.of(y), law, truth, NU)
+            search = Search(Likelihood(problem.of(y), LAWS[law], NU))
+            values, loss = search.descend(truth)
             ratios = search.variance_ratios(values)
             for name, value in zip(names, truth.tolist(), strict=True):
-                least = min(search.descend(each, {name: value})[1] for each in (values, truth))
+                least = search.descend(values, {name: value})[1]
                 rises = np.array([rise_of(search, level) for level in LEVELS])
                 inside.setdefault(name, []).append(least - loss < ratios[name] * rises)
         shown = "; ".join(

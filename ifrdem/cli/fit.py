@@ -148,7 +148,7 @@ class FitOptions:
         ),
     ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
-    """ifr-percussion, ifr-contact, walton, brach, smooth or all; repeatable (default: both kinds of IFR)"""
+    """ifr-percussion, ifr-contact, ifr-viscoelastic, walton, brach, smooth or all; repeatable (default: first two)"""
     law: Annotated[str | None, Parameter(metavar="FILE.py:CLASS")] = None
     """a custom law in addition, see own-law in the manual"""
     range: Annotated[list[str] | None, Parameter(metavar="NAME=LOW:HIGH")] = None
@@ -183,7 +183,7 @@ class FileOptions:
     json: Annotated[Path | None, FILE] = None
     """everything that was found"""
     picture: Annotated[str | None, Parameter(metavar="NAME")] = None
-    """NAME.png and NAME.pdf: data, laws, residuals; NAME_corner: coefficients in pairs"""
+    """NAME.png and NAME.pdf: data, laws, residuals; NAME_corner: coefficients in pairs; NAME_speeds: their trends"""
     draw: Annotated[int, counting(1)] = 0
     """N sets of coefficients drawn with their covariance, into --draws"""
     draws: Annotated[Path | None, FILE] = None
@@ -245,7 +245,10 @@ def fit(
     if files.write_material is not None and not 1 <= len(name) <= 100:
         problems.append(f"--material-name {name!r}: must have 1 to 100 characters")
     stem = (files.picture or "").removesuffix(".png").removesuffix(".pdf")
-    endings = () if files.picture is None else (".png", ".pdf", "_corner.png", "_corner.pdf")
+    parts_of_picture = ("", "_corner", "_speeds")
+    endings = (
+        [f"{part}{end}" for part in parts_of_picture for end in (".png", ".pdf")] if files.picture else []
+    )
     pictures = [Path(f"{stem}{end}") for end in endings]
     record, material = files.json, files.write_material
     sample = (files.draws or Path("draws.csv")) if drawn else None
@@ -295,7 +298,11 @@ def fit(
         from ..fit import figure
 
         figure.draw(found, pictures[:2])
-        figure.corner(found, pictures[2:])
+        figure.corner(found, pictures[2:4])
+        if found.laws[found.best].trends is not None:
+            figure.speeds(found, pictures[4:])
+        else:
+            written = [each for each in written if each not in pictures[4:]]
     status = 0
     if material is not None:
         try:

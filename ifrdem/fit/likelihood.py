@@ -277,3 +277,18 @@ def _solve(A: Array, B: Array) -> Array:
     A = A / scale[:, None, :]
     normal = np.swapaxes(A, 1, 2) @ A + _RIDGE * np.eye(A.shape[2])
     return np.linalg.solve(normal, np.swapaxes(A, 1, 2) @ B) / scale[..., None]
+
+
+def covariance_of(information: Array) -> Array:
+    """Inverse of (p, p), infinite if there is none."""
+    unit = unit_of(information)
+    scaled = information * np.outer(unit, unit)
+    if np.any(np.diag(information) <= 0.0) or np.linalg.cond(scaled) > 1e12:
+        return np.full_like(information, np.inf)
+    return np.asarray(np.linalg.inv(scaled) * np.outer(unit, unit))
+
+
+def unit_of(information: Array) -> Array:
+    """Scale (p,) of each coefficient from its information; 1 where there is none."""
+    diagonal = np.diag(information)
+    return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))

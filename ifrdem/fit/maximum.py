@@ -15,8 +15,8 @@ from ..tools.checked import Integer, NonNegative, Number, Positive, Seed, valida
 from . import laws as of_laws
 from .data import Collisions, Data
 from .laws import IFR, Law, Range
-from .likelihood import NU, Array, Likelihood, Points
-from .model import AngleProblem, FitProblem, Pair
+from .likelihood import NU, Array, Likelihood, Points, covariance_of, unit_of
+from .model import AngleProblem, CollisionProblem, FitProblem, Pair
 from .result import (
     CONFIDENCE,
     TELLING,
@@ -29,6 +29,7 @@ from .result import (
     general_warnings,
     law_warnings,
 )
+from .trends import trends_of
 
 Progress = Callable[[float], object]
 Confidence = Annotated[float, Number(1e-6, 1.0 - 1e-6, "a number between 0 and 1, such as 0.95")]
@@ -110,7 +111,7 @@ def fit(
     >>> found.best
     'ifr-percussion'
     """
-    fixed = dict(fix or {})
+    fixed, model = dict(fix or {}), list(model)
     chosen = of_laws.chosen(model, fixed, own)
     pair: Pair | None = None
     problems = []
@@ -119,6 +120,13 @@ def fit(
             raise InputError("M: must be given, the mass ratio m_1 / m_2 of the disks, 0 for a wall")
         pair = Pair(M=M, k_1=k_1, k_2=k_2, R_1=R_1, R_2=R_2)
         problem: FitProblem = data.problem(pair)
+        by_speed = [name for name, law in chosen.items() if law.depends_on_speed]
+        problems += [
+            f"model {name}: requires speeds, as in a table of whole collisions"
+            for name in by_speed
+            if name in model
+        ]
+        chosen = {name: law for name, law in chosen.items() if name not in by_speed}
         if (rolling or fixed.get("rho", 0.0) > 0.0) and not pair.has_radii:
             problems.append("rolling friction requires R_1 and R_2, the radii")
     else:
@@ -181,7 +189,7 @@ class Search:
     def transits(self) -> bool:
         """True if all impacts have one angle of transition, which then is a quantity."""
         law, problem = self.law, self.likelihood.problem
-        if not law.has_transition or "mu" not in law.free:
+        if not law.has_transition or law.depends_on_speed or "mu" not in law.free:
             return False
         c = law.stick(law.start_points(2)[1], problem.probe())
         return float(np.ptp(c)) <= 1e-9 * float(np.max(c))
@@ -403,6 +411,9 @@ class _LawFit:
             suspects=suspects,
             without=self._without(problem, best, suspects),
             admissibility=verdict,
+            trends=trends_of(points, problem, self.law, best)
+            if isinstance(problem, CollisionProblem)
+            else None,
         )
         others = search.others(loss, ends, rise)
         return replace(found, warnings=tuple(law_warnings(found, others, robust=self.robust is not None)))
@@ -598,15 +609,6 @@ def _end(
     return value + sign * float(found), False
 
 
-def covariance_of(information: Array) -> Array:
-    """Inverse of (p, p), infinite if there is none."""
-    unit = _unit(information)
-    scaled = information * np.outer(unit, unit)
-    if np.any(np.diag(information) <= 0.0) or np.linalg.cond(scaled) > 1e12:
-        return np.full_like(information, np.inf)
-    return np.asarray(np.linalg.inv(scaled) * np.outer(unit, unit))
-
-
 def covariance_at(points: Points) -> tuple[Array, Array]:
     """Covariance (p, p) of the coefficients at the minimum, and the one that the curvature alone would give.
 
@@ -621,15 +623,9 @@ def covariance_at(points: Points) -> tuple[Array, Array]:
     return inverse @ scatter @ inverse, inverse
 
 
-def _unit(information: Array) -> Array:
-    """Scale (p,) of each coefficient from its information; 1 where there is none."""
-    diagonal = np.diag(information)
-    return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
-
-
 def _flat(information: Array, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the coefficients along a combination of which the loss does not change, if there is one."""
-    unit = _unit(information)
+    unit = unit_of(information)
     values, vectors = np.linalg.eigh(information * np.outer(unit, unit))
     if values[0] > 1e-10 * values[-1]:
         return ()

@@ -17,7 +17,7 @@ from ..simulation.simulation import Simulation
 from ..tools.checked import Array
 from ..trajectory.export import kinds, material_names, species
 from ..trajectory.reader import Frame, Trajectory
-from .style import KINDS, Gas, color_bar, foreground, is_dark, label, place_axes, unit_of, with_unit
+from .style import KINDS, Bounded, Gas, color_bar, foreground, is_dark, label, place_axes, unit_of, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -352,7 +352,7 @@ def collisions_of(moving: Frame | State) -> int:
 
 
 def draw_walls(
-    axes: Axes, gas: Gas, time: float, collisions: int = 0, walls: tuple[Wall, ...] | None = None
+    axes: Axes, gas: Bounded, time: float, collisions: int = 0, walls: tuple[Wall, ...] | None = None
 ) -> None:
     """Draw the walls that stand at this time, after so many collisions, with arrows along moving surfaces.
 

@@ -29,15 +29,20 @@ ACROSS = "#56B4E9"  # their sky blue: the part of the translation that is across
 KINDS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#999999")
 
 
-class Gas(Protocol):
-    """A thing that has disks in a box; its units by quantity, empty for reduced ones, None where they are not known."""
+class Bounded(Protocol):
+    """A thing that has a box and walls."""
 
-    @property
-    def disks(self) -> Disks: ...
     @property
     def box(self) -> Box: ...
     @property
     def walls(self) -> tuple[Wall, ...]: ...
+
+
+class Gas(Bounded, Protocol):
+    """A thing that has disks in a box; its units by quantity, empty for reduced ones, None where they are not known."""
+
+    @property
+    def disks(self) -> Disks: ...
     @property
     def stated_units(self) -> dict[str, str] | None: ...
 
