@@ -99,8 +99,8 @@ class CompiledForce:
     """The compiled part of a force that acts within windows. It is constant, and equal to one with the same values.
 
     `act` is its function, with `n_totals` totals and parameters of these `names`; `number` is its own among these
-    forces, `first` that of its first number in `force_values`. If `alone` it acts on single disks, each at times of
-    its own (`disks/force_times.py`).
+    forces, `first` that of its first number in `force_values`. If `alone`, it acts on single disks at random times
+    (`disks/force_times.py`).
 
     Neither a dataclass nor a tuple: quadrants passes the members of those to a function one by one.
     """
@@ -173,7 +173,7 @@ class Uses:
 
     @property
     def actions(self) -> bool:
-        """True if forces act on single disks, each at times of its own."""
+        """True if forces act on single disks at random times."""
         return any(force.alone for force in self.forces)
 
     @property

@@ -2,7 +2,7 @@
 
 They are for forces that look at one disk only, so that copies of a disk in the halos of other tiles move as the disk
 itself. Positions are rounded to the grid there, as at a collision. A force in steps acts on all disks of a region at
-one time, and all look around themselves again. A force at random times acts on one disk, which then looks around.
+one time, and all search for their next events again. A force at random times acts on one disk, which then does so.
 
 Rows of `kicks` are steps of forces, in order; those that act at one time have the very same `time`. All their numbers
 are given before the window: totals too, of forces whose totals do not depend on the motion.
