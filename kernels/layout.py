@@ -43,6 +43,7 @@ block_integers, ...    (blocks        the scratch space of a block: column after
 near                   (blocks slots  slots of the disks near each, four in a word
                        NEAR_WORDS,)
 kicks                  (steps, ...)   steps of forces that act within windows, in order; the last one never comes
+shares                 (...)          shares of disks in totals of these steps, step by step in order of ids
 force_values           (...)          directions along which the gas can drift, and parameters of these forces
 image_list, near_image (blocks        images of walls near the tile of a block; those near each disk, three in a word
                        slots,)
@@ -106,6 +107,8 @@ class CompiledForce:
     number: int  # among these forces
     first: int  # of its numbers, in `force_values`
     alone: bool = False  # it acts on single disks, each at times of its own (`disks/force_times.py`)
+    measure: Any = None  # of one with totals
+    draws_pair: bool = False  # it takes the first pair of normal random numbers of a step
 
     @property
     def first_parameter(self) -> int:

@@ -113,9 +113,7 @@ def draw(
         axes.set_title(values, fontsize="medium")
     first = grid.ravel()[0]
     _scales(list(grid.ravel()[: len(panels_at)]))
-    _legend(
-        first, _theory(results, name) is not None, f"{name}_error" in results.variables, x not in swept
-    )
+    _legend(first, _theory(results, name) is not None, f"{name}_error" in results.variables, x not in swept)
     for axes in grid[-1]:
         axes.set_xlabel(_label(results, x))
     for line in grid:
