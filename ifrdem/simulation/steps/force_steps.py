@@ -467,7 +467,11 @@ def _check_compiles(i: int, force: Force) -> None:
     try:
         _kernels(kind).sample_force(np.ones(2), np.ones(len(force.parameters) + len(force.constants) + 1))
     except CompilationError as error:
-        of_step = (*OF_STEP, *["totals (in act)", "share (in act)"] * (force.totals > 0))
+        of_step = (
+            *OF_STEP,
+            *["totals (in act)", "share (in act)"] * (force.totals > 0),
+            *["pair (in act)"] * force.draws_pair,
+        )
         returns = "act must return three numbers, vx, vy and spin"
         if force.totals:
             returns += f", and measure a ti.Vector of length {force.totals}, as totals = {force.totals}"
