@@ -39,61 +39,67 @@ ORDER = (
 )
 
 
-DARK = "--style dark_background"
+POSTER = "--style poster"
 WALL_WIDTH, WALL_COLOURS = 600, 96
+HERO_WIDTH, HERO_QUALITY = 1000, 40
 WALL = {
     "streams": (
-        "clusters", f"disks --color direction {DARK}",
-        "Directions of motion: bands where streams meet.",
+        "clusters", f"disks --color direction {POSTER}",
+        "Directions of motion (yellow right, blue left, light up, dark down): bands where streams meet.",
     ),
     "cold": (
-        "cooling", f"disks --color speed {DARK}",
+        "cooling", f"disks --color speed {POSTER}",
         "50,000 coins: the dense filaments are slow, coins between them fly on.",
     ),
     "banks": (
-        "wake", f"disks --frames 70 {DARK}",
+        "wake", f"disks --frames 70 {POSTER}",
         "A post ploughs through coins; those along the channel spin.",
     ),
     "turn": (
-        "drum", f"disks --color direction {DARK}",
-        "Up with the drum (blue), and down the slope (red and yellow).",
+        "drum", f"disks --color direction {POSTER}",
+        "Up with the drum (light), and down the slope (dark).",
     ),
     "floating": (
-        "vibrated", f"disks --frames 120 --color speed {DARK}",
+        "vibrated", f"disks --frames 120 --color speed {POSTER}",
         "A few hot coins on a shaken floor carry all the others.",
     ),
     "burst": (
-        "coins_on_table", f"disks --frames 15 {DARK}",
+        "coins_on_table", f"disks --frames 15 {POSTER}",
         "400 coins burst from a patch; those hit off-centre spin.",
     ),
     "sizes": (
-        "mixture", f"disks --color radius {DARK}",
+        "mixture", f"disks --color radius {POSTER}",
         "10,000 disks with lognormal radii, at 0.4 of the area.",
     ),
     "break": (
-        "coins_from_video", f"disks --frames 12 {DARK}",
+        "coins_from_video", f"disks --frames 12 {POSTER}",
         "A square of nine coins and three others: the start is what a camera saw.",
     ),
     "pairs": (
-        "impact_scan", f"disks --color speed {DARK}",
+        "impact_scan", f"disks --color speed {POSTER}",
         "321 impacts at 321 angles, each on its own.",
     ),
     "sheared": (
-        "shear", f"disks --color direction {DARK}",
+        "shear", f"disks --color direction {POSTER}",
         "Directions of motion relative to the imposed shear flow.",
     ),
     "heat": (
-        "thermal_walls", f"disks --color temperature {DARK}",
+        "thermal_walls", f"disks --color temperature {POSTER}",
         "Heat goes from the hot wall on the left to the cold one.",
     ),
     "maps": (
-        "driven", f"fields {DARK}",
+        "driven", f"fields {POSTER}",
         "Density with the flow, and thermal temperature, of a gas that random kicks drive.",
     ),
 }  # fmt: skip
 """Pictures for a wall: name -> case, words of `ifrdem plot`, caption."""
-MOVIE = f"clusters.h5 --frames ::3 --fps 10 --size 480x424 --color direction {DARK} --quality 35"
+MOVIE = f"clusters.h5 --frames ::3 --fps 10 --size 400x422 --color direction {POSTER} --quality 35"
 """Words of `ifrdem movie` for the README's picture."""
+
+
+HERO = "run clusters --set species[0].number=1000000 --set output.frames=4 --set run.name=million"
+"""Words of the command that runs a million disks."""
+HERO_PICTURE = f"plot million.h5 disks --color direction {POSTER}"
 
 
 def shrink(
@@ -203,10 +209,21 @@ def page() -> str:
 Made by `python -m ifrdem.cases.gallery RUNS`, which runs the shipped cases at their own settings and shrinks their
 pictures.
 
-## For the wall
+## Posters
 
-One command each, after `ifrdem run CASE`. `--color` takes spin, speed, direction, temperature, radius, material and
-collisions; `ifrdem movie` has the same colours, and makes MP4, WebP or GIF.
+A million disks after 120 collisions per disk, coloured by their directions of motion. Cells of 1.8 diameters are as
+bright as they are full. The run takes a minute or two on one core.
+
+![Filaments and clusters in a gas of a million disks](gallery/million.webp)
+
+```sh
+ifrdem {HERO}
+ifrdem {HERO_PICTURE}
+```
+
+The style `poster` has no titles and no axes, but a bar of the scale. The pictures below take one command each, after
+`ifrdem run CASE`. `--color` takes spin, speed, direction, temperature, radius, material, species and collisions.
+`ifrdem movie` has the same colours and the same style, and makes MP4, WebP or GIF.
 
 ![Clusters form in a gas that cools](gallery/clusters.webp)
 
@@ -269,6 +286,17 @@ def laws(runs: Path) -> None:
     shrink(picture, DOCS / "gallery" / "laws.png", 1200, 192, Image.Quantize.FASTOCTREE)
 
 
+def hero(runs: Path) -> None:
+    """Run a million disks and copy their picture."""
+    if not (runs / "million.h5").exists():
+        ifrdem(*HERO.split(), "--force", cwd=runs)
+    ifrdem(*HERO_PICTURE.split(), "--force", cwd=runs)
+    with Image.open(runs / "million-disks.png") as image:
+        height = round(image.height * HERO_WIDTH / image.width)
+        copy = image.convert("RGB").resize((HERO_WIDTH, height), Image.Resampling.LANCZOS)
+        copy.save(DOCS / "gallery" / "million.webp", quality=HERO_QUALITY, method=6)
+
+
 def main(runs: Path) -> None:
     """Run the cases into a folder and write the page and its pictures."""
     runs.mkdir(parents=True, exist_ok=True)
@@ -279,6 +307,7 @@ def main(runs: Path) -> None:
             case = str(shipped.FOLDER / f"{name}.toml")
             ifrdem("run", case, "-o", str(runs), "--force", cwd=Path())
         shrink(picture, DOCS / "gallery" / f"{name}.png")
+    hero(runs)
     ifrdem("movie", *MOVIE.split(), "--force", "-o", str(DOCS / "gallery" / "clusters.webp"), cwd=runs)
     for name, (case, words, _) in WALL.items():
         ifrdem("plot", f"{case}.h5", *words.split(), "--force", "-o", f"wall-{name}.png", cwd=runs)

@@ -113,9 +113,11 @@ class Named:
         object.__setattr__(self, "_columns", columns)
 
     def __getattr__(self, name: str) -> Any:
+        column = self._columns.at.get(name)
+        if type(column) is int:  # a thousand times a second
+            array = self.array
+            return array[column] if array.ndim == 1 else array[..., column]
         column = self._columns.column(name)
-        if isinstance(column, int):
-            return self.array[column] if self.array.ndim == 1 else self.array[..., column]
         part = self.array[..., column.first : column.first + column.width]
         if isinstance(column, Several) and column.of is not None:
             return Named(part.reshape(*part.shape[:-1], column.count, column.step), column.of)
@@ -126,10 +128,11 @@ class Named:
         return Named(self.array.copy(), self._columns)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        column = self._columns.column(name)
-        if not isinstance(column, int):
+        column = self._columns.at.get(name)
+        if type(column) is not int:
+            column = self._columns.column(name)
             column = slice(column.first, column.first + column.width)
-        self.array[..., column] = value
+        self.array[column if self.array.ndim == 1 else (..., column)] = value
 
 
 def columns(*names: str) -> dict[str, None]:

@@ -52,7 +52,6 @@ held, cached_force     (rows,), ...   forces at contacts of a disk, as last solv
 =====================  =============  =================================================================================
 """
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from .columns import LEVELS
@@ -97,18 +96,42 @@ class CompiledLaw(NamedTuple):
     parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that divide P_t
 
 
-@dataclass(frozen=True)
 class CompiledForce:
-    """The compiled part of a force that acts within windows."""
+    """The compiled part of a force that acts within windows. It is constant, and equal to one with the same values.
 
-    act: Any
-    n_totals: int
-    names: tuple[str, ...]  # of its parameters
-    number: int  # among these forces
-    first: int  # of its numbers, in `force_values`
-    alone: bool = False  # it acts on single disks, each at times of its own (`disks/force_times.py`)
-    measure: Any = None  # of one with totals
-    draws_pair: bool = False  # it takes the first pair of normal random numbers of a step
+    `act` is its function, with `n_totals` totals and numbers of these `names`; `number` is its own among these forces,
+    `first` that of its first number in `force_values`. If `alone` it acts on single disks, each at times of its own
+    (`disks/force_times.py`). `measure` is the function of one with totals. One that `draws_pair` takes the first pair of
+    normal random numbers of a step.
+
+    Neither a dataclass nor a tuple: quadrants passes the members of those to a function one by one.
+    """
+
+    def __init__(
+        self,
+        act: Any,
+        n_totals: int,
+        names: tuple[str, ...],
+        number: int,
+        first: int,
+        *,
+        alone: bool = False,
+        measure: Any = None,
+        draws_pair: bool = False,
+    ) -> None:
+        self.act, self.n_totals, self.names = act, n_totals, names
+        self.number, self.first, self.alone = number, first, alone
+        self.measure, self.draws_pair = measure, draws_pair
+
+    def values(self) -> tuple[Any, ...]:
+        """What it consists of."""
+        return tuple(vars(self).values())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, CompiledForce) and self.values() == other.values()
+
+    def __hash__(self) -> int:
+        return hash(self.values())
 
     @property
     def first_parameter(self) -> int:

@@ -180,7 +180,7 @@ OBSERVABLES: dict[str, dict[str, Any]] = {
                     "about_mean": (True, True), "species": np.ones((2, 7))},
     "measure": {"disks": DISKS, "state": STATE, "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0,
                 "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int),
-                "about_mean": (True, True), "species": {"a": 1, "b": 3}},
+                "about_mean": (True, True)},
     "stress": {"before": STRESSED, "after": dataclasses.replace(STRESSED, time=1.0), "area": 10.0},
     "sums": {"disks": DISKS, "state": STATE, "gravity": (0.0, 0.0)},
 }  # fmt: skip
@@ -222,7 +222,8 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "CollisionLaw": {},
     "ContactTime": {"time": 0.1},
     "Device": {"name": "cpu", "threads": 1, "precision": "f64", "window_collisions": 0.4},
-    "Disks": {"n": 2, "mass": [1.0, 2.0], "radius": 0.5, "k": 2.0, "material": [0, 1]},
+    "Disks": {"n": 2, "mass": [1.0, 2.0], "radius": 0.5, "k": 2.0, "material": [0, 1],
+              "species": {"a": 1, "b": 1}},
     "IFRLaw": {"e_n": 0.9, "e_t": -0.8, "mu": 0.2, "sticking": "contact_point", "rho": 0.0, "k": 2.0},
     "IFRLaw.admissibility": {"self": LAW, "k_i": 2.0, "k_j": 2.0, "m_i": 1.0, "m_j": 1.0},
     "IFRLaw.check": {"self": LAW, "k_i": 2.0, "k_j": 2.0, "m_i": 1.0, "m_j": 1.0},
@@ -299,7 +300,7 @@ def of_fits() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 FIT: dict[str, dict[str, Any]] = {
     "Collisions": {"disk_1": COIN, "disk_2": ifrdem.fit.WALL, "measured": MOTION, "source": "data", "line": [2, 3],
                    "errors": {"vx_1": 0.01, "vy_1": 0.01, "vx_1_after": 0.01, "normal": 0.01},
-                   "covariance": {("vx_1", "vy_1"): 1e-6}, "notes": ()},
+                   "covariance": {("vx_1", "vy_1"): 1e-6}, "notes": (), "materials": ("a, b", "a, b")},
     "Data": {"psi": ANGLES, "measured": {"delta_1": 1.5 * ANGLES}, "errors": {"psi": 0.7, "delta_1": 0.7},
              "source": "data", "line": [2, 3, 4, 5, 6, 7], "notes": ()},
     "Disk": {"mass": [1.0, 2.0], "radius": 0.5, "k": 2.0},
@@ -635,7 +636,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "walls": (), "gravity": (0.0, 0.0),
-        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "species": None, "tracked": (),
+        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "tracked": (),
         "seed": 0, "comm": None,
     }  # fmt: skip
     return {

@@ -17,8 +17,8 @@ from scipy.special import chdtri
 
 from ifrdem.fit.data import WALL, Collisions, Disk
 from ifrdem.fit.laws import LAWS
-from ifrdem.fit.likelihood import Likelihood
-from ifrdem.fit.maximum import TRANSIT, Search, covariance_of
+from ifrdem.fit.likelihood import NU, Likelihood
+from ifrdem.fit.maximum import TRANSIT, Search, covariance_of, rise_of
 from ifrdem.fit.model import AngleProblem, FitProblem, Pair
 from ifrdem.tools.arguments import script
 from ifrdem.validation.paper.equations import TABLE_II
@@ -108,6 +108,33 @@ def coverage(kind: str, sets: int, seed: int) -> Iterator[str]:
         yield f"  error {error:g}: {shown}; mean chi2 {np.mean(chi2):.2f} for {dof} degrees of freedom"
 
 
+def robust(sets: int, seed: int, n: int = 30, error: float = 0.01) -> Iterator[str]:
+    """Lines of the coverage of robust intervals, where a part of the collisions has errors ten times as large."""
+    law, truth = "ifr-percussion", np.array(TRUTH["ifr-percussion"])
+    names = LAWS[law].free
+    yield f"robust: {sets} data sets of {n} collisions; part of the {LEVELS[0]:.0%} and {LEVELS[1]:.0%} intervals that hold the truth"  # noqa: E501
+    for part in (0.0, 0.1, 0.3):
+        rng = np.random.default_rng(seed)
+        inside: dict[str, list[np.ndarray]] = {}
+        for _ in range(sets):
+            problem = collisions(law, n, error, rng)
+            y = problem.y.copy()
+            out = rng.permutation(n)[: round(part * n)]
+            y[out] += np.sqrt(99.0) * problem.s[out] * rng.standard_normal(y[out].shape)  # 1 + 99 = 10^2
+            search = Search(Likelihood(problem.of(y), LAWS[law], NU))
+            values, loss = search.descend(truth)
+            ratios = search.variance_ratios(values)
+            for name, value in zip(names, truth.tolist(), strict=True):
+                least = search.descend(values, {name: value})[1]
+                rises = np.array([rise_of(search, level) for level in LEVELS])
+                inside.setdefault(name, []).append(least - loss < ratios[name] * rises)
+        shown = "; ".join(
+            f"{name} {np.mean(each, axis=0)[0]:.3f} {np.mean(each, axis=0)[1]:.3f}"
+            for name, each in inside.items()
+        )
+        yield f"  outliers {part:.0%}: {shown}"
+
+
 def selection(sets: int, seed: int) -> Iterator[str]:
     """Lines of the table of laws found by AIC."""
     names = list(TRUTH)
@@ -142,13 +169,14 @@ def coins(seed: int, n: int = 20, error: float = 1.0) -> Iterator[str]:
 
 
 def fits(
-    table: Literal["coverage", "selection", "coins"], kind: Literal["angles", "collisions"] = "angles", /, *,
+    table: Literal["coverage", "robust", "selection", "coins"], kind: Literal["angles", "collisions"] = "angles", /, *,
     sets: int = 1000, seed: int = 1,
 ) -> None:  # fmt: skip
     """Print a table."""
     tables = {
         "selection": selection(sets, seed),
         "coverage": coverage(kind, sets, seed),
+        "robust": robust(sets, seed),
         "coins": coins(seed),
     }
     for line in tables[table]:

@@ -135,7 +135,13 @@ class CaseGas:
             len(ids), mass, radius,
             k=np.repeat([each.k for each in self.species], numbers),
             material=np.repeat([self.materials.index(each.material) for each in self.species], numbers),
+            species=self._named(numbers),
         )  # fmt: skip
+
+    def _named(self, numbers: Sequence[int]) -> dict[str, int]:
+        """Species as `Disks` takes them, of so many disks each; none of one species, or of names that are the same."""
+        found = dict(zip((each.name for each in self.species), numbers, strict=True))
+        return found if 1 < len(found) == len(self.species) else {}
 
     def _of_species(self, ids: range) -> list[range]:
         """Of some ids, those of each species, counted from its first disk."""
@@ -162,7 +168,14 @@ class CaseGas:
                 radius = self.rows(block).radius
                 sums.append((float(np.sum(np.square(radius))), float(np.sum(radius))))
         squares, radii = (functools.reduce(operator.add, each) for each in zip(*sums, strict=True))
-        return DiskKinds.made(merge_kinds(kinds), self.n, self.n, squares, radii)
+        return DiskKinds.made(
+            merge_kinds(kinds),
+            self.n,
+            self.n,
+            squares,
+            radii,
+            self._named([each.number for each in self.species]),
+        )
 
     @functools.cached_property
     def laws(self) -> list[list[CollisionLaw | None]]:
@@ -623,7 +636,6 @@ class CaseGas:
             "walls": self._walls_at_start,
             "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
             "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
-            "species": {each.name: each.number for each in self.species} if len(self.species) > 1 else None,
             "tracked": tracked, "comm": comm,
         }  # fmt: skip
         if not self.law().is_proved:  # the simulation checks it

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -149,7 +148,7 @@ class FitOptions:
         ),
     ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
-    """ifr-percussion, ifr-contact, walton, brach, smooth or all; repeatable (default: both kinds of IFR)"""
+    """ifr-percussion, ifr-contact, ifr-viscoelastic, walton, brach, smooth or all; repeatable (default: first two)"""
     law: Annotated[str | None, Parameter(metavar="FILE.py:CLASS")] = None
     """a custom law in addition, see own-law in the manual"""
     range: Annotated[list[str] | None, Parameter(metavar="NAME=LOW:HIGH")] = None
@@ -184,7 +183,7 @@ class FileOptions:
     json: Annotated[Path | None, FILE] = None
     """everything that was found"""
     picture: Annotated[str | None, Parameter(metavar="NAME")] = None
-    """NAME.png and NAME.pdf: data, laws, residuals; NAME_corner: coefficients in pairs"""
+    """NAME.png and NAME.pdf: data, laws, residuals; NAME_corner: coefficients in pairs; NAME_speeds: their trends"""
     draw: Annotated[int, counting(1)] = 0
     """N sets of coefficients drawn with their covariance, into --draws"""
     draws: Annotated[Path | None, FILE] = None
@@ -246,7 +245,10 @@ def fit(
     if files.write_material is not None and not 1 <= len(name) <= 100:
         problems.append(f"--material-name {name!r}: must have 1 to 100 characters")
     stem = (files.picture or "").removesuffix(".png").removesuffix(".pdf")
-    endings = () if files.picture is None else (".png", ".pdf", "_corner.png", "_corner.pdf")
+    parts_of_picture = ("", "_corner", "_speeds")
+    endings = (
+        [f"{part}{end}" for part in parts_of_picture for end in (".png", ".pdf")] if files.picture else []
+    )
     pictures = [Path(f"{stem}{end}") for end in endings]
     record, material = files.json, files.write_material
     sample = (files.draws or Path("draws.csv")) if drawn else None
@@ -259,7 +261,7 @@ def fit(
 
     kinds = list(options.model or (of_laws.IFR if options.law is None else ()))
     own = [] if options.law is None else [of_laws.own_from_file(options.law, ranges)]
-    number_of_laws = len(of_laws.chosen(kinds, fixed, own))
+    of_laws.chosen(kinds, fixed, own)  # refuses names before the file is read
     measured = read(source, errors, form=form, min_quality=options.min_quality, **both)
     if not isinstance(measured, Data) and pair:
         raise InputError(
@@ -272,13 +274,12 @@ def fit(
     from ..fit import maximum, report  # import SciPy, which is slow
 
     parts = _parts(measured, options.kind, written)
-    with _progress(sets * number_of_laws * len(parts)) as bar:
-        every = [maximum.fit(
-            part, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
-            robust=options.robust, level=0.01 * options.level, cross_validate=options.cross_validate,
-            bootstrap=sets, seed=seed,
-            progress=None if bar is None else bar.update,
-        ) for part in parts]  # fmt: skip
+    progress = _progress(len(parts))
+    every = [maximum.fit(
+        part, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
+        robust=options.robust, level=0.01 * options.level, cross_validate=options.cross_validate,
+        bootstrap=sets, seed=seed, progress=progress(i),
+    ) for i, part in enumerate(parts)]  # fmt: skip
     for i, found in enumerate(every, start=1):
         if len(every) > 1:
             echo("\n" * (i > 1) + f"pair of kinds of disks {i} of {len(every)} (--kind {i}):")
@@ -297,7 +298,11 @@ def fit(
         from ..fit import figure
 
         figure.draw(found, pictures[:2])
-        figure.corner(found, pictures[2:])
+        figure.corner(found, pictures[2:4])
+        if found.laws[found.best].trends is not None:
+            figure.speeds(found, pictures[4:])
+        else:
+            written = [each for each in written if each not in pictures[4:]]
     status = 0
     if material is not None:
         try:
@@ -334,14 +339,16 @@ def _parts(measured: Any, kind: int | None, written: Sequence[Path]) -> list[Any
     return parts
 
 
-def _progress(fits: int) -> AbstractContextManager[Any]:
-    from ..tools.progress import quiet
+def _progress(fits: int) -> Callable[[int], Callable[[float], None]]:
+    """Progress of each of several fits, shown from two seconds on."""
+    from ..tools.progress import Stage, quiet
 
-    if fits == 0 or quiet():
-        return nullcontext()
-    from tqdm import tqdm
+    stage = None if quiet() else Stage("fit", interval=2.0)
 
-    return tqdm(total=fits, desc="bootstrap", unit="fit", leave=False, disable=None)
+    def of(i: int) -> Callable[[float], None]:
+        return lambda part: stage((i + part) / fits) if stage is not None else None
+
+    return of
 
 
 def _check_files(paths: Sequence[Path], data: Path, force: bool, problems: OptionProblems) -> None:

@@ -194,13 +194,19 @@ Cells = Annotated[
 ]
 Average = Annotated[bool, flag("of fields: averages over the frames with errors, not a single frame")]
 Style = Annotated[
-    str | None, option("STYLE", "paper, or a style of Matplotlib such as dark_background, or a file of one")
+    str | None,
+    option(
+        "STYLE",
+        "paper (fonts of journals), poster (a snapshot without axes), dark_background or another style of Matplotlib, "
+        "or a file of one",
+    ),
 ]
 Color = Annotated[
     str | None,
     option(
         "BY",
-        "of disks: spin, speed, direction, temperature, radius, material, collisions, asleep or none (default: spin)",
+        "of disks: spin, speed, direction, temperature, radius, material, species, collisions, asleep or none "
+        "(default: spin)",
         "--color"
     ),
 ]  # fmt: skip
@@ -237,21 +243,23 @@ NoTitle = Annotated[bool, flag("no title; warnings go to the terminal")]
 
 @contextlib.contextmanager
 def styled(style: str | None) -> Iterator[None]:
-    """Draw in a style of Matplotlib or in "paper"; InputError names near ones if there is none of this name."""
+    """Draw in "paper", "poster" or a style of Matplotlib; InputError names near ones if there is none of this name."""
     with contextlib.ExitStack() as stack:
-        if style == "paper":
+        if style in ("paper", "poster"):
             from matplotlib import rc_context
 
-            from ..plots.style import PAPER
+            from ..plots.style import PAPER, POSTER, is_poster
 
-            stack.enter_context(rc_context(PAPER))
+            stack.enter_context(rc_context(PAPER if style == "paper" else POSTER))
+            token = is_poster.set(style == "poster")
+            stack.callback(is_poster.reset, token)
         elif style is not None:
             import matplotlib.style
 
             try:
                 stack.enter_context(matplotlib.style.context(style))
             except OSError:
-                near = nearest(style, ["paper", *matplotlib.style.available])
+                near = nearest(style, ["paper", "poster", *matplotlib.style.available])
                 text = f"neither a style of Matplotlib nor a file of one{near}"
                 raise InputError(f"--style {style}: {text}") from None
         yield

@@ -210,6 +210,8 @@ class Collisions:
     line: Lines | None = field(default=None)
     notes: tuple[str, ...] = ()
     """source, line, notes: as in `Data`."""
+    materials: tuple[str, ...] = ()
+    """The two materials of each collision, as one text such as "glass, steel"; (n,), or empty if they are not known."""
 
     def __post_init__(self) -> None:
         problems = _unknown(self.measured, COLLISION_COLUMNS)
@@ -232,6 +234,10 @@ class Collisions:
         ]
         refuse(problems, self.source)
         n = max(np.size(value) for value in self.measured.values())
+        if self.materials and len(self.materials) != n:
+            raise InputError(
+                f"{self.source}: materials has {len(self.materials)} values: must be {n}, or none"
+            )
         arrays = {name: _column(self.source, name, value, n) for name, value in self.measured.items()}
         errors = {name: _column(self.source, f"error of {name}", value, n) for name, value in given.items()}
         if turned:  # an error [rad] of the direction, whatever the length of the normal
@@ -303,14 +309,15 @@ class Collisions:
             return np.arctan2(y, x), np.sqrt(y**2 * variance[0] + x**2 * variance[1]) / length**2
 
     def kinds(self) -> list[Collisions]:
-        """The collisions of each pair of kinds of disks (mass, radius, k), the most frequent pair first."""
+        """The collisions of each pair of kinds of disks (mass, radius, k, material), the most frequent pair first."""
         n = len(self)
         one, two = (
             np.stack([*_per_collision(disk, n).values()], axis=-1) for disk in (self.disk_1, self.disk_2)
         )
-        rows: dict[tuple[tuple[float, ...], ...], list[int]] = {}
+        rows: dict[tuple[str, tuple[tuple[float, ...], ...]], list[int]] = {}
         for i in range(n):
-            rows.setdefault(tuple(sorted((tuple(one[i].tolist()), tuple(two[i].tolist())))), []).append(i)
+            pair = tuple(sorted((tuple(one[i].tolist()), tuple(two[i].tolist()))))
+            rows.setdefault((self.materials[i] if self.materials else "", pair), []).append(i)
         if len(rows) == 1:
             return [self]
         return [self._part(each) for each in sorted(rows.values(), key=lambda each: -len(each))]
@@ -331,6 +338,7 @@ class Collisions:
             source=self.source,
             line=np.arange(1, n + 1)[rows] if self.line is None else self.line[rows],
             notes=self.notes,
+            materials=tuple(self.materials[i] for i in rows) if self.materials else (),
         )
 
     def problem(self, pair: Pair | None = None) -> CollisionProblem:
@@ -397,6 +405,9 @@ def read(
     kinds = {**{name: "angle" if name in ANGLES else "number" for name in COLUMNS}, **_KINDS}
     spellings = {**_SPELLINGS, **_COLLISION_SPELLINGS}
     kinds["quality"], spellings["quality"] = "number", "quality"
+    for i in "12":
+        kinds[f"material_{i}"] = "text"
+        spellings |= dict.fromkeys((f"material{i}", f"species{i}"), f"material_{i}")
     moving = ("normal", *MOTION, *AFTER)
     covariances = {f"cov:{a}:{b}": (a, b) for a in moving for b in moving if a != b}
     kinds |= dict.fromkeys(covariances, "number")
@@ -414,6 +425,7 @@ def read(
         notes.append(f"{found.missing} value{'s are' if found.missing > 1 else ' is'} missing and left out")
     if found.unused:
         notes.append(f"{UNUSED}: {', '.join(found.unused)}")
+    named = [columns.pop(f"material_{i}", None) for i in "12"]
     present = [name for name in columns if not name.endswith("_error")]
     whole = [name for name in present if name in _KINDS]
     angles = [name for name in present if name in COLUMNS]
@@ -446,6 +458,9 @@ def read(
             source=source,
             line=lines,
             notes=tuple(notes),
+            materials=_materials(
+                source, named, found.texts, wall=bool(np.isinf(np.asarray(second.mass)).all())
+            ),
         )
     after = [~np.isnan(measured[name]) for name in quantities if name != "psi"]
     keep = ~np.isnan(columns["psi"]) & np.any(after, axis=0)
@@ -462,6 +477,19 @@ def read(
         line=lines[keep],
         notes=tuple(notes),
     )
+
+
+def _materials(
+    source: str, named: Sequence[Array | None], texts: Sequence[str], *, wall: bool
+) -> tuple[str, ...]:
+    """The pair of materials of each collision, from columns of indices of texts; of a wall it may be left out."""
+    first, second = named
+    if first is None and second is None:
+        return ()
+    if first is None or (second is None and not wall):
+        raise InputError(f"{source}: material_1 and material_2: must both be given")
+    pairs = [first] if second is None else [first, second]
+    return tuple(", ".join(sorted(texts[int(one)] for one in each)) for each in np.stack(pairs, axis=-1))
 
 
 def _given_errors(

@@ -30,7 +30,14 @@ Style = tuple[str, Any, str]
 # Okabe and Ito's colours, distinct with every kind of colour blindness; and by line and marker too.
 STYLES: tuple[Style, ...] = (("#0072B2", "-", "o"), ("#D55E00", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "v"), ("#56B4E9", (0, (5, 1, 1, 1)), "D"), ("#E69F00", "-", "P"))  # fmt: skip  # noqa: E501
 _DATA, _OUT = "#222222", "#CC0000"
-SYMBOLS = {"e_n": "$e_n$", "e_t": "$e_t$", "mu": r"$\mu$", "rho": r"$\rho$", "beta_0": r"$\beta_0$"}
+SYMBOLS = {
+    "e_n": "$e_n$",
+    "A": "$A$",
+    "e_t": "$e_t$",
+    "mu": r"$\mu$",
+    "rho": r"$\rho$",
+    "beta_0": r"$\beta_0$",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +80,6 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
         )  # fmt: skip
         _rings(upper, fit.laws[fit.best], panel.psi, panel.value)
         angles = np.linspace(0.05, min(89.9, 1.06 * float(np.nanmax(panel.psi + panel.psi_error))), 400)
-        largest = 3.0
         for row, (name, fitted) in enumerate(laws.items(), start=1):
             colour, line, marker = styles[name]
             curve = _curve(fit, fitted, column, angles)
@@ -85,15 +91,13 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
             lower = grid[row, column]
             lower.plot(panel.psi, residual, ls="none", marker=marker, ms=3.5, color=colour)
             _rings(lower, fitted, panel.psi, residual)
-            largest = max(largest, float(np.nanmax(np.abs(residual), initial=0.0)))
-            _transition(upper, fitted, colour, line)
-            _transition(lower, fitted, colour, line)
-        for row in range(1, 1 + len(laws)):
-            lower = grid[row, column]
+            largest = max(3.0, float(np.nanmax(np.abs(residual), initial=0.0)))
             lower.set_ylim(-1.15 * largest, 1.15 * largest)
             lower.axhline(0.0, color=_DATA, lw=0.8)
             for level in (-2.0, 2.0):
                 lower.axhline(level, color=_DATA, lw=0.8, ls=":")
+            _transition(upper, fitted, colour, line)
+            _transition(lower, fitted, colour, line)
         _limit(upper, panel)
         upper.set_ylabel(panel.label)
         grid[-1, column].set_xlabel(r"impact angle $\psi$ (degrees)")
@@ -126,7 +130,7 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
     names = list(dict.fromkeys(name for each in laws.values() for name in each.law.free))
     n = len(names)
     figure = Figure(figsize=(1.5 + 2.1 * n, 1.8 + 2.1 * n), dpi=200, layout="constrained")
-    grid = figure.subplots(n, n, squeeze=False)
+    grid = figure.subplots(n, n, squeeze=False, sharex="col")
     turn = np.linspace(0.0, 2.0 * math.pi, 200)
     circle = np.stack([np.cos(turn), np.sin(turn)])
     for row, a in enumerate(names):
@@ -136,7 +140,7 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
                 axes.set_axis_off()
                 continue
             if not any({a, b} <= set(each.law.free) for each in laws.values()):
-                axes.set(xticks=[], yticks=[])
+                axes.set(yticks=[])
                 axes.text(0.5, 0.5, "no law has both", ha="center", transform=axes.transAxes, color="0.5")
             for name, each in laws.items():
                 colour, line, marker = styles[name]
@@ -170,6 +174,66 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize="small")
     bands = f"68 and 95 % ellipses, {100 * fit.level:g} % profile intervals (bands)"
     figure.suptitle(f"{Path(fit.data.source).name}: {bands}", fontsize="small", parse_math=False)
+    save(figure, paths)
+
+
+def speeds(fit: Fit, paths: Sequence[Path]) -> None:
+    """Draw the coefficients of single impacts against g_n, and e_t against the rim speed, of the best law.
+
+    Each is the coefficient that the impact alone would give, with the others as fitted; impacts whose own error is over
+    five times the smallest quarter of them are left out. Lines are the fitted values, dashed lines the trends with 68 %
+    bands.
+
+    Raises InputError if a file cannot be written, or there are too few whole collisions.
+    """
+    from matplotlib.figure import Figure
+
+    fitted = fit.laws[fit.best]
+    trends = fitted.trends
+    if trends is None or not trends.each:
+        raise InputError("no picture of speeds: needs whole collisions, 8 more than coefficients")
+    figure = Figure(figsize=(1.2 + 3.6 * len(trends.each), 4.2), dpi=200, layout="constrained")
+    grid = figure.subplots(1, len(trends.each), squeeze=False)[0]
+    colour = STYLES[0][0]
+    for axes, trend in zip(grid, trends.each, strict=True):
+        k = trends.names.index(trend.coefficient)
+        at = trends.speed if trend.against == "g_n" else trends.rim
+        value, error = trends.value[:, k], trends.error[:, k]
+        known = np.isfinite(error) & np.isfinite(value)
+        known &= error < 5.0 * np.quantile(error[known], 0.25)
+        axes.errorbar(
+            at[known],
+            value[known],
+            error[known],
+            fmt="o",
+            ms=3,
+            color=_DATA,
+            elinewidth=0.6,
+            alpha=0.6,
+            zorder=1,
+        )
+        axes.axhline(fitted.values[k], color=colour, lw=1.6)
+        u = np.linspace(trend.low, trend.high, 100)
+        scale = np.log if trend.against == "g_n" else np.asarray
+        part = (scale(u) - scale(trend.pivot)) / (scale(trend.high) - scale(trend.low))
+        line, spread = fitted.values[k] + trend.change * part, trend.error * np.abs(part)
+        axes.plot(u, line, color=STYLES[1][0], ls="--", lw=1.6)
+        axes.fill_between(u, line - spread, line + spread, color=STYLES[1][0], alpha=0.25, lw=0.0)
+        low, high = np.quantile(value[known], [0.02, 0.98])
+        margin = 0.3 * max(high - low, 4.0 * float(np.median(error[known])))
+        axes.set_ylim(low - margin, high + margin)
+        if trend.against == "g_n":
+            axes.set_xscale("log")
+        about = "normal speed $g_n$" if trend.against == "g_n" else r"rim speed $|R_1\omega_1 + R_2\omega_2|$"
+        axes.set_xlabel(f"{about} (length/time)")
+        axes.set_ylabel(SYMBOLS.get(trend.coefficient, trend.coefficient))
+        axes.set_title(
+            f"change {trend.change:+.2g} $\\pm$ {trend.error:.1g}, p = {trend.probability:.2g}",
+            fontsize="small",
+        )
+        axes.grid(True, lw=0.4, alpha=0.5)
+    text = f"{Path(fit.data.source).name}, {fit.best}: single impacts, fitted values (lines), trends (dashed, 68 %)"
+    figure.suptitle(text, fontsize="small", parse_math=False)
     save(figure, paths)
 
 
@@ -283,7 +347,8 @@ def _legend(fit: Fit, columns: int) -> list[Artist]:
     for name, fitted in fit.laws.items():
         values = (f"{SYMBOLS.get(key, key)} = {fitted.estimates[key].value:.4g}" for key in fitted.law.free)
         text = f"{name}: {', '.join(values)};" + ("\n" if columns == 1 else " ")
-        text += f"$\\chi^2 = {fitted.chi2:.1f}$ for {fitted.dof} degrees of freedom"
+        tested = f"$\\chi^2 = {fitted.chi2:.1f}$ for {fitted.dof} degrees of freedom"
+        text += "errors estimated from the residuals" if fitted.errors else tested
         handles.append(_line(styles[name], text))
     if any("psi_transit" in each.estimates for each in fit.laws.values()):
         text = f"transition from sticking to sliding, with its {100 * fit.level:g} % interval"

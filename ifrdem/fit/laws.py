@@ -34,6 +34,7 @@ RANGES: Mapping[str, Range] = MappingProxyType(
 
 _START_RANGES: Mapping[str, Range] = {
     "e_n": (0.3, 0.98),
+    "A": (0.02, 0.5),
     "e_t": (-0.98, 0.1),
     "mu": (0.02, 0.7),
     "beta_0": (-0.5, 0.8),
@@ -89,6 +90,17 @@ class Law:
         points = qmc.Sobol(len(self.free), scramble=False).random(number)
         return np.asarray(low + (high - low) * points)
 
+    @property
+    def depends_on_speed(self) -> bool:
+        """True if e_n is 1 - A g_n^(1/5), the first terms of that of viscoelastic spheres."""
+        return "A" in self.ranges and self.sticking is not None
+
+    def e_n(self, of: Mapping[str, Array], g_n: Array | float) -> Array:
+        """Normal restitution (..., n) of impacts with normal velocities g_n [length/time]."""
+        if not self.depends_on_speed:
+            return of["e_n"]
+        return np.clip(1.0 - of["A"] * np.maximum(g_n, 0.0) ** 0.2, 0.0, 1.0)
+
     def collide(self, values: Array, motion: Sequence[Array]) -> tuple[Array, ...]:
         """Velocities and spins after (vx_i, vy_i, w_i, vx_j, vy_j, w_j), P_n, P_t, sticking, rolling.
 
@@ -102,7 +114,8 @@ class Law:
 
         if self.sticking is not None:
             contact = float(self.sticking == STICKING[1])
-            row = (of["e_n"], of["e_t"], of["mu"], contact, of["rho"])
+            e_n = self.e_n(of, law.relative_motion(*motion)[0]) if self.depends_on_speed else of["e_n"]
+            row = (e_n, of["e_t"], of["mu"], contact, of["rho"])
             found: tuple[Array, ...] = law.collide_pair(*row, *motion)
             return found
         g_n, g_t, m_n, m_t = law.relative_motion(*motion)
@@ -118,6 +131,8 @@ class Law:
         `probe` is a motion with g_n = g_t = 1. Transition: mu (1 + e_n) = c tan(angle of incidence).
         """
         of = {**self.full(values), "e_n": np.zeros(1), "mu": np.array([_STEEP])}
+        if self.depends_on_speed:
+            of["A"] = np.ones(1)  # e_n = 0 at the speed of the probe
         if "e_t" in of:
             of |= {"e_t": np.array([-1.0]), "rho": np.zeros(1)}
         *_, P_n, P_t, _, _ = self._collide(of, probe)
@@ -128,16 +143,25 @@ class Law:
         """True for a law with Coulomb friction that another impulse bounds."""
         return self.sticking is not None or self.kind is Walton
 
-    def transitions(self, values: Array, probe: Sequence[Array]) -> list[Array]:
-        """Angles of incidence [rad], each (..., n), at which the law changes its regime; `probe` as for `stick`."""
+    def transitions(self, values: Array, probe: Sequence[Array], speed: Array | float = 1.0) -> list[Array]:
+        """Angles of incidence [rad], each (..., n), at which the law changes its regime; `probe` as for `stick`.
+
+        `speed` is |g| (n,) of the impacts as measured, which only a law that depends on speed takes; its transition
+        moves a little with the true speed.
+        """
         if not self.has_transition:
             return []
-        of = self.full(values)
-        found = [np.arctan(of["mu"] * (1.0 + of["e_n"]) / self.stick(values, probe))]
+        of, c = self.full(values), self.stick(values, probe)
+        e_n = self.e_n(of, speed)
+        found = [np.arctan(of["mu"] * (1.0 + e_n) / c)]
+        if self.depends_on_speed:
+            for _ in range(3):  # g_n = |g| cos(chi) at the transition itself
+                e_n = self.e_n(of, speed * np.cos(found[0]))
+                found = [np.arctan(of["mu"] * (1.0 + e_n) / c)]
         if "rho" in self.free or self.fixed.get("rho", 0.0) > 0.0:
             contact = replace(self, sticking=STICKING[1])
             lever = reach(probe) * contact.stick(values, probe)  # r m_t / m_n, by Eq. 12
-            found.append(np.arctan(of["rho"] * (1.0 + of["e_n"]) / lever))  # Eqs. 31 and 32 equal
+            found.append(np.arctan(of["rho"] * (1.0 + e_n) / lever))  # Eqs. 31 and 32 equal
         return found
 
 
@@ -151,6 +175,11 @@ def _ifr(name: str, about: str, sticking: str, **fixed: float) -> Law:
     return Law(name, about, IFRLaw, ranges, {"rho": 0.0, **fixed}, dict(_START_RANGES), sticking)
 
 
+def _viscoelastic() -> Law:
+    law = _ifr("ifr-viscoelastic", "IFR, percussion centre, e_n = 1 - A g_n^(1/5)", STICKING[0])
+    return replace(law, ranges={"A": (0.0, 5.0), **{k: v for k, v in law.ranges.items() if k != "e_n"}})
+
+
 LAWS: Mapping[str, Law] = MappingProxyType(
     {
         law.name: law
@@ -160,6 +189,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
             Law("walton", "Walton: constant restitution of the slip", Walton, {k: RANGES[k] for k in Walton.coefficients}, start_ranges=dict(_START_RANGES)),  # noqa: E501
             _ifr("brach", "Brach: sliding until the slip stops (IFR, contact point, e_t = -1)", STICKING[1], e_t=-1.0),
             _ifr("smooth", "smooth disks (IFR, e_t = -1, mu = 0)", STICKING[1], e_t=-1.0, mu=0.0),
+            _viscoelastic(),
         )
     }
 )  # fmt: skip

@@ -36,7 +36,10 @@ NU = 4.0
 
 _STEP = 1e-6  # of a one-sided difference by a coefficient: error 1e-6, round-off 1e-10
 _MOST_STEPS = 40
-_CLOSE = 1e-6  # of an error: chi2 is stationary in x, so that this changes it by 1e-12
+_CLOSE = 1e-10  # gain of a step that counts as none; a step of 1e-5 of an error
+_ROUNDING = 1e-13  # the same over the distance
+_SHORTEST = 1e-4  # of a step, over that of Gauss and Newton
+_HOPE = 10.0  # decrease that is possible, over the gain of a step
 _RIDGE = 1e-12  # fixes a direction that no measured value determines
 
 
@@ -88,8 +91,30 @@ class Points:
 
     @property
     def information(self) -> Array:
-        """Inverse covariance (p, p) of the coefficients, by Gauss and Newton."""
+        """Half of the second derivatives (p, p) of the loss, by Gauss and Newton."""
         return np.asarray(np.einsum("n,nqa,nqb->ab", self.weight, self.jacobian, self.jacobian))
+
+    @property
+    def scatter(self) -> Array | None:
+        """Covariance (p, p) of half the gradient of the loss, from its scatter over the impacts.
+
+        None for a Gaussian likelihood, where it is `information`; a Student-t one only stands in for errors of unknown
+        distribution, so that the covariance of the coefficients is H^-1 V H^-1 with V this scatter (P. J. Huber, Proc.
+        Fifth Berkeley Symp. 1, 221 (1967)).
+        """
+        if self.robust is None:
+            return None
+        each = self.weight[:, None] * np.einsum("nqp,nq->np", self.jacobian, self.residual)
+        return each.T @ each * (len(each) / max(len(each) - each.shape[1], 1))
+
+    @property
+    def curvature(self) -> Array:
+        """Half of the second derivatives (p, p) of the loss, with those of the Student-t weights."""
+        if self.robust is None:
+            return self.information
+        along = np.einsum("nqp,nq->np", self.jacobian, self.residual)
+        by = 2.0 * self.weight / (self.robust + self.distance)
+        return self.information - np.einsum("n,na,nb->ab", by, along, along)
 
 
 class Likelihood:
@@ -102,7 +127,6 @@ class Likelihood:
         self.problem: FitProblem = problem
         self.law: Law = law
         self.robust: float | None = robust
-        self._begin = problem.start  # where the last nearest points were
         problem.set_redundancy(law, law.start_points(2)[1])
 
     def at(self, values: Array) -> Points:
@@ -152,44 +176,63 @@ class Likelihood:
         observed, every = problem.start[:, 0], problem.rows
         n_intervals = edges.shape[-1] - 1
         best = np.clip(np.sum(observed[:, None] >= edges, axis=-1) - 1, 0, n_intervals - 1)
-        x, distance = self._descend(values, every, self._begin, edges[every, best], edges[every, best + 1])
+        x, distance = self._descend(
+            values,
+            every,
+            problem.start,
+            edges[every, best],
+            edges[every, best + 1],
+            np.full(len(every), np.inf),
+        )
         own = best.copy()
         for other in range(n_intervals):
             low, high = edges[:, other], edges[:, other + 1]
             gap = np.clip(observed, low, high) - observed
             near = every[(own != other) & ((gap / problem.spread) ** 2 < distance) & (high > low)]
             if len(near):
-                new, new_distance = self._descend(values, near, x[near], low[near], high[near])
+                new, new_distance = self._descend(
+                    values, near, x[near], low[near], high[near], distance[near]
+                )
                 better = new_distance < distance[near]
                 x[near[better]], distance[near[better]], best[near[better]] = (
                     new[better],
                     new_distance[better],
                     other,
                 )
-        self._begin = x
         at_low, at_high = x[:, 0] == edges[every, best], x[:, 0] == edges[every, best + 1]
         return x, np.where(at_low, best, np.where(at_high, best + 1, -1))
 
     def _descend(
-        self, values: Array, rows: NDArray[np.int64], start: Array, low: Array, high: Array
+        self, values: Array, rows: NDArray[np.int64], start: Array, low: Array, high: Array, below: Array
     ) -> tuple[Array, Array]:
-        """Nearest points (m, d) with chi from `low` to `high`, and squared distances (m,), by Gauss and Newton."""
+        """Nearest points (m, d) with chi from `low` to `high`, and squared distances (m,), by Gauss and Newton.
+
+        The search of a row ends early where it would not end at a distance below `below` (m,).
+        """
         x = start.copy()
         x[:, 0] = np.clip(x[:, 0], low, high)
-        distance, step = self._measure(values, rows, x, low, high)
-        active, scale = np.arange(len(rows)), self._scale
+        distance, step, gain = self._measure(values, rows, x, low, high)
+        active, scale, length = np.arange(len(rows)), self._scale[rows], np.ones(len(rows))
         for _ in range(_MOST_STEPS):
-            moving = np.any(np.abs(step[active]) > _CLOSE * scale[rows[active]], axis=1)
-            active = active[moving]
+            open_ = (gain > _CLOSE + _ROUNDING * distance) & (distance - _HOPE * gain < below)
+            active = active[open_[active] & (length[active] > _SHORTEST)]
             if len(active) == 0:
                 break
-            trial = x[active] + step[active]
+            trial = x[active] + length[active, None] * step[active]
             trial[:, 0] = np.clip(trial[:, 0], low[active], high[active])
-            new_distance, new_step = self._measure(values, rows[active], trial, low[active], high[active])
-            better = new_distance < distance[active]
-            step[active] = np.where(better[:, None], new_step, 0.25 * step[active])
+            measured = self._measure(values, rows[active], trial, low[active], high[active])
+            better = measured[0] < distance[active]
+            # Gauss and Newton overshoot or fall short by a constant factor where residuals are large; the next step has
+            # the length that would have been right for the last one (J. Barzilai and J. M. Borwein, IMA J. Numer. Anal.
+            # 8, 141 (1988)).
+            done = (trial - x[active]) / scale[active]
+            change = np.sum(done * (step[active] - measured[1]) / scale[active], axis=1)
+            fitting = np.sum(done**2, axis=1) / np.where(change > 0.0, change, 1.0)
+            fitting = np.where(change > 0.0, np.clip(fitting, 0.3, 3.0), 1.0)
+            length[active] = np.where(better, fitting, 0.25 * length[active])
             at = active[better]
-            x[at], distance[at] = trial[better], new_distance[better]
+            x[at] = trial[better]
+            distance[at], step[at], gain[at] = (each[better] for each in measured)
         return x, distance
 
     @property
@@ -202,8 +245,11 @@ class Likelihood:
 
     def _measure(
         self, values: Array, rows: NDArray[np.int64], x: Array, low: Array, high: Array
-    ) -> tuple[Array, Array]:
-        """Squared distances (m,) at x (m, d), and the steps (m, d) towards the least, within the limits of chi."""
+    ) -> tuple[Array, Array, Array]:
+        """Squared distances (m,) at x (m, d), steps (m, d) towards the least within the limits of chi, and their gain.
+
+        The gain (m,) is the decrease of the squared distance to first order.
+        """
         # Differences go inwards, so that they stay on a stretch's own curve.
         side = np.where(x[:, 0] < 0.5 * (low + high), 1.0, -1.0)
         r, slope = self._residual(values, rows, x, side)
@@ -214,7 +260,9 @@ class Likelihood:
             rest = r[limited] - slope[limited, :, 0] * inside[limited, None]
             step[limited, 1:] = _solve(slope[limited, :, 1:], rest[..., None])[..., 0]
         step[:, 0] = inside
-        return np.sum(r**2, axis=-1), step
+        distance = np.sum(r**2, axis=-1)
+        left = r - np.einsum("nqd,nd->nq", slope, step)
+        return distance, step, distance - np.sum(left**2, axis=-1)
 
 
 def _losses(c: Array, robust: float | None, redundancy: Array) -> Array:
@@ -229,3 +277,18 @@ def _solve(A: Array, B: Array) -> Array:
     A = A / scale[:, None, :]
     normal = np.swapaxes(A, 1, 2) @ A + _RIDGE * np.eye(A.shape[2])
     return np.linalg.solve(normal, np.swapaxes(A, 1, 2) @ B) / scale[..., None]
+
+
+def covariance_of(information: Array) -> Array:
+    """Inverse of (p, p), infinite if there is none."""
+    unit = unit_of(information)
+    scaled = information * np.outer(unit, unit)
+    if np.any(np.diag(information) <= 0.0) or np.linalg.cond(scaled) > 1e12:
+        return np.full_like(information, np.inf)
+    return np.asarray(np.linalg.inv(scaled) * np.outer(unit, unit))
+
+
+def unit_of(information: Array) -> Array:
+    """Scale (p,) of each coefficient from its information; 1 where there is none."""
+    diagonal = np.diag(information)
+    return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))

@@ -15,8 +15,8 @@ from ..tools.checked import Integer, NonNegative, Number, Positive, Seed, valida
 from . import laws as of_laws
 from .data import Collisions, Data
 from .laws import IFR, Law, Range
-from .likelihood import NU, Array, Likelihood, Points
-from .model import AngleProblem, FitProblem, Pair
+from .likelihood import NU, Array, Likelihood, Points, covariance_of, unit_of
+from .model import AngleProblem, CollisionProblem, FitProblem, Pair
 from .result import (
     CONFIDENCE,
     TELLING,
@@ -29,8 +29,9 @@ from .result import (
     general_warnings,
     law_warnings,
 )
+from .trends import trends_of
 
-Progress = Callable[[int], object]
+Progress = Callable[[float], object]
 Confidence = Annotated[float, Number(1e-6, 1.0 - 1e-6, "a number between 0 and 1, such as 0.95")]
 Draws = Annotated[int, Integer(0, 10**7)]
 
@@ -40,6 +41,7 @@ SPINNING = ("Rw_1", "Rw_2", "e_t_apparent", "rebound_contact", "spin_1_after", "
 TRANSIT = "psi_transit"
 _STARTS, _DESCENTS = 32, 6  # sampled points; the best of them, where searches start
 _SAME_MINIMA = 2  # descents that end in the lowest minimum are enough
+_MOST_MINIMA = 10  # each lower than the last, whose intervals are begun
 _PRECISE = 3e-4  # of the distance of an end from the best value
 _TOLERANCE = {"held": 1e-6, "robust": 1e-8, "plain": 1e-10}  # of descents; robust ones converge linearly
 _BETTER = 1e-5  # a loss lower by this is another minimum
@@ -99,7 +101,7 @@ def fit(
     seed : int
         Of the bootstrap.
     progress : callable, optional
-        Gets 1 for each of these data sets that is fitted.
+        Gets the part that is done, from 0 to 1, after each step; an estimate.
 
     Examples
     --------
@@ -109,7 +111,7 @@ def fit(
     >>> found.best
     'ifr-percussion'
     """
-    fixed = dict(fix or {})
+    fixed, model = dict(fix or {}), list(model)
     chosen = of_laws.chosen(model, fixed, own)
     pair: Pair | None = None
     problems = []
@@ -118,6 +120,13 @@ def fit(
             raise InputError("M: must be given, the mass ratio m_1 / m_2 of the disks, 0 for a wall")
         pair = Pair(M=M, k_1=k_1, k_2=k_2, R_1=R_1, R_2=R_2)
         problem: FitProblem = data.problem(pair)
+        by_speed = [name for name, law in chosen.items() if law.depends_on_speed]
+        problems += [
+            f"model {name}: requires speeds, as in a table of whole collisions"
+            for name in by_speed
+            if name in model
+        ]
+        chosen = {name: law for name, law in chosen.items() if name not in by_speed}
         if (rolling or fixed.get("rho", 0.0) > 0.0) and not pair.has_radii:
             problems.append("rolling friction requires R_1 and R_2, the radii")
     else:
@@ -133,13 +142,24 @@ def fit(
     refuse(problems)
     nu = NU if robust else None
     found = {}
-    for name, law in chosen.items():
-        climb = _LawFit(data, problem, law, nu, level, profile)
-        found[name] = climb.fitted(bootstrap, seed, progress, cross_validate)
+    for i, (name, law) in enumerate(chosen.items()):
+        expected = _expected_descents(law, bootstrap, profile=profile)
+
+        def step(done: int, i: int = i, expected: int = expected) -> None:
+            if progress is not None:
+                progress((i + min(done / expected, 1.0)) / len(chosen))
+
+        climb = _LawFit(data, problem, law, nu, level, profile, step)
+        found[name] = climb.fitted(bootstrap, seed, cross_validate)
     lowest = min(each.AIC for each in found.values())
     near = [name for name, each in found.items() if each.AIC - lowest < TELLING]
     best = near[0]
     return Fit(data, pair, found, best, len(near) == 1, level, nu, tuple(general_warnings(data, found)))
+
+
+def _expected_descents(law: Law, bootstrap: int, *, profile: bool) -> int:
+    """About as many descents as the fit of a law takes, for its progress."""
+    return 10 + (10 * (len(law.free) + 1) if profile else 0) + 3 * bootstrap
 
 
 def _rolling(law: Law, r: float) -> Law:
@@ -151,8 +171,9 @@ def _rolling(law: Law, r: float) -> Law:
 class Search:
     """Descents of the loss of one likelihood, with a coefficient or the angle of transition held if wished."""
 
-    def __init__(self, likelihood: Likelihood) -> None:
+    def __init__(self, likelihood: Likelihood, on_descent: Callable[[], object] | None = None) -> None:
         self.likelihood: Likelihood = likelihood
+        self.on_descent: Callable[[], object] | None = on_descent
         self.law: Law = likelihood.law
         self.lowest: tuple[Array, float] | None = None
         self._last: tuple[bytes, Points] | None = None
@@ -168,7 +189,7 @@ class Search:
     def transits(self) -> bool:
         """True if all impacts have one angle of transition, which then is a quantity."""
         law, problem = self.law, self.likelihood.problem
-        if not law.has_transition or "mu" not in law.free:
+        if not law.has_transition or law.depends_on_speed or "mu" not in law.free:
             return False
         c = law.stick(law.start_points(2)[1], problem.probe())
         return float(np.ptp(c)) <= 1e-9 * float(np.max(c))
@@ -180,17 +201,40 @@ class Search:
     def quantities(self, values: Array) -> dict[str, tuple[float, float, Range]]:
         """Value, standard error and limits of the free coefficients, and of the angle of transition if it is one."""
         law = self.law
-        covariance = covariance_of(self.points(values).information)
+        covariance = covariance_at(self.points(values))[0]
         each = zip(law.free, values.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
         found = {name: (value, error, law.ranges[name]) for name, value, error in each}
         if self.transits:
             at, error, steepest = self.transition(values), float("inf"), values.copy()
             steepest[law.free.index("mu")] = law.ranges["mu"][1]
             if np.isfinite(covariance).all():
-                steps = 1e-6 * np.eye(len(values))
-                by = np.array([(self.transition(values + step) - at) / 1e-6 for step in steps])
+                by = self._transition_slope(values)
                 error = float(np.sqrt(by @ covariance @ by))
             found[TRANSIT] = at, error, (0.0, self.transition(steepest))
+        return found
+
+    def _transition_slope(self, values: Array) -> Array:
+        at, steps = self.transition(values), 1e-6 * np.eye(len(values))
+        return np.array([(self.transition(values + step) - at) / 1e-6 for step in steps])
+
+    def variance_ratios(self, values: Array) -> dict[str, float]:
+        """Factors of the rise of the loss at the ends of intervals, for each quantity.
+
+        Each is the variance over the one that the curvature alone would give: 1 for a Gaussian likelihood (J. T. Kent,
+        Biometrika 69, 19 (1982)).
+        """
+        covariance, plain = covariance_at(self.points(values))
+        directions = dict(zip(self.law.free, np.eye(len(values)), strict=True))
+        if self.transits:
+            directions[TRANSIT] = self._transition_slope(values)
+        found = {}
+        for name, by in directions.items():
+            ratio = (
+                float(by @ covariance @ by) / max(float(by @ plain @ by), 1e-300)
+                if np.isfinite(plain).all()
+                else 1.0
+            )
+            found[name] = ratio if ratio > 0.0 else 1.0
         return found
 
     def _mu(self, values: Array, transition: float) -> float:
@@ -240,6 +284,8 @@ class Search:
         else:
             values = whole(np.empty(0))
         loss = self.points(values).loss
+        if self.on_descent is not None:
+            self.on_descent()
         if self.lowest is None or loss < self.lowest[1] - _BETTER:
             self.lowest = (values, loss)
         return values, loss
@@ -302,20 +348,27 @@ class _LawFit:
     robust: float | None
     level: float
     profile: bool
+    progress: Callable[[int], None]
+    """Gets the number of descents that are done."""
+    descents: int = 0
 
-    def fitted(self, bootstrap: int, seed: int, progress: Progress | None, cross_validate: bool) -> Fitted:
+    def _descended(self) -> None:
+        self.descents += 1
+        self.progress(self.descents)
+
+    def fitted(self, bootstrap: int, seed: int, cross_validate: bool) -> Fitted:
         """The fit with its intervals."""
         problem, search = self._search()
-        rise = self._rise(problem, search)
-        while True:  # until no lower minimum shows while its surroundings are searched
-            assert search.lowest is not None
-            best, loss = search.descend(search.lowest[0])
+        rise = rise_of(search, self.level, estimated=bool(self.problem.estimated))
+        assert search.lowest is not None
+        for _ in range(_MOST_MINIMA):  # until no lower minimum shows while its surroundings are searched
+            best, loss = min(search.lowest, search.descend(search.lowest[0]), key=lambda each: each[1])
             ends = intervals(search, best, rise, profile=self.profile)
             if search.lowest[1] > loss - _BETTER:
                 break
         points, quantities = search.points(best), search.quantities(best)
         p, dof = len(best), int(np.sum(problem.redundancy)) - len(best)
-        again = self._bootstrap(problem, best, points, bootstrap, seed, progress) if bootstrap else {}
+        again = self._bootstrap(problem, best, points, bootstrap, seed) if bootstrap else {}
         estimates = {}
         for name, (value, error, _) in quantities.items():
             unit: Callable[[float], float] = (lambda x: float(np.degrees(x))) if name == TRANSIT else float
@@ -338,7 +391,7 @@ class _LawFit:
         found = Fitted(
             law=self.law,
             estimates=estimates,
-            covariance=covariance_of(points.information),
+            covariance=covariance_at(points)[0],
             flat=_flat(points.information, self.law.free),
             chi2=chi2,
             dof=dof,
@@ -358,6 +411,9 @@ class _LawFit:
             suspects=suspects,
             without=self._without(problem, best, suspects),
             admissibility=verdict,
+            trends=trends_of(points, problem, self.law, best)
+            if isinstance(problem, CollisionProblem)
+            else None,
         )
         others = search.others(loss, ends, rise)
         return replace(found, warnings=tuple(law_warnings(found, others, robust=self.robust is not None)))
@@ -366,7 +422,7 @@ class _LawFit:
         """The problem, with errors estimated from its residuals, and a search that has found the minimum."""
         problem, start = self.problem, None
         for _ in range(30):
-            search = Search(Likelihood(problem, self.law, self.robust))
+            search = Search(Likelihood(problem, self.law, self.robust), self._descended)
             p = len(self.law.free)
             redundancy = int(np.sum(problem.redundancy))
             if redundancy <= p + len(problem.estimated):
@@ -388,12 +444,6 @@ class _LawFit:
             f"{self.data.source}: the residuals do not determine the errors of {' and '.join(problem.estimated)} "
             f"separately: give one of them, e.g. {_error_of(one)}"
         )
-
-    def _rise(self, problem: FitProblem, search: Search) -> float:
-        """Rise of the loss at the ends of an interval: of chi-square, or of F where the errors are estimated."""
-        if not self.problem.estimated:
-            return float(chdtri(1, 1.0 - self.level))
-        return float(fdtri(1, max(np.sum(problem.redundancy) - len(self.law.free), 1.0), self.level))
 
     def _normalisation(self, problem: FitProblem, points: Points) -> float:
         """The constant of -2 ln L; where errors are estimated, of the residuals after the latent coordinates."""
@@ -460,7 +510,6 @@ class _LawFit:
         points: Points,
         number: int,
         seed: int,
-        progress: Progress | None,
     ) -> dict[str, Array]:
         """Percentiles (2,) of each quantity over synthetic data sets."""
         rng = np.random.default_rng(seed)
@@ -469,11 +518,9 @@ class _LawFit:
         found = []
         for _ in range(number):
             noise = np.einsum("nab,nb->na", spread, rng.standard_normal(exact.shape))
-            other = Search(Likelihood(problem.of(exact + noise), self.law, self.robust))
+            other = Search(Likelihood(problem.of(exact + noise), self.law, self.robust), self._descended)
             values = _lower(other, best)
             found.append([*values, *([other.transition(values)] if other.transits else [])])
-            if progress is not None:
-                progress(1)
         tail = 0.5 * (1.0 - self.level)
         names = (*self.law.free, TRANSIT)
         return dict(zip(names, np.quantile(found, [tail, 1.0 - tail], axis=0).T, strict=False))
@@ -484,15 +531,31 @@ def _lower(search: Search, best: Array) -> Array:
     return min((search.descend(start) for start in search.near(best)), key=lambda each: each[1])[0]
 
 
+def rise_of(search: Search, level: float, *, estimated: bool = False) -> float:
+    """Rise of the loss at the ends of an interval of a confidence, before `Search.variance_ratios`.
+
+    Of chi-square; of F where the errors, or the scatter of a robust likelihood, are estimated from the residuals.
+    """
+    problem, p = search.likelihood.problem, len(search.law.free)
+    if search.likelihood.robust is not None:
+        return float(fdtri(1, max(len(problem.rows) - p, 1), level))
+    if not estimated:
+        return float(chdtri(1, 1.0 - level))
+    return float(fdtri(1, max(np.sum(problem.redundancy) - p, 1.0), level))
+
+
 def intervals(search: Search, best: Array, rise: float, *, profile: bool = True) -> dict[str, Interval]:
     """Profile-likelihood intervals of every quantity: where the least loss with it held has risen by `rise`.
 
     Without `profile`, from the standard errors.
     """
     found = {}
+    variance_ratios = search.variance_ratios(best)
     for name, (value, error, limits) in search.quantities(best).items():
         if profile:
-            ends = [_end(search, best, name, value, error, limit, rise) for limit in limits]
+            width = np.sqrt(rise) * error
+            rises = rise * variance_ratios[name]
+            ends = [_end(search, best, name, value, width, limit, rises) for limit in limits]
         else:
             half = np.sqrt(rise) * error
             low, high = max(value - half, limits[0]), min(value + half, limits[1])
@@ -503,9 +566,12 @@ def intervals(search: Search, best: Array, rise: float, *, profile: bool = True)
 
 
 def _end(
-    search: Search, best: Array, name: str, value: float, error: float, limit: float, rise: float
+    search: Search, best: Array, name: str, value: float, width: float, limit: float, rise: float
 ) -> tuple[float, bool]:
-    """One end of an interval, and whether it is the limit, up to which the loss does not rise enough."""
+    """One end of an interval, and whether it is the limit, up to which the loss does not rise enough.
+
+    `width` is its distance by the standard error.
+    """
     loss = search.points(best).loss
     z = float(np.sqrt(rise))
     room = abs(limit - value)
@@ -526,7 +592,8 @@ def _end(
             evaluated[distance] = over if abs(over) > _PRECISE * z else 0.0, values
         return evaluated[distance][0]
 
-    width = z * error if np.isfinite(error) and error > 0.0 else 0.1 * (room if np.isfinite(room) else 1.0)
+    if not (np.isfinite(width) and width > 0.0):
+        width = 0.1 * (room if np.isfinite(room) else 1.0)
     inside, outside = 0.0, min(width, room)
     for _ in range(60):
         over = rest(outside)
@@ -542,24 +609,23 @@ def _end(
     return value + sign * float(found), False
 
 
-def covariance_of(information: Array) -> Array:
-    """Inverse of (p, p), infinite if there is none."""
-    unit = _unit(information)
-    scaled = information * np.outer(unit, unit)
-    if np.any(np.diag(information) <= 0.0) or np.linalg.cond(scaled) > 1e12:
-        return np.full_like(information, np.inf)
-    return np.asarray(np.linalg.inv(scaled) * np.outer(unit, unit))
+def covariance_at(points: Points) -> tuple[Array, Array]:
+    """Covariance (p, p) of the coefficients at the minimum, and the one that the curvature alone would give.
 
-
-def _unit(information: Array) -> Array:
-    """Scale (p,) of each coefficient from its information; 1 where there is none."""
-    diagonal = np.diag(information)
-    return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
+    They differ for a robust likelihood, see `Points.scatter`.
+    """
+    scatter, curvature = points.scatter, points.curvature
+    if scatter is not None and np.linalg.eigvalsh(curvature)[0] <= 0.0:
+        curvature = points.information
+    inverse = covariance_of(curvature)
+    if scatter is None or not np.isfinite(inverse).all():
+        return inverse, inverse
+    return inverse @ scatter @ inverse, inverse
 
 
 def _flat(information: Array, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the coefficients along a combination of which the loss does not change, if there is one."""
-    unit = _unit(information)
+    unit = unit_of(information)
     values, vectors = np.linalg.eigh(information * np.outer(unit, unit))
     if values[0] > 1e-10 * values[-1]:
         return ()

@@ -155,7 +155,7 @@ class FitProblem(ABC):
             least = np.min(positive) if positive.size else 1e-2 * guess
             s[:, members] = np.where(self.known[:, members], _EXACT * least, own)
         self.s: Array = np.where(present, s, np.nan)
-        self.white: Array = _whitening(self.s, covariance or {}, self.names)
+        self.white: Array = errors_as_matrices(self.s, covariance or {}, self.names)
         self.rows: Index = np.arange(len(y))
 
     @abstractmethod
@@ -181,9 +181,14 @@ class FitProblem(ABC):
     def probe(self) -> tuple[Any, ...]:
         """A motion of each impact with g_n = g_t = 1."""
 
+    @property
+    def speeds(self) -> Array | float:
+        """|g| (n,) of the impacts as measured [length/time]; 1 where only ratios are known."""
+        return 1.0
+
     def edges(self, law: Law, values: Array) -> Array:
         """Angles of incidence [rad] between which predictions are smooth, ascending: (..., n, e)."""
-        inner = law.transitions(values, self.probe())
+        inner = law.transitions(values, self.probe(), self.speeds)
         if self.low < 0.0:
             inner = [*inner, *(-each for each in inner)]
         shape = (*values.shape[:-1], len(self.y))
@@ -200,7 +205,7 @@ class FitProblem(ABC):
         if not law.has_transition:
             regime = np.full(len(self.y), Regime.SEPARATING)
         elif law.sticking is None:
-            chi, (edge, *_) = x[:, 0], law.transitions(values, self.probe())
+            chi, (edge, *_) = x[:, 0], law.transitions(values, self.probe(), self.speeds)
             regime = np.where(np.abs(chi) < edge, Regime.STICKING, Regime.SLIDING)
         return np.asarray(regime, dtype=np.int8)
 
@@ -258,7 +263,8 @@ def latent_slope(
     return f[0], np.moveaxis(found, 0, -1)
 
 
-def _whitening(s: Array, covariance: Mapping[tuple[int, int], Array], names: Sequence[str]) -> Array:
+def errors_as_matrices(s: Array, covariance: Mapping[tuple[int, int], Array], names: Sequence[str]) -> Array:
+    """W (n, q, q) with W^T W the inverse of the covariance, of errors (n, q) and covariances of two columns (n,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(np.isnan(s), 0.0, 1.0 / s)
     white = inverse[..., None] * np.eye(s.shape[1])
@@ -366,6 +372,11 @@ class CollisionProblem(FitProblem):
         super().__init__(names, y, s, groups, covariance)
         self.begin()
 
+    @property
+    def speeds(self) -> Array | float:
+        """|g| (n,) of the impacts as measured [length/time]."""
+        return np.asarray(self.start[:, 2])
+
     def first_guess(self, group: str) -> float:
         """A hundredth, of a speed of the table."""
         typical = {"velocities": self.speed, "spins": self.speed / float(np.median(self.of_disks[1]))}
@@ -454,7 +465,7 @@ class CollisionProblem(FitProblem):
         x[:, 0], x[:, 2] = psi, np.median(self.start[:, 2])
         present = ~np.isnan(other.y)
         other.s = np.where(present, np.nanmedian(self.s, axis=0), np.nan)
-        other.white = _whitening(other.s, {}, self.names)
+        other.white = errors_as_matrices(other.s, {}, self.names)
         other.y = np.where(present, other.predict(law, values, x), np.nan)
         other.begin()
         return other

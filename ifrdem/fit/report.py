@@ -21,7 +21,7 @@ from .data import Data
 from .model import MEASURED
 from .result import Fit, Fitted, Interval
 
-_UNITS = {"psi_transit": "deg", "rho": "length"}
+_UNITS = {"psi_transit": "deg", "rho": "length", "A": "speed^-1/5"}
 _DIGITS = 6  # of the coefficients in a material, after the point
 
 
@@ -64,7 +64,10 @@ def table(fit: Fit) -> str:
 
 def overview(fits: Sequence[Fit]) -> str:
     """Table of the coefficients of the best law of each fit, with a line for each pair of kinds of disks."""
-    lines = [f"{'mass':>24}{'radius':>24}{'impacts':>9}  law, coefficients with standard errors"]
+    named = max((len(each) for fit in fits for each in _material_of(fit)), default=0) + 2
+    named = max(named, len("material") + 2) if named > 2 else 0
+    head = f"{'material' if named else '':>{named}}{'mass':>24}{'radius':>24}{'impacts':>9}"
+    lines = [f"{head}  law, coefficients with standard errors"]
     for fit in fits:
         assert not isinstance(fit.data, Data)
         pair = (fit.data.disk_1, fit.data.disk_2)
@@ -77,8 +80,17 @@ def overview(fits: Sequence[Fit]) -> str:
             for name, each in fit.laws[fit.best].estimates.items()
             if name not in _UNITS
         )
-        lines.append(f"{sizes[0]:>24}{sizes[1]:>24}{len(fit.data):>9}  {fit.best}: {values}")
+        material = ", ".join(_material_of(fit)) if named else ""
+        lines.append(
+            f"{material:>{named}}{sizes[0]:>24}{sizes[1]:>24}{len(fit.data):>9}  {fit.best}: {values}"
+        )
     return "\n".join(lines)
+
+
+def _material_of(fit: Fit) -> list[str]:
+    """The one pair of materials of all collisions, if there is one."""
+    found = [] if isinstance(fit.data, Data) else list(dict.fromkeys(fit.data.materials))
+    return found if len(found) == 1 else []
 
 
 def _disks(fit: Fit) -> Iterator[str]:
@@ -98,6 +110,8 @@ def _disks(fit: Fit) -> Iterator[str]:
             for key, value in (("mass", disk.mass), ("radius", disk.radius), ("k", disk.k))
         )
         yield f"disk {number}: {', '.join(each)}"
+    if fit.data.materials:
+        yield f"materials: {'; '.join(dict.fromkeys(fit.data.materials))}"
 
 
 def _unit(fit: Fit, name: str) -> str:
@@ -160,6 +174,15 @@ def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
     )
     if counted := fitted.count():
         yield "  impacts: " + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counted.items())
+    for against in ("g_n", "spin"):
+        each_trend = [each for each in fitted.trends.each if each.against == against] if fitted.trends else []
+        if each_trend:
+            changes = (
+                f"{each.coefficient} {each.change:+.2g} +- {each.error:.1g} (p {each.probability:.2g})"
+                for each in each_trend
+            )
+            ends = f"{each_trend[0].low:.3g} to {each_trend[0].high:.3g}"
+            yield f"  change with {against} from {ends}: {', '.join(changes)}"
     verdict = fitted.admissibility
     if verdict is not None and verdict.strict:
         yield "  energy: no collision adds energy, nor do its tangential impulses alone"
@@ -214,6 +237,8 @@ def figures(fit: Fit) -> dict[str, Any]:
             "adds_energy": None if verdict is None else not verdict.admissible,
             "tangential_impulses_alone_add_energy": None if verdict is None else not verdict.strict,
             "energy": "" if verdict is None else verdict.message,
+            "trends": [] if each.trends is None else [asdict(trend) for trend in each.trends.each],
+            "clusters_of_e_n": None if each.trends is None else each.trends.clusters,
             "warnings": list(each.warnings),
         }
 
@@ -280,6 +305,11 @@ def material(fit: Fit, name: str) -> str:
         raise InputError(
             f"no material is written: a case knows laws by name or file, and {fit.best}, which fits best, has neither; "
             f"{option_name('--model', 'model')} chooses"
+        )
+    if fitted.law.depends_on_speed:
+        raise InputError(
+            f'no material is written: no case has the law {fit.best}; law = "viscoelastic" needs A and Y, of which '
+            f"impacts give a combination only; {option_name('--model', 'model')} chooses another law"
         )
     verdict = fitted.admissibility
     if verdict is not None and not verdict.admissible:

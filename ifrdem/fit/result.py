@@ -15,7 +15,9 @@ from ..tools.checked import Count, Positive, Seed, choice, validated
 from .data import Collisions, Data
 from .laws import Law, ifr_law
 from .likelihood import Array
+from .missing import helpful
 from .model import MEASURED, FitProblem, Pair
+from .trends import Trends
 
 CONFIDENCE = 0.95
 """Default confidence of every interval."""
@@ -115,6 +117,8 @@ class Fitted:
     IFR."""
     warnings: tuple[str, ...] = ()
     """Doubts about the figures."""
+    trends: Trends | None = None
+    """Of whole collisions, if there are enough: how the coefficients of single impacts change with speed and spin."""
 
     @property
     def coefficients(self) -> dict[str, float]:
@@ -151,6 +155,8 @@ class Fitted:
         """
         if self.law.sticking is None or self.admissibility is None:
             raise InputError(f"{self.law.about}: is not an IFR law")
+        if self.law.depends_on_speed:
+            raise InputError(f"{self.law.name}: is not an IFR law of one e_n, which depends on speed here")
         if not self.admissibility.admissible:
             raise InputError(self.admissibility.message)
         return ifr_law(self.coefficients, self.law.sticking, k)
@@ -174,7 +180,7 @@ class Fitted:
             for row in drawn[inside]:
                 whole = {**self.law.fixed, **dict(zip(self.law.free, map(float, row), strict=True))}
                 with contextlib.suppress(InputError):  # of a law that is not allowed
-                    if self.law.sticking is not None:
+                    if self.law.sticking is not None and not self.law.depends_on_speed:
                         ifr_law(whole, self.law.sticking)
                     found.append({name: whole[name] for name in self.law.ranges})
             if len(found) >= number:
@@ -227,7 +233,9 @@ def admissibility(
 ) -> Admissibility:
     """The verdict on the energy of the worst of pairs of k_1, k_2, m_1, m_2."""
     assert law.sticking is not None
-    own = {name: coefficients[name] for name in law.ranges}
+    own = {name: coefficients[name] for name in law.ranges if name != "A"}
+    if law.depends_on_speed:
+        own["e_n"] = 1.0  # of slow impacts: each condition is met the better the smaller e_n is
     try:  # the sets are largest for the smaller k: a law that is refused there is refused for all
         made = ifr_law(own, law.sticking, min(min(pair[:2]) for pair in pairs))
     except InputError as error:
@@ -240,10 +248,13 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
 
     `others` are coefficients (p,) and loss of solutions outside of the intervals, the best one first.
     """
-    found = _outliers(fitted, robust)
+    found = _outliers(fitted, robust) + _trends(fitted)
+    advice = _missing(fitted)
     if others:
         free, chi2 = others[0]
-        values = ", ".join(f"{name} = {value:.4g}" for name, value in zip(fitted.law.free, free, strict=True))
+        values = ", ".join(
+            f"{name} = {round(value, 9):.4g}" for name, value in zip(fitted.law.free, free, strict=True)
+        )
         found.append(
             f"another solution, outside of these intervals, fits nearly as well: {values}, chi2 = {chi2:.4g}; impacts "
             "over a wider range of psi, or another quantity, would decide between them"
@@ -258,11 +269,11 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
                 known = f"beyond being above {mu.low:.3g}"
                 if transition is not None:
                     known += f" (and the transition above {transition.interval.low:.3g} degrees)"
-            found.append(f"no impact slides: mu is not determined {known}; measure impacts at larger psi")
+            larger = "" if advice else "; measure impacts at larger psi"
+            found.append(f"no impact slides: mu is not determined {known}{larger}")
         elif mu.high_open:
-            found.append(
-                "mu is not determined: the data set no upper end to it; measure more sliding impacts"
-            )
+            more = "" if advice else "; measure more sliding impacts"
+            found.append(f"mu is not determined: the data set no upper end to it{more}")
         if sliding == len(fitted.psi):
             below = ""
             if transition is not None:
@@ -295,6 +306,7 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
                 f"{a} and {b} are determined in combination rather than each by itself: their correlation is "
                 f"{fitted.correlation[i, j]:.4f}"
             )
+    found += advice
     for name in fitted.law.free:
         for end in fitted.law.ranges[name]:
             if abs(estimates[name].value - end) < 1e-6 and not (name == "rho" and end > 0.0):
@@ -320,6 +332,53 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
         if not verdict.admissible:
             text = "the set in which no collision adds energy (necessary and sufficient)"
         found.append(f"the fit leaves {text}: {verdict.message}")
+    return found
+
+
+def _missing(fitted: Fitted) -> list[str]:
+    """Advice on what to measure, where coefficients are known in combination only."""
+    free, tied = fitted.law.free, set(fitted.flat)
+    errors = np.sqrt(np.diag(fitted.covariance))
+    tied |= {name for name, error in zip(free, errors, strict=True) if not np.isfinite(error)}
+    for i, j in zip(*np.triu_indices(len(free), 1), strict=True):
+        if abs(fitted.correlation[i, j]) > _TIED:
+            tied |= {free[i], free[j]}
+    together = [name for name in free if name in tied]
+    if len(together) < 2:
+        return []
+    # Where nothing is determined, the fitted values say nothing either: typical ones are taken.
+    values = fitted.values if np.isfinite(errors).all() else fitted.law.start_points(2)[1]
+    found = helpful(fitted.problem, fitted.law, values, together)
+    if not found:
+        return []
+    names = [" and ".join(each) for each in found]
+    be = "is" if len(found[0]) == 1 else "are"
+    also = f"; {' or '.join(names[1:])} would do too" * (len(names) > 1)
+    return [f"{names[0]} {be} not measured: {' and '.join(together)} cannot be separated without it{also}"]
+
+
+_CLEAR = 1e-3  # probability below which a trend is warned of
+
+
+def _trends(fitted: Fitted) -> list[str]:
+    """Warnings of trends with speed, and of two clusters of impacts."""
+    if fitted.trends is None:
+        return []
+    found = []
+    for each in fitted.trends.each:
+        if each.probability < _CLEAR:
+            model = option_name("--model ifr-viscoelastic", "model = ['ifr-viscoelastic']")
+            fits = f"; {model} fits e_n = 1 - A g_n^(1/5)" * (each.coefficient == "e_n" and each.change < 0.0)
+            found.append(
+                f"{each.coefficient} depends on {each.against}: it changes by {each.change:+.3g} +- {each.error:.2g} "
+                f"from {each.low:.3g} to {each.high:.3g} (probability {each.probability:.1g}){fits}"
+            )
+    if fitted.trends.clusters is not None:
+        (low, below), (high, above) = fitted.trends.clusters
+        found.append(
+            f"e_n of single impacts has two clusters, {low:.3g} ({below} impacts) and {high:.3g} ({above}): a mixture "
+            "of materials has columns material_1 and material_2, and one fit for each pair"
+        )
     return found
 
 

@@ -32,6 +32,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "time": {"s": 1.0, "ms": 1e-3},
         "mass": {"kg": 1.0, "g": 1e-3},
         "number": {"1": 1.0},
+        "text": {"1": 1.0},
     }
 )  # fmt: skip
 """Factor of each unit by the kind of a column: angles become degrees, everything else SI units."""
@@ -54,6 +55,8 @@ class ReadTable:
     missing: int  # number of values that are missing
     unused: tuple[str, ...]  # columns of the file that no name stands for
     source: str  # the file
+    # texts of columns of the kind "text", whose values are indices of them; the same for all such columns
+    texts: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.line)
@@ -157,12 +160,19 @@ def read(
         names, factors, unused = _header(at, header, kinds, spellings, form, setting)
         values = {name: array("d") for name in names if name}
         lines, problems = array("q"), list[str]()
+        texts: dict[str, int] = {}
+        is_text = [kinds.get(name) == "text" for name in names]
         count = missing = total = 0
         for row, line in rows:
             total += 1
             if total <= own.start or not (total <= own.stop or last):
                 continue
             lines.append(line)
+            if len(row) == len(names):
+                row = [
+                    str(texts.setdefault(text.strip(), len(texts))) if coded else text
+                    for text, coded in zip(row, is_text, strict=True)
+                ]
             row_problems, lacking = _add(row, header, names, factors, values, form, setting, gaps=gaps)
             missing += lacking
             count += len(row_problems)
@@ -172,7 +182,11 @@ def read(
         columns = {name: np.array(each) for name, each in values.items()}
         columns |= {name: np.full(len(lines), value) for name, value in form.known.items()}
         numbers = np.array(lines, dtype=np.int64)
-        return ReadTable(columns, numbers, total, missing, tuple(unused), source), problems, count
+        return (
+            ReadTable(columns, numbers, total, missing, tuple(unused), source, tuple(texts)),
+            problems,
+            count,
+        )
 
     try:
         table, problems, count = comm.run_on_all(parsed)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -31,7 +30,6 @@ COMPONENTS = ("xx", "xy", "yx", "yy")
 """Of the pressure tensor: first of the momentum, then of the normal of the line that it crosses."""
 SPECIES_SERIES = ("species_temperature", "species_rotational_temperature", "species_collisions")
 """Names in the time series of quantities of species, with a column for each."""
-Whole = Annotated[int, Integer(1, 2**63 - 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +69,7 @@ class Measure:
         Kinetic part of the pressure tensor times the area: the sum of m v_a v_b, v as in the temperature [energy].
     species_temperature, species_rotational_temperature : array (s,) or None
         Temperatures of each species, about the same mean velocity as that of all, so that their mean over disks is the
-        temperature of all [energy]; None where no species are named (`Simulation`).
+        temperature of all [energy]; None where `Disks` has no species.
     species_collisions : array (s,) or None
         Collisions with disks that the disks of each species have had, each counted at each of its disks.
     virial : array (2, 2) or None
@@ -157,13 +155,12 @@ def measure(
     dissipated: Annotated[ArrayLike, Numbers((len(MECHANISMS),))] | None = None,
     regimes: Annotated[ArrayLike, Numbers((len(REGIMES),), low=0.0, each="0 or more")] | None = None,
     about_mean: tuple[bool, bool] = (True, True),
-    species: Mapping[str, Whole] | None = None,
 ) -> Measure:
     """Measure a gas; energy put in before [energy] and gravity [length/time^2] are not part of a state.
 
     `about_mean` is True for x and y if temperatures along them are about the mean velocity. It is not used if disks are
-    immovable, and must be False where walls stop the gas (`Measure`). `species` are names and numbers of disks, in
-    the order of ids. InputError if the disks, the state and the species differ in their number.
+    immovable, and must be False where walls stop the gas (`Measure`). InputError if the disks and the state differ in
+    their number.
 
     Examples
     --------
@@ -175,7 +172,7 @@ def measure(
     """
     with SERIAL:
         totals = sums(disks, state, gravity)
-        of_species = None if species is None else species_sums(disks, state, species)
+        of_species = species_sums(disks, state) if disks.species else None
     energy_terms = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
     wall_collisions = int(np.sum(state.wall_collisions, dtype=np.int64))
@@ -185,11 +182,9 @@ def measure(
     )  # fmt: skip
 
 
-def species_sums(disks: Disks, state: State, species: Mapping[str, int]) -> Array:
+def species_sums(disks: Disks, state: State) -> Array:
     """Sums over the disks of each species that `from_totals` takes, shape (species, columns of SPECIES)."""
-    numbers = np.array(list(species.values()), dtype=np.int64)
-    if numbers.sum() != disks.n:
-        raise InputError(f"species = {dict(species)}: must add up to {disks.n} disks")
+    numbers = np.array(list(disks.species.values()), dtype=np.int64)
     movable = disks.movable
     mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
     v = state.peculiar_velocity

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, Self
 
@@ -54,6 +54,9 @@ class Disks(Brief):
         Shape number in the moment of inertia I = m R^2 / k: 2 for a homogeneous disk, 1 for a hoop.
     material : array_like of int
         Index of each disk's material in the law table; 0 where there is one material.
+    species : mapping of str to int
+        Names of species and their numbers of disks, in the order of ids: each `Measure` then has their temperatures and
+        collisions. In slices of ranks, how many of each are in the slice, 0 for none. Empty: no species are told apart.
 
     Examples
     --------
@@ -68,6 +71,7 @@ class Disks(Brief):
     radius: _Sizes
     k: _Sizes = field(default_factory=lambda: np.array(2.0))
     material: NDArray[np.int32] = field(default_factory=lambda: np.array(0, dtype=np.int32))
+    species: Mapping[str, NumberOfDisks] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -78,6 +82,9 @@ class Disks(Brief):
         material = checked.integers("material", self.material, (self.n,), broadcast=True).copy()
         material.flags.writeable = False
         set_(self, "material", material)
+        set_(self, "species", dict(self.species))
+        if self.species and sum(self.species.values()) != self.n:
+            raise InputError(f"species = {self.species}: must add up to {self.n} disks")
 
     @property
     def movable(self) -> NDArray[np.bool_]:
@@ -114,8 +121,8 @@ MOST_KINDS = 1000
 class DiskKinds(Disks):
     """Kinds of disks of a gas that is on several ranks, none of which need have all of its disks.
 
-    `n`, `n_movable`, `covered` and `mean_radius` are those of all disks; mass, radius, k and material have a row for
-    each kind, ascending. Where there are more than MOST_KINDS, `every` is False, and the rows are `extremes`.
+    `n`, `n_movable`, `covered`, `mean_radius` and `species` are those of all disks; mass, radius, k and material have a
+    row for each kind, ascending. Where there are more than MOST_KINDS, `every` is False, and the rows are `extremes`.
     """
 
     every: bool
@@ -127,14 +134,21 @@ class DiskKinds(Disks):
         kinds = merge_kinds(comm.allgather(kinds_among([getattr(disks, name) for name in COLUMNS])))
         n, movable = comm.allreduce(disks.n), comm.allreduce(disks.n_movable)
         squares, radii = (comm.total(each) for each in (np.square(disks.radius), disks.radius))
-        return cls.made(kinds, n, movable, squares, radii)
+        species = merge_species(comm.allgather(disks.species))
+        return cls.made(kinds, n, movable, squares, radii, species)
 
     @classmethod
-    def made(cls, kinds: Kinds, n: int, n_movable: int, squares: float, radii: float) -> DiskKinds:
+    def made(
+        cls, kinds: Kinds, n: int, n_movable: int, squares: float, radii: float, species: Mapping[str, int]
+    ) -> DiskKinds:
         """Kinds from their rows, the sum of squared radii of all disks [length^2], and of their radii [length]."""
         found = object.__new__(cls)
         vars(found).update(
-            dict(zip(COLUMNS, kinds[0], strict=True)), every=kinds[1], n=n, n_movable=n_movable
+            dict(zip(COLUMNS, kinds[0], strict=True)),
+            every=kinds[1],
+            n=n,
+            n_movable=n_movable,
+            species=species,
         )
         vars(found).update(covered=float(np.pi * squares), mean_radius=float(radii / n) if n else math.nan)
         return found
@@ -143,6 +157,29 @@ class DiskKinds(Disks):
     def rows(self) -> Disks:
         """A disk of each kind."""
         return Disks(len(self.mass), *(getattr(self, name) for name in COLUMNS))
+
+
+def species_in(species: Mapping[str, int], ids: range) -> dict[str, int]:
+    """Numbers of the disks of each species among some ids."""
+    found, first = {}, 0
+    for name, number in species.items():
+        found[name] = len(range(max(first, ids.start), min(first + number, ids.stop)))
+        first += number
+    return found
+
+
+def merge_species(found: Sequence[Mapping[str, int]]) -> dict[str, int]:
+    """Species of several slices of disks together; InputError if they are not in one order of ids."""
+    merged = {name: sum(each.get(name, 0) for each in found) for name in found[0]}
+    first = 0
+    for each in found:
+        last = first + sum(each.values())
+        if each != (needed := species_in(merged, range(first, last))):
+            raise InputError(
+                f"species = {each}: must be {needed}: all ranks name all species, and ids of a species are one range"
+            )
+        first = last
+    return merged
 
 
 Kinds = tuple[list[NDArray[Any]], bool]
@@ -358,23 +395,25 @@ def scatter_state(disks: Disks | None, state: State | None) -> tuple[Disks, Stat
         assert state is not None
         return disks, state
     arrays: list[NDArray[Any]] | None = None
-    n, time = 0, 0.0
+    n, time, species = 0, 0.0, dict[str, int]()
     if comm.is_root:
         assert disks is not None
         assert state is not None
-        n, time = disks.n, float(state.time)
+        n, time, species = disks.n, float(state.time), dict(disks.species)
         arrays = [broadcast_constant_rows(getattr(disks, name)) for name in COLUMNS]
         arrays += [broadcast_constant_rows(getattr(state, name)) for name in OF_STATE]
-    n, time = comm.bcast((n, time))
+    n, time, species = comm.bcast((n, time, species))
     found = comm.scatter_rows(n, arrays)
-    own = Disks(len(comm.slice_of(n)), *found[: len(COLUMNS)])
+    ids = comm.slice_of(n)
+    own = Disks(len(ids), *found[: len(COLUMNS)], species=species_in(species, ids))
     return own, State(time=time, **dict(zip(OF_STATE, found[len(COLUMNS) :], strict=True)))
 
 
 def gather_disks(n: int, disks: Disks) -> Disks | None:
     """All n disks, of which each rank gives its slice: on the root; None on the others."""
     rows = current().gather_rows(n, [getattr(disks, name) for name in COLUMNS])
-    return None if rows is None else Disks(n, *rows)
+    species = merge_species(current().allgather(disks.species))
+    return None if rows is None else Disks(n, *rows, species=species)
 
 
 def gather_state(n: int, state: State) -> State | None:

@@ -15,6 +15,7 @@ from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
 from . import species, vortices
+from .series import AXES
 from .style import (
     ACROSS,
     KINDS,
@@ -261,13 +262,15 @@ def profiles(*axes_and_rest: Any) -> None:
         for i, (name, one) in enumerate(found.species.items()):
             _curve(last, one, "temperature", (), name, KINDS[i % 8], MARKERS[i % 8])
         last.set_ylabel(label(trajectory, "temperature $T$ of species", "energy"))
+    elif not np.any(np.nan_to_num(found.mean.theta)):
+        last.set_visible(False)  # nothing spins
     else:
         _curve(last, found, "theta", (), "", ROTATION, "o")
         last.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
     last.set_ylim(bottom=0.0)
     for one in axes:
         legend_above(one, 4)
-    for one in axes[3:]:
+    for one in axes:
         one.set_xlabel(label(trajectory, f"${found.axes[0]}$", "length"))
     grid(*axes)
 
@@ -303,7 +306,7 @@ def _density(axes: Axes, found: analysis.BinAverages) -> None:
 def _temperatures(axes: Axes, trajectory: Trajectory | None, found: analysis.BinAverages) -> None:
     for i, color in enumerate((TRANSLATION, RATIO)):
         _curve(axes, found, "temperatures", (i,), f"$T_{found.directions[i]}$", color, "os"[i])
-    if np.isfinite(found.mean.rotational_temperature).any():
+    if np.any(np.nan_to_num(found.mean.rotational_temperature)):
         _curve(axes, found, "rotational_temperature", (), r"$T_\mathrm{rot}$", ROTATION, "^")
     axes.set_ylabel(label(trajectory, "temperature", "energy"))
     axes.set_ylim(bottom=0.0)
@@ -337,7 +340,7 @@ def fields(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: E
         arrows = (*np.meshgrid(x, y, indexing="ij"), u[..., 0], u[..., 1])
         left.quiver(*(each[where] for each in arrows), color="white", pivot="mid", width=0.003)
         text = f"{speed:.2g} {unit_of(trajectory, 'length/time') or ''}".strip()
-        left.set_title(f"arrows: mean velocity of cells, rms {text}", fontsize="medium")
+        left.set_title(f"arrows: mean velocity in each cell (rms {text})", fontsize="medium")
     T = values.temperature
     high = float(np.nanquantile(T, 0.995)) if np.any(np.isfinite(T)) else 1.0
     drawn = right.imshow(T.T, cmap="inferno", vmin=0.0, vmax=high if high > 0.0 else 1.0, **style)
@@ -375,7 +378,7 @@ def _sizes(right: Axes, trajectory: Trajectory | None, found: analysis.Clusters)
     right.set(xscale="log", yscale="log", xlabel="disks in a cluster", ylabel="clusters")
     few_labels(right)
     gap = with_unit(trajectory, f"{found.gap:.3g}", "length")
-    right.set_title(f"joined where surfaces are nearer than {gap}", fontsize="medium")
+    right.set_title(f"clusters: gaps between surfaces below {gap}", fontsize="medium")
     grid(right)
 
 
@@ -409,18 +412,23 @@ def _with_error(value: float, error: float) -> str:
     return f"({value:.3g} $\\pm$ {error:.1g})" if np.isfinite(error) else f"{value:.3g}"
 
 
-def cooling(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
-    """T against time with Haff's law, and theta against collisions per disk with its exponential."""
+def cooling(left: Axes, *rest: Any) -> None:
+    """T against time with Haff's law, and theta against collisions per disk with its exponential.
+
+    `rest` is the axes for theta, unless nothing spins, the trajectory or None, and the result.
+    """
+    *thetas, trajectory, evaluation = rest
     haff, ratio = evaluation.result
     table = evaluation.tables[""]
     t, T, tau, theta = (table[name] for name in ("time", "temperature", "collisions_per_disk", "theta"))
     left.plot(1.0 + (t - t[0]) / haff.t_H, T, "o", ms=4, mfc="none", color=TRANSLATION, label="disks")
     _haff(left, trajectory, haff, t[-1])
-    right.plot(tau, theta, "o", ms=4, mfc="none", color=ROTATION, label="disks")
-    if ratio is not None:
-        _approach(right, ratio, tau[0], tau[-1])
-    right.set_xlabel("collisions per disk")
-    _thetas(right)
+    for right in thetas:
+        right.plot(tau, theta, "o", ms=4, mfc="none", color=ROTATION, label="disks")
+        if ratio is not None:
+            _approach(right, ratio, tau[0], tau[-1])
+        right.set_xlabel(AXES["tau"])
+        _thetas(right)
 
 
 def _haff(axes: Axes, trajectory: Trajectory | None, haff: analysis.HaffFit, end: float) -> None:

@@ -15,9 +15,9 @@ from ..model.state import Disks, State
 from ..model.walls.wall import Wall, at_displacements
 from ..simulation.simulation import Simulation
 from ..tools.checked import Array
-from ..trajectory.export import material_names
+from ..trajectory.export import kinds, material_names, species
 from ..trajectory.reader import Frame, Trajectory
-from .style import KINDS, Gas, color_bar, foreground, is_dark, label, place_axes, unit_of, with_unit
+from .style import KINDS, Bounded, Gas, color_bar, foreground, is_dark, label, place_axes, unit_of, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,6 +28,11 @@ if TYPE_CHECKING:
 SPINS = ("#56B4E9", "#2A6A99", "#333333", "#A84A00", "#FF9A3D")
 SPINS_ON_DARK = ("#1E88E5", "#7FB6E6", "#D8D8D8", "#F0A868", "#FF7F0E")
 DENSITIES = "cividis"
+DIRECTIONS = (
+    "#E0A030", "#F2CF7A", "#E6E2EE", "#8FB8E8", "#3B7DC4", "#343C96", "#5A2D5E", "#A0542F", "#E0A030",
+)  # fmt: skip
+"""Cyclic, from 0 degrees counter-clockwise: yellow or blue says right or left, light or dark up or down, which shows
+with every kind of colour blindness."""
 POST, HOT, PLAIN = "#999999", "#CC79A7", "#888888"
 
 MOST_DISKS = 100_000
@@ -98,6 +103,12 @@ def _materials(view: View) -> Sequence[str]:
     return (isinstance(view.moving, Frame) and material_names(view.moving.trajectory)) or ()
 
 
+def _kinds(view: View) -> tuple[Sequence[str], NDArray[np.intp]]:
+    """Names and numbers of the species; of the materials where none are named."""
+    named = kinds(view.moving.trajectory) if isinstance(view.moving, Frame) else None
+    return named or (_materials(view), view.disks.material.astype(np.intp))
+
+
 COLOURS = {
     "spin": Colour(lambda view: view.moving.spin, spin_label, "signed", "angular_velocity"),
     "speed": Colour(
@@ -115,6 +126,9 @@ COLOURS = {
     "material": Colour(
         lambda view: view.disks.material.astype(float), lambda view: "material", "kinds", names=_materials
     ),
+    "species": Colour(
+        lambda view: _kinds(view)[1].astype(float), lambda view: "", "kinds", names=lambda view: _kinds(view)[0]
+    ),
     "collisions": Colour(
         lambda view: view.moving.collisions.astype(float), lambda view: "collisions of the disk", "span", "collisions"
     ),
@@ -124,7 +138,7 @@ COLOURS = {
     ),
     "dissipated": Colour(
         lambda view: np.asarray(view.moving.dissipated.sum(axis=1)),
-        lambda view: label(view, "energy that the disk's collisions took", "energy"), "positive", "dissipated",
+        lambda view: label(view, "energy dissipated in the disk's collisions", "energy"), "positive", "dissipated",
     ),
 }  # fmt: skip
 """Name -> colour of the disks."""
@@ -147,8 +161,8 @@ def colour_map(scale: str, *, dark: bool, kinds: int = 1) -> Colormap:
         return LinearSegmentedColormap.from_list("spins", SPINS_ON_DARK if dark else SPINS)
     if scale == "kinds":
         return ListedColormap([KINDS[i % len(KINDS)] for i in range(max(kinds, 1))])
-    if scale == "cyclic":
-        return colormaps["hsv"]
+    if scale == "cyclic":  # from -180 degrees
+        return LinearSegmentedColormap.from_list("directions", [*DIRECTIONS[4:], *DIRECTIONS[1:5]])
     return colormaps["inferno" if dark else "viridis"]
 
 
@@ -182,15 +196,17 @@ def draw(axes: Axes, view: View, color: str = "spin") -> None:
     time = f"$t$ = {with_unit(view, f'{view.time:.4g}', 'time')}"
     if view.disks.n > MOST_DISKS:
         size = with_unit(view, f"{_density_map(axes, view, position):.3g}", "length")
-        axes.set_title(f"area fraction at {time}, in cells of {size}\n(too many disks to draw each)")
+        axes.set_title(
+            f"area fraction at {time}\ncells of {size}; above {MOST_DISKS} disks none is drawn by itself"
+        )
     else:
         enlarged = _disks(axes, view, colour)
-        small = f"\n({enlarged} disks smaller than a pixel are drawn as one)" if enlarged else ""
+        small = f"\n({enlarged} disks are enlarged to one pixel)" if enlarged else ""
         axes.set_title(f"disks at {time}{small}")
 
 
 def last_frame(axes: Axes, trajectory: Trajectory, index: int = -1, color: str | None = None) -> None:
-    """The disks of the last frame (or another), by default coloured by spin, or by material where nothing turns."""
+    """The disks of the last frame (or another), by default coloured by spin, or by species where nothing turns."""
     frame = trajectory[index]
     if "position" not in trajectory.fields:
         place_axes(axes, trajectory, shown_region(trajectory, np.zeros((1, 2))))
@@ -202,9 +218,11 @@ def last_frame(axes: Axes, trajectory: Trajectory, index: int = -1, color: str |
 
 
 def default_color(view: View) -> str:
-    """Spin; where nothing turns, the material if there are several."""
+    """Spin; where nothing turns, the species, or else the material, if there are several."""
     if "angular_velocity" in view.stored and view.moving.spin.any():
         return "spin"
+    if isinstance(view.moving, Frame) and len(species(view.moving.trajectory) or ()) > 1:
+        return "species"
     return "material" if len(np.unique(view.disks.material)) > 1 else "none"
 
 
@@ -245,20 +263,29 @@ def add_disks(axes: Axes, view: View, pixel: float) -> tuple[EllipseCollection, 
 
 
 def _disks(axes: Axes, view: View, colour: Colour | None) -> int:
-    """Draw disks, and return how many of them larger than they are, that they show at all."""
+    """Draw disks with the bar of their colours, and return how many of them are enlarged to one pixel."""
+    drawn, scale, enlarged = add_colored(axes, view, colour)
+    if colour is not None and scale is not None:
+        color_bar(axes, drawn, colour.label(view), extend(scale), colour.names(view))
+    return enlarged
+
+
+def add_colored(axes: Axes, view: View, colour: Colour | None) -> tuple[EllipseCollection, str | None, int]:
+    """Disks in their colours, the kind of the scale (None if all are the same), and how many disks are enlarged."""
     pixel = float(np.ptp(shown_region(view, view.moving.position), axis=1).max()) / PIXELS
     drawn, owner = add_disks(axes, view, pixel)
     values = None if colour is None else colour.values(view)
+    scale = None
     if colour is None or values is None or np.all(values == values[:1]):  # all equal
         drawn.set_facecolor(PLAIN)
     else:
+        scale = colour.scale
         low, high = limits(colour.scale, values)
         drawn.set(
             array=values[owner], clim=(low, high),
             cmap=colour_map(colour.scale, dark=is_dark(axes), kinds=round(high + 0.5)),
         )  # fmt: skip
-        color_bar(axes, drawn, colour.label(view), extend(colour.scale), colour.names(view))
-    return int(np.sum(2.0 * view.disks.radius < pixel))
+    return drawn, scale, int(np.sum(2.0 * view.disks.radius < pixel))
 
 
 def extend(scale: str) -> str:
@@ -325,7 +352,7 @@ def collisions_of(moving: Frame | State) -> int:
 
 
 def draw_walls(
-    axes: Axes, gas: Gas, time: float, collisions: int = 0, walls: tuple[Wall, ...] | None = None
+    axes: Axes, gas: Bounded, time: float, collisions: int = 0, walls: tuple[Wall, ...] | None = None
 ) -> None:
     """Draw the walls that stand at this time, after so many collisions, with arrows along moving surfaces.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -86,11 +87,15 @@ def draw(left: Axes, right: Axes, trajectory: Trajectory, frames: Sequence[int] 
     last = trajectory[int(np.searchsorted(trajectory.times, found.times[1]))]
     draw_walls(left, trajectory, last.time, collisions_of(last), last.walls)
     span = with_unit(trajectory, f"$t$ = {found.times[0]:.4g} to {found.times[1]:.4g}", "time")
-    left.set_title(f"{span}; energy stands where disks are at the second of two frames", fontsize="small")
+    left.set_title(span, fontsize="medium")
     total = float(found.mechanisms.sum())
-    names = [name.replace("_", " ") for name in MECHANISMS]
-    share = 100.0 * found.mechanisms / total if total else 0.0 * found.mechanisms
-    bars = right.barh(names, share, color=DISSIPATED)
-    right.bar_label(bars, [f"{each:.3g} %" for each in share], padding=4)
+    acted = found.mechanisms != 0.0
+    names = [name.replace("_", " ") for name, used in zip(MECHANISMS, acted, strict=False) if used]
+    share = 100.0 * found.mechanisms[acted] / total if total else 0.0 * found.mechanisms[acted]
+    right.barh(names, share, color=DISSIPATED)
+    style: dict[str, Any] = {"textcoords": "offset points", "va": "center"}
+    for name, each in zip(names, share.tolist(), strict=True):
+        right.annotate(f"{each:.3g} %", (max(each, 0.0), name), (4.0, 0.0), **style)
     right.invert_yaxis()
-    right.set(xlabel="share of the energy dissipated (%)", xlim=(0.0, 1.25 * max(float(share.max()), 1.0)))
+    ends = 1.25 * min(float(share.min(initial=0.0)), 0.0), 1.25 * max(float(share.max(initial=0.0)), 1.0)
+    right.set(xlabel="share of the energy dissipated (%)", xlim=ends)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps, rc_context, rcParams
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
@@ -23,8 +24,8 @@ from ..tools.files import check_apart, write_aside
 from ..trajectory import tables
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
-from . import run
-from .style import color_bar, is_dark, place_axes
+from . import poster, run
+from .style import color_bar, is_dark, is_poster, place_axes
 
 MARK_WIDTH = 0.18  # half the width of an orientation mark, in radii
 LEAST_MARKED = 2.5  # radius [pixels] below which no mark would be seen
@@ -74,6 +75,11 @@ class Scene:
 
     def _fitting(self) -> tuple[int, int]:
         """The size of the picture without empty margins [pixels]: both even, as movies want them."""
+        if is_poster.get():
+            across, up = np.ptp(self._region, axis=1)
+            shape = float(up / across) + poster.STRIP
+            width = min(LARGEST[0], LARGEST[1] / shape)
+            return 2 * int(0.5 * width), 2 * int(0.5 * width * shape)
         self._compose(LARGEST)
         needed = self._canvas.figure.get_tightbbox(self._canvas.get_renderer())
         width, height = needed.width, needed.height + self._head
@@ -88,6 +94,20 @@ class Scene:
         self._canvas = FigureCanvasAgg(figure)
         self._axes = axes = figure.add_subplot()
         place_axes(axes, self._trajectory, self._region)
+        self._head = 0.0
+        if is_poster.get():
+            self._add_colours(axes)
+            poster.finish(axes, self._trajectory, self._region)
+            poster.arrange(figure, [axes])
+            self._title = axes.annotate("", (0.5, 0.5), visible=False, animated=True)
+            self._canvas.draw()
+            self._background = self._canvas.copy_from_bbox(figure.bbox)
+            return
+        self._add_colours(axes)
+        self._add_head(figure, axes, size)
+
+    def _add_colours(self, axes: Axes) -> None:
+        """Choose the colours of the disks or the map, and draw their bar."""
         self._style: dict[str, Any] = {"norm": Normalize(self._low, self._high)}
         if self._is_map:
             self._style["cmap"] = colormaps[plot_disks.DENSITIES]
@@ -98,6 +118,9 @@ class Scene:
             self._style["cmap"] = plot_disks.colour_map(scale, dark=is_dark(axes), kinds=kinds)
             label, names = self._colour.label(view), self._colour.names(view)
             color_bar(axes, ScalarMappable(**self._style), label, plot_disks.extend(scale), names)
+
+    def _add_head(self, figure: Figure, axes: Axes, size: tuple[int, int]) -> None:
+        """Lay out the figure with the name of the gas and the time above the axes."""
         points = float(axes.title.get_fontsize())
         above = rcParams["axes.titlepad"]
         # Two lines, which may be wider than the axes: the layout leaves room above, and does not know of them.

@@ -23,7 +23,7 @@ OVER = ("temperatures", "energy", "ledger", "mechanisms", "walls", "piston")
 """Pictures that can be drawn over collisions per disk."""
 UPPER_AND_LOWER: dict[str, Any] = {"nrows": 2, "sharex": True, "height_ratios": (3.0, 1.0)}
 LAYOUTS: dict[str, dict[str, Any]] = {
-    "walls": {"nrows": 2, "ncols": 2, "sharex": True}, "piston": {"nrows": 2, "sharex": True},
+    "piston": {"nrows": 2, "sharex": True},
     "dissipation": {"ncols": 2, "width_ratios": (1.4, 1.0)}, "disks": {}, "energy": {}, "mechanisms": {},
 }  # fmt: skip
 """Arguments of `Figure.subplots` for pictures other than analyses, if they do not depend on the trajectory."""
@@ -79,19 +79,24 @@ def figure(
     from ..trajectory.reader import Trajectory
     from .disks import figure_size
     from .run import title as title_of
-    from .style import ROTATION
+    from .style import NARROW, ROTATION, is_poster
 
     instance("trajectory", trajectory, Trajectory)
     layout, frames = _layout(trajectory, what), _numbers(trajectory, frames)
+    if is_poster.get():
+        return _poster(trajectory, what, frames, color, make or Figure, size, dpi, options)
     wide = layout.get("ncols", 1) > 1
-    usual = (12.0, 8.0) if what in ("walls", "profiles") else (12.0, 5.2) if wide else (7.5, 6.2)
+    usual = (12.0, 8.0) if layout.get("nrows", 1) > 1 and wide else (12.0, 5.2) if wide else (7.5, 6.2)
     if what == "disks" and "position" in trajectory.fields:
         usual = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
     layout, size = _sized(layout, usual, size)
     drawn: Figure = make(size) if make is not None else Figure(size, dpi=dpi, layout="constrained")
     axes = drawn.subplots(squeeze=False, **layout).ravel()
     evaluation = _draw(axes, trajectory, what, frames, over, color, **options)
+    _tidy(axes, layout, narrow=size[0] < NARROW)
     if not title:
+        for one in axes:
+            one.set_title("")
         for warning in evaluation.warnings if evaluation is not None else ():
             warnings.warn(f"{what}: {warning}", stacklevel=2)
         return drawn
@@ -110,10 +115,59 @@ def figure(
     return drawn
 
 
+LONG_LABEL = 22
+"""Letters of the label of a vertical axis above which its unit goes into a second line, in narrow figures."""
+
+
+def _tidy(axes: Sequence[Axes], layout: dict[str, Any], *, narrow: bool) -> None:
+    """Leave labels of a shared horizontal axis to the lowest panels; break long labels in narrow figures."""
+    columns = layout.get("ncols", 1)
+    for column in range(columns if layout.get("sharex") else 0):
+        *upper, lowest = [one for one in axes[column::columns] if one.get_visible()]
+        lowest.tick_params(axis="x", labelbottom=True)
+        for one in upper:
+            one.set_xlabel("")
+    for one in axes if narrow else ():
+        for each in (one, *one.child_axes):
+            text = each.get_ylabel()
+            if len(text) > LONG_LABEL and "\n" not in text:
+                each.set_ylabel("\n(".join(text.rsplit(" (", 1)))
+
+
+def _poster(
+    trajectory: Trajectory, what: str, frames: Sequence[int] | None, color: str | None, make: Callable[..., Any],
+    size: tuple[float, ...] | None, dpi: int, options: dict[str, Any],
+) -> Figure:  # fmt: skip
+    """A figure in the style "poster"; see `poster`."""
+    from . import poster
+    from .disks import View, default_color, shown_region
+
+    if what not in poster.PICTURES:
+        raise InputError(
+            f"style = poster: cannot be combined with {what}; must be {', '.join(poster.PICTURES)}"
+        )
+    trajectory.require("position")
+    frame = trajectory[frames[-1] if frames else -1]
+    count = _layout(trajectory, what).get("ncols", 1)
+    usual = poster.sides(trajectory, frame.position, count)
+    if size is not None:
+        usual = (size[0], size[1] if len(size) > 1 else size[0] * usual[1] / usual[0])
+    drawn: Figure = make(figsize=usual, dpi=dpi)
+    axes = drawn.subplots(1, count, squeeze=False).ravel()
+    if what == "disks":
+        poster.frame(axes[0], view := View.of(frame), color or default_color(view))
+    else:
+        _draw(list(axes), trajectory, what, frames, color=color, **options)
+        for one in axes:
+            poster.finish(one, trajectory, shown_region(trajectory, frame.position))
+    poster.arrange(drawn, axes)
+    return drawn
+
+
 def _sized(
     layout: dict[str, Any], usual: tuple[float, float], size: tuple[float, ...] | None
 ) -> tuple[dict[str, Any], tuple[float, float]]:
-    """The arguments of `Figure.subplots` and the size of a figure; two panels of a narrow one are above each other."""
+    """The arguments of `Figure.subplots` and the size of a figure; panels of a narrow one are above each other."""
     from .style import NARROW
 
     if size is None:
@@ -122,8 +176,10 @@ def _sized(
         raise InputError(f"size = {size}: must be (width,) or (width, height)")
     width = size[0]
     shape = usual[1] / usual[0]
-    if width < NARROW and (layout.get("nrows", 1), layout.get("ncols", 1)) == (1, 2):
-        layout, shape = {"nrows": 2}, 1.7
+    if width < NARROW and (columns := layout.get("ncols", 1)) > 1:
+        rows = layout.get("nrows", 1) * columns
+        layout = {"nrows": rows, **{key: layout[key] for key in ("sharex",) if key in layout}}
+        shape = 0.85 * rows if rows == 2 else 0.42 * rows
     return layout, (width, size[1] if len(size) > 1 else shape * width)
 
 
@@ -166,7 +222,16 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
     if len(trajectory) == 0:
         raise InputError(f"{trajectory.path}: no frame to draw")
     if what == "temperatures":
-        return {} if trajectory.free_area.all_walls else UPPER_AND_LOWER
+        return {} if trajectory.free_area.all_walls or not _turned(trajectory) else UPPER_AND_LOWER
+    if what == "cooling" and not _turned(trajectory):
+        return {}
+    if what == "walls":
+        from .series import given_by_walls
+
+        given = len(given_by_walls(trajectory))
+        return (
+            {"nrows": 2, "ncols": 2, "sharex": True} if given == 2 else {"ncols": 2 + given, "sharex": True}
+        )
     if what == "ledger":  # only runs that count every collision have a residual
         known = "ledger_residual" in {*trajectory.series, *trajectory.observables}
         return UPPER_AND_LOWER if known else {}
@@ -177,6 +242,12 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
     if what == "velocity" and not _spins(trajectory):
         return {}
     return PANELS[what].layout
+
+
+def _turned(trajectory: Trajectory) -> bool:
+    """True if there is a rotational temperature in any frame, or the file does not say."""
+    found = trajectory.observables
+    return "rotational_temperature" not in found or bool(found["rotational_temperature"].any())
 
 
 def _spins(trajectory: Trajectory) -> bool:

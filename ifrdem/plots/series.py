@@ -127,7 +127,7 @@ def piston(trajectory: Trajectory, over: str, *panels: Axes) -> None:
     texts = (("displacement", "length"), ("velocity", "length/time"))
     for panel, values, (text, unit) in zip(panels, columns, texts, strict=False):
         for i, (number, wall) in enumerate(pistons):
-            name = f"wall {number} {wall.shape}"
+            name = wall.group or f"wall {number} {wall.shape}"
             panel.plot(x, values[:, i], "-", color=KINDS[i % len(KINDS)], lw=1.2, label=name)
         panel.set_ylabel(label(trajectory, f"{text} of the piston{'s' * (len(pistons) > 1)}", unit))
     panels[-1].set_xlabel(axis_label(trajectory, over))
@@ -161,12 +161,20 @@ def _wall_names(trajectory: Trajectory) -> list[str]:
     return [name for name in names if name in most and hits[name] > 0.0] or most
 
 
-def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, work: Axes, heat: Axes) -> None:
-    """Mean force and torque *on* walls between rows of the series, and the work and heat that they gave until then.
+def given_by_walls(trajectory: Trajectory) -> list[str]:
+    """Which of work and heat walls gave to disks; both if the file does not say."""
+    series, both = trajectory.series, ["work", "heat"]
+    if "walls_work" not in series:
+        return both
+    return [name for name in both if series[f"walls_{name}"].any()]
+
+
+def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, *given: Axes) -> None:
+    """Mean force and torque *on* walls between rows of the series; in `given`, the work and heat of walls until then.
 
     Torques are about the centre of a wall's turn, or the origin.
     """
-    sums, names = trajectory.series, _wall_names(trajectory)
+    sums, names, quantities = trajectory.series, _wall_names(trajectory), given_by_walls(trajectory)
     rows = np.unique(np.linspace(0, len(sums.time) - 1, POINTS + 1).astype(int))
     rows = rows[np.concatenate(([True], np.diff(sums.time[rows]) > 0.0))]
     time = sums.time[rows]
@@ -179,13 +187,9 @@ def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, work: Ax
         force.plot(middle, rate("momentum_y", name), "-", color=colour, lw=1.2, label=name)
         force.plot(middle, rate("momentum_x", name), ":", color=colour, lw=1.2)
         torque.plot(middle, rate("torque", name), "-", color=colour, lw=1.2)
-        for panel, quantity in ((work, "work"), (heat, "heat")):
+        for panel, quantity in zip(given, quantities, strict=True):
             values = sums[f"walls_{quantity}/{name}"]
             panel.plot(along(trajectory, sums.time, over), values, "-", color=colour, lw=1.2)
-    if not any(np.any(sums[f"walls_heat/{name}"]) for name in names):
-        text = "no wall here gave heat"
-        heat.text(0.5, 0.53, text, ha="center", va="center", color="0.5", transform=heat.transAxes)
-        heat.set_yticks([])
     turning = sum(wall.turn != Turn() for wall in trajectory.walls)
     sides = sum(not each for each in trajectory.box.periodic)
     centre = "the centre of its turn"
@@ -196,9 +200,9 @@ def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, work: Ax
     force.plot([], [], ":", color="0.5", label=text)
     force.set_ylabel(label(trajectory, "mean force on the wall", "mass length/time^2"))
     torque.set_ylabel(label(trajectory, f"mean torque about {centre}", "mass length^2/time^2"))
-    work.set_ylabel(label(trajectory, "work given to disks", "energy"))
-    heat.set_ylabel(label(trajectory, "heat given to disks", "energy"))
-    for panel in (work, heat):
+    for panel, quantity in zip(given, quantities, strict=True):
+        panel.set_ylabel(label(trajectory, f"{quantity} given to disks", "energy"))
+    for panel in (force, torque, *given):
         panel.set_xlabel(axis_label(trajectory, over))
-    grid(force, torque, work, heat)
+    grid(force, torque, *given)
     legend_above(force, 2)

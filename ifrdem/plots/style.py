@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
@@ -28,15 +29,20 @@ ACROSS = "#56B4E9"  # their sky blue: the part of the translation that is across
 KINDS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#999999")
 
 
-class Gas(Protocol):
-    """A thing that has disks in a box; its units by quantity, empty for reduced ones, None where they are not known."""
+class Bounded(Protocol):
+    """A thing that has a box and walls."""
 
-    @property
-    def disks(self) -> Disks: ...
     @property
     def box(self) -> Box: ...
     @property
     def walls(self) -> tuple[Wall, ...]: ...
+
+
+class Gas(Bounded, Protocol):
+    """A thing that has disks in a box; its units by quantity, empty for reduced ones, None where they are not known."""
+
+    @property
+    def disks(self) -> Disks: ...
     @property
     def stated_units(self) -> dict[str, str] | None: ...
 
@@ -114,7 +120,7 @@ def place_axes(axes: Axes, gas: Gas | None, region: Array | None = None) -> None
 
 def from_zero(axes: Axes) -> None:
     """Let the vertical axis begin at 0 and end above all markers."""
-    drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
+    drawn = np.concatenate([[], *(np.asarray(line.get_ydata(), dtype=float) for line in axes.lines)])
     highest = np.max(drawn, where=np.isfinite(drawn), initial=0.0)
     axes.set_ylim(0.0, 1.12 * highest if highest > 0.0 else 1.0)
 
@@ -129,6 +135,16 @@ PAPER: Any = {
     "mathtext.fontset": "stix",
 }  # fmt: skip
 """Settings of Matplotlib of the style "paper": text of 7 and 8 points, thin axes, fonts of journals."""
+
+
+POSTER: Any = {
+    "figure.facecolor": "black", "savefig.facecolor": "black", "axes.facecolor": "black", "axes.edgecolor": "white",
+    "axes.labelcolor": "white", "text.color": "white", "xtick.color": "white", "ytick.color": "white",
+    "font.size": 10.0,
+}  # fmt: skip
+"""Settings of the style "poster": on black."""
+is_poster: ContextVar[bool] = ContextVar("is_poster", default=False)
+"""True within the style "poster", whose pictures have a bar of the scale instead of titles and axes."""
 
 
 def is_narrow(axes: Axes) -> bool:
@@ -155,6 +171,16 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
             "loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": min(columns, len(labels))
         }  # fmt: skip
         axes.legend(frameon=False, fontsize="small", **location)
+
+
+def legend_of_figure(figure: Any, axes: Axes, columns: int = 2) -> None:
+    """The legend of one panel below all panels of a figure that is laid out as "constrained"."""
+    handles, labels = axes.get_legend_handles_labels()
+    if labels:
+        columns = 1 if max(map(len, labels)) > 24 and is_narrow(axes) else columns
+        figure.legend(
+            handles, labels, loc="outside lower center", ncols=min(columns, len(labels)), frameon=False
+        )
 
 
 def few_labels(axes: Axes) -> None:

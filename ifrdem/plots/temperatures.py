@@ -140,7 +140,7 @@ def _points(
     for axes, value, colour, name, variance in zip(
         (upper, upper, lower), values, COLOURS, NAMES, (1.0 / n, 2.0 / n, 3.0 / n), strict=True
     ):
-        if axes is None:
+        if axes is None or (value is not T and not np.any(np.nan_to_num(value))):  # nothing spins
             continue
         y, part = value[shown] if zeros else positive(value[shown]), BAND * variance**0.5
         # Open, so that the theory shows where it agrees.
@@ -168,4 +168,4 @@ def _theory(
         for axes, value, colour in zip((upper, upper, lower), (*steady, ratio), COLOURS, strict=True):
             if axes is not None and np.isfinite(value):
                 axes.axhline(value, ls=":", lw=1.5, color=colour)
-        upper.plot([], [], color=foreground(upper), ls=":", lw=1.5, label="its steady state")
+        upper.plot([], [], color=foreground(upper), ls=":", lw=1.5, label="steady state of kinetic theory")

@@ -69,7 +69,7 @@ def _over_frames(axes: Axes, trajectory: Trajectory, table: Columns, name: str, 
     x = table["collisions_per_disk" if own_time else "time"]
     axes.plot(x, table[name], "o", color=ROTATION, ms=4, **OPEN)
     if not np.isfinite(table[name]).any():
-        axes.text(0.5, 0.5, "none seen", transform=axes.transAxes, ha="center")
+        axes.text(0.5, 0.5, "no length found in any frame", transform=axes.transAxes, ha="center")
     axes.set_xlabel(AXES["tau"] if own_time else label(trajectory, AXES["t"], "time"))
     axes.set_ylabel(label(trajectory, text, "length"))
     from_zero(axes)

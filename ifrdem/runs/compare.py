@@ -26,6 +26,8 @@ from ..model.box import Box
 from ..model.laws.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning, IFRLaw
 from ..model.overlaps import relax
 from ..model.state import State
+from ..model.walls.wall import Wall, sides
+from ..plots.disks import draw_walls
 from ..simulation.simulation import Simulation
 from ..trajectory.reader import Trajectory
 
@@ -109,6 +111,8 @@ class Comparison:
     unit: str  # of lengths, with a blank before it; "" if they are reduced or not stated
     reduced: bool = False  # True if the file states that units are
     box: Box = field(default_factory=Box.open)
+    walls: tuple[Wall, ...] = ()
+    end: float = math.inf  # time of the last frame [time]
 
     @property
     def distance(self) -> Array:
@@ -210,7 +214,10 @@ class Comparison:
         return "\n".join((",".join(columns), *lines)) + "\n"
 
     def draw(self, paths: Sequence[Path]) -> None:
-        """Draw the run and its paths, the measured positions on top, and ellipses of 95 % of the drawn runs."""
+        """Draw the run with its paths and walls, measured positions on top, and ellipses of 95 % of the drawn runs.
+
+        A measured position has the number of its disk, and its time if that is not the end.
+        """
         from matplotlib.collections import EllipseCollection
         from matplotlib.figure import Figure
 
@@ -241,8 +248,15 @@ class Comparison:
         m = self.measured
         (x, y), (dx, dy) = m.position.T, m.error.T
         axes.errorbar(x, y, dy, dx, fmt="x", ms=6, mew=1.6, color=orange, zorder=5)
-        for one, (x, y) in zip(m.id, m.position, strict=True) if len(m.id) <= MOST_NAMED else ():
-            axes.annotate(str(one), (x, y), textcoords="offset points", xytext=(4, 4), fontsize="x-small")
+        axes.set_aspect("equal")
+        for one, time, (x, y) in (
+            zip(m.id, m.time, m.position, strict=True) if len(m.id) <= MOST_NAMED else ()
+        ):
+            name = f"{one}" if time >= self.end else f"{one}, t = {time:.3g}"
+            axes.annotate(name, (x, y), textcoords="offset points", xytext=(4, 4), fontsize="x-small")
+        draw_walls(axes, self, self.end, walls=(*self.walls, *sides(self.box)))
+        for spine in axes.spines.values():  # the frame is no side of the box here
+            spine.set_linewidth(0.8)
         low, high = shown.min(axis=0), shown.max(axis=0)
         margin = 0.06 * float(np.max(high - low)) + float(self.radius.max())
         of = f" ({(self.unit or self._no_unit).strip()})" if self.unit or self._no_unit else ""
@@ -304,6 +318,7 @@ def compare(
         first = trajectory[0]
         start_state = from_trajectory.of_frame(first)
         times_measured = np.minimum(measured.time, times[-1])
+        walls = trajectory[len(times) - 1].walls
         box, between = trajectory.box, not np.isin(times_measured, times).all()
         unwrapped = paths  # without jumps, if a position between two frames is needed
         if between and any(box.periodic):
@@ -341,7 +356,20 @@ def compare(
     all_members = np.array(found).reshape(-1, len(measured.id), 2)
     spread = all_members.std(axis=0, ddof=1) if len(found) > 1 else np.full_like(position, math.nan)
     unit = f" {units['length']}" if "length" in units and units["length"] != "reduced" else ""
-    return Comparison(measured, position, angle, all_members, spread, paths, radius, unit, reduced, box)
+    return Comparison(
+        measured,
+        position,
+        angle,
+        all_members,
+        spread,
+        paths,
+        radius,
+        unit,
+        reduced,
+        box,
+        walls,
+        float(times[-1]),
+    )
 
 
 def _nearest(box: Box, measured: Array, position: Array, time: Array) -> Array:

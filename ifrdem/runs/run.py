@@ -27,7 +27,7 @@ from ..model.laws.records import to_record
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import FrameRows, State
 from ..model.walls.wall import wall_names
-from ..mpi import SERIAL, Communicator
+from ..mpi import SERIAL, Communicator, current
 from ..simulation import backend
 from ..simulation.checkpoints import checkpoint
 from ..simulation.measuring.tracking import Events
@@ -116,7 +116,8 @@ def run(
         whole = comm.bcast(state is not None and state.n == gas.n)
         holders = Communicator(comm) if whole else comm
         tracked = holders.result_of_holders(lambda: gas.tracked(state))
-        start = start_of_histories(holders, gas.n, tracked, state) if len(tracked) else None
+        with holders:
+            start = start_of_histories(gas.n, tracked, state) if len(tracked) else None
         return gas.simulation(state, tracked=tracked, comm=comm), tracked, start
 
     try:
@@ -157,8 +158,9 @@ def run(
     finish(running, started, before, rate, log)
 
 
-def start_of_histories(comm: Communicator, n: int, ids: NDArray[np.int32], state: State) -> State | None:
+def start_of_histories(n: int, ids: NDArray[np.int32], state: State) -> State | None:
     """State of some disks, by ascending ids, on the root; of ranks that have slices, each gives its own."""
+    comm = current()
     if comm.has_all:
         return state
     if not comm.is_distributed:
@@ -230,7 +232,7 @@ class RootOutput:
         self.progress = Progress(
             gas.n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk,
             begin=(plan.begin.time, int(plan.begin.collisions)),
-            unit=UNITS[run.units]["time"] if run.units == "SI" else "", kernels=backend.kernels,
+            unit=UNITS[run.units]["time"] if run.units == "SI" else "", kernels=running.simulation.n_kernels,
         )  # fmt: skip
 
     def follow(self) -> None:
@@ -330,11 +332,11 @@ def run_root(
         max_hours=max_hours, every_minutes=running.file.case.output.checkpoint_minutes,
         elapsed=time.perf_counter() - started, warn=warn,
     )  # fmt: skip
+    log(f"compiling kernels: {check.COMPILING}")  # before a bar is there
     output = RootOutput(running, stops)
     worked = time.process_time()
-    log(f"compiling kernels: {check.COMPILING}")
     try:
-        with stops, output.progress:
+        with stops, output.progress, backend.announced(output.progress.compiling):
             output.follow()
     except Stopped as stop:
         raise Stopped(output.stop(str(stop)), stop.status) from None

@@ -17,7 +17,7 @@ import threading
 import time
 import warnings
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
@@ -25,7 +25,7 @@ from typing import Any
 
 from ..errors import EngineError, InputError
 from ..kernels.compiler import runtime
-from ..mpi import Communicator
+from ..mpi import current
 from .device import NAMES, Device
 
 MULTIPROCESSOR_COUNT = 16  # the driver's number of this attribute
@@ -358,11 +358,14 @@ def lanes() -> int:
     return _running.threads if _running.device == "cpu" else GPU_LANES
 
 
-def kernels() -> int:
-    """Number of kernels compiled so far, or found in the cache."""
-    from ..kernels.compiler.language import ti
-
-    return int(ti.lang.impl.get_runtime().get_num_compiled_functions())
+@contextlib.contextmanager
+def announced(listener: Callable[[str], object]) -> Iterator[None]:
+    """Call `listener` with the name of each kernel before it is compiled, or loaded from the cache, in the block."""
+    runtime.LISTENERS.append(listener)
+    try:
+        yield
+    finally:
+        runtime.LISTENERS.remove(listener)
 
 
 def free_array(array: Any) -> None:
@@ -425,6 +428,7 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
         return _running
     if _running is not None:
         _release_all()
+        runtime.forget_announced()
     cache = _kernel_cache()
     ti.set_logging_level(ti.ERROR)  # it would warn of variables of the environment that arguments override
     with contextlib.redirect_stdout(io.StringIO()):  # it announces itself on stdout, where results go
@@ -458,8 +462,9 @@ def start_unless_running(device: Device) -> Running:
     return start(device)
 
 
-def start_on_ranks(device: Device, comm: Communicator) -> None:
+def start_on_ranks(device: Device) -> None:
     """Start the runtime on all ranks: each with its share of the cores of its machine, and with a GPU of its own."""
+    comm = current()
     if comm.size > 1:
         device = replace(device, threads=device.threads or comm.share_of_cores(cores()))
         if device.name == "cuda":
@@ -477,4 +482,5 @@ def stop() -> None:
 
         _release_all()
         ti.reset()
+        runtime.forget_announced()
         _running = _process = None

@@ -52,7 +52,7 @@ from . import backend
 from .device import Device
 from .measuring.tracking import Statistics
 from .start import checks
-from .start.features import features_of, validate_record, validate_species
+from .start.features import features_of, validate_record
 from .start.start import StartCounts, StartSlice
 from .steps.schedule import RunPoint
 from .steps.turning import TurningGravity, check_turning
@@ -93,7 +93,6 @@ class EngineOptions:
     collapse: Collapse | None = None
     seed: int = 0
     record: frozenset[str] = frozenset()
-    species: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
         checked_values = {
@@ -102,7 +101,6 @@ class EngineOptions:
             "collapse": validate_collapse(self.collapse),
             "seed": seeds.of_device(self.seed),
             "record": validate_record(self.record),
-            "species": validate_species(self.species),
         }
         for name, value in checked_values.items():
             object.__setattr__(self, name, value)
@@ -236,16 +234,17 @@ class Engine:
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
         comm.run_on_all(lambda: checks.check_forces(forces))
-        counts = StartCounts.of(comm, disks, state)
+        with comm:
+            counts = StartCounts.of(disks, state)
         materials = len(self._law_table)
         comm.run_on_holders(
             lambda: checks.check(disks, box, state, counts, materials, self.walls, forces, given, comm.size)
         )
         self.n: int = counts.n
-        if given.species and sum(number for _, number in given.species) != self.n:
-            raise InputError(f"species = {dict(given.species)}: must add up to {self.n} disks")
         self._before, self._asleep_before = [counts.collisions, counts.wall_collisions], counts.asleep
-        start = StartSlice.of(comm, disks, state)
+        with comm:
+            start = StartSlice.of(disks, state)
+            self.past: dict[str, Any] = start.history()
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(start.state.time)
@@ -262,7 +261,8 @@ class Engine:
         self._resting = 0
         self._no_future_collisions = False
         self._collided_at = time
-        backend.start_on_ranks(given.device, comm)
+        with comm:
+            backend.start_on_ranks(given.device)
         from .steps.force_steps import ForceSteps
         from .windows.arrays import DeviceArrays
         from .windows.domain import domain_of
@@ -278,7 +278,6 @@ class Engine:
         if tracking is not None:
             self.arrays.watch(tracking.rows > 0)
         self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
-        self.past: dict[str, Any] = start.history(comm)
         self.windows: Windows = Windows(self.arrays, self.statistics, time)
         self.set_gates(
             np.array([not wall.is_present(time, self._before[0]) for wall in self.walls], dtype=bool)
@@ -668,6 +667,14 @@ class Engine:
         checks.check_duration(self.time, t_end, radius, self.box, speed)
 
     @property
+    def n_kernels(self) -> int:
+        """Number of kernels that a first window, its forces, and its output need, about."""
+        a = self.arrays
+        # Two of the readout, for rows and for sums; a survey, a plan and the window; then its verification.
+        found = 5 + (not a.single_tile) + a.uses.shared + bool(self.kinds.species)
+        return found + self.force_steps.n_kernels
+
+    @property
     def _is_alone(self) -> bool:
         """True for a single disk, or none, that can collide with nothing."""
         if self.n == 0:
@@ -945,7 +952,7 @@ class Engine:
         """Sums over each species (`kernels/tiles/readout.py`); None without species."""
         from .measuring.readout import species_totals
 
-        if not self.options.species:
+        if not self.kinds.species:
             return None
         with self.exclusive_update():
             return species_totals(self)

@@ -25,7 +25,16 @@ from ..model.laws.law import CollisionLaw, check_law_constants
 from ..model.laws.pairs import PairLaws
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
-from ..model.state import COLUMNS, DiskKinds, Disks, State, gather_disks, gather_state, scatter_state
+from ..model.state import (
+    COLUMNS,
+    DiskKinds,
+    Disks,
+    State,
+    gather_disks,
+    gather_state,
+    scatter_state,
+    species_in,
+)
 from ..model.walls import crush
 from ..model.walls.checks import check_types
 from ..model.walls.wall import Wall, WallSums, sides
@@ -136,9 +145,6 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         - "stress": the momentum that collisions transfer, in every `Measure`: `observables.stress` makes a pressure
           tensor of two of these;
         - "wall": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
-    species : mapping of str to int
-        Names of species and their numbers of disks, in the order of ids: temperatures and collisions of each are then
-        in every `Measure`.
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
     seed : int
@@ -201,7 +207,6 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         collapse: Annotated[Collapse | None, LATER] = None,
         device: Annotated[Device | str | None, LATER] = None,
         record: Iterable[str] = (),
-        species: Annotated[Mapping[str, int] | None, LATER] = None,
         tracked: Annotated[Sequence[int] | NDArray[np.integer], LATER] = (),
         seed: Seed = 0,
         comm: Comm = None,
@@ -236,7 +241,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             self._engine = Engine(
                 disks, box, begin, self._laws.coefficients, law=self._laws.kind, walls=walls, gravity=gravity,
                 forces=forces, collapse=collapse, device=device, record=record,
-                species=() if species is None else species, seed=seed, tracking=self._tracking, comm=comm,
+                seed=seed, tracking=self._tracking, comm=comm,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             known = box.shear_rate == 0.0 and (comm.size == 1 or comm.is_distributed)
@@ -439,6 +444,11 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         return self._engine.comm
 
     @property
+    def n_kernels(self) -> int:
+        """Number of kernels that the first window of a run, its forces and its output need, about."""
+        return self._engine.n_kernels
+
+    @property
     def communication(self) -> CommunicationStats | None:
         """Messages and bytes that this rank has sent to others so far; None if one rank has all of the gas."""
         found: CommunicationStats | None = getattr(self._engine.arrays.domain, "communication", None)
@@ -620,7 +630,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         own, small = checkpoint.divided(found)
         small |= arrays or {}
         if comm.is_distributed:
-            checkpoint.write_parts(path, comm, own, small, meta)
+            with comm:
+                checkpoint.write_parts(path, own, small, meta)
             return
         rows = comm.gather_rows(n, list(own.values()))
         comm.run_on_root(
@@ -644,7 +655,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 "Simulation.from_checkpoint(path) makes one from the file"
             )
         self._engine.check_valid()
-        found, meta = checkpoint.read_slice(checked.path("path", path), self.comm)
+        with self.comm:
+            found, meta = checkpoint.read_slice(checked.path("path", path))
         self._restore(path, found, meta)
         extra: dict[str, Any] = meta["extra"]
         return extra
@@ -712,7 +724,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         (4.0, 1)
         """
         comm = Communicator(current(), distributed=True) if comm is None else comm
-        found, meta = checkpoint.read_slice(path, comm)
+        with comm:
+            found, meta = checkpoint.read_slice(path)
         with checkpoint.as_damage_error(path, "its record"):
             checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
             if law is None:
@@ -720,7 +733,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             given = arguments(
                 meta["gas"], found["state_pistons"][:, 0].tolist(), law=law, forces=forces, device=device
             )
-            n, disks, state = int(meta["n"]), checkpoint.disks_of(found), checkpoint.state_of(found)
+            n, state = int(meta["n"]), checkpoint.state_of(found)
+            disks = checkpoint.disks_of(found, species_in(meta["gas"]["species"], comm.slice_of(n)))
         whole: Any = disks, state
         if not comm.is_distributed:  # the root gives all
             with comm:
@@ -875,9 +889,12 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 progress = bar = Bar(
                     n, t_end=end.time if by_time else None, unit="",
                     collisions_per_disk=None if by_time else 2.0 * end.collisions / max(n, 1),
-                    begin=(self.time, self.collisions), kernels=backend.kernels, brief=True,
+                    begin=(self.time, self.collisions), kernels=self.n_kernels, brief=True,
                 )  # fmt: skip
-        with bar or contextlib.nullcontext():
+        with contextlib.ExitStack() as stack:
+            if bar is not None:
+                stack.enter_context(bar)
+                stack.enter_context(backend.announced(bar.compiling))
             self.follow(
                 plan,
                 frame_callbacks=frame_callbacks,

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest, option_name
-from ..plots.style import NARROW, legend
+from ..plots.style import NARROW, is_narrow, legend, legend_of_figure
+from ..trajectory.descriptions import unit_of_whole_gas
 from ..trajectory.reader import Trajectory
-from ..trajectory.tables import PER_DISK, QUANTITIES, at_equal_collisions
-from .results import Results
+from ..trajectory.tables import PER_DISK, at_equal_collisions
+from .results import Results, theory_between
 from .task import Variable
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
     variables = {FILE: Variable((FILE,), names), PER_DISK: Variable((PER_DISK,), found.pop(PER_DISK))}
     for name, values in found.items():
         if values.ndim == 2:
-            unit = units.get(QUANTITIES.get(name, ""), "")
+            unit = unit_of_whole_gas(name, units) or ""
             variables[f"{name}_mean"] = Variable((FILE, PER_DISK), values, unit)
     return Results(variables, {"axes": json.dumps({FILE: [FILE]}), "title": ", ".join(names), "keys": "{}"})
 
@@ -113,7 +114,10 @@ def draw(
         axes.set_title(values, fontsize="medium")
     first = grid.ravel()[0]
     _scales(list(grid.ravel()[: len(panels_at)]))
-    _legend(first, _theory(results, name) is not None, f"{name}_error" in results.variables, x not in swept)
+    _legend(
+        first, _theory(results, name) is not None, f"{name}_error" in results.variables, x not in swept,
+        several=len(panels_at) > 1,
+    )  # fmt: skip
     for axes in grid[-1]:
         axes.set_xlabel(_label(results, x))
     for line in grid:
@@ -191,8 +195,14 @@ def _panel(
                 axes.fill_between(where, y - BAND * error, y + BAND * error, color=colour, alpha=0.25, lw=0)
             else:
                 axes.errorbar(where, y, BAND * error, fmt="none", color=colour, capsize=2)
-        if theory is not None and np.isfinite(theory).any():
+        if theory is None or not np.isfinite(theory).any():
+            continue
+        if rows:
             axes.plot(where, theory, "--", color=colour, lw=1.1)
+        elif (fine := theory_between(results, name, x, panel)) is not None:
+            axes.plot(*fine, "--", color=colour, lw=1.1)
+        else:  # only at the swept values: no line joins them
+            axes.plot(where, theory, "_", color=colour, ms=12, mew=1.5)
     axes.grid(True, which="major", lw=0.4, alpha=0.5)
 
 
@@ -215,7 +225,7 @@ def _scales(panels: Sequence[Axes]) -> None:
         panels[0].set_xlim(left=float(later.min()))
 
 
-def _legend(axes: Axes, theory: bool, error: bool, rows: bool) -> None:
+def _legend(axes: Axes, theory: bool, error: bool, rows: bool, *, several: bool) -> None:
     label = f"$\\pm {BAND:g}$ standard errors"
     if error and rows:
         axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)
@@ -223,7 +233,10 @@ def _legend(axes: Axes, theory: bool, error: bool, rows: bool) -> None:
         axes.errorbar([], [], [], fmt="none", color="black", capsize=2, label=label)
     if theory:
         axes.plot([], [], "--", color="black", lw=1.1, label="kinetic theory (homogeneous)")
-    legend(axes)
+    if several:
+        legend_of_figure(axes.get_figure(), axes, 4 if not is_narrow(axes) else 2)
+    else:
+        legend(axes)
 
 
 def _shade(i: int, count: int) -> Any:
@@ -247,10 +260,11 @@ def _label(results: Results, name: str) -> str:
 
 
 def _symbol(results: Results, name: str) -> str:
-    """The symbol of a swept key: that of its last part, or the whole key where another one has the same last part."""
+    """The symbol of a swept key by its last part, with what it belongs to where two keys have the same last part."""
     keys: Mapping[str, str] = json.loads(results.attributes["keys"])
     key = keys.get(name, name)
-    last = key.rpartition(".")[2]
+    section, _, last = key.rpartition(".")
+    symbol = KEY_SYMBOLS.get(last, last.replace("_", " "))
     if [each.rpartition(".")[2] for each in keys.values()].count(last) > 1:
-        return key
-    return KEY_SYMBOLS.get(last, last.replace("_", " "))
+        return f"{symbol} of {section}"
+    return symbol

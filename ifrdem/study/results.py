@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.gas_theory import MOST_KINDS
+from ..case import file as case_file
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, there_are
@@ -186,6 +187,7 @@ def collect(
         "axes": json.dumps({axis.names[0]: axis.names for axis in plan.axes}),
         "keys": json.dumps(dict(keys)),
         "case": plan.text,
+        "path": str(plan.path.resolve()),
         "overrides": "\n".join(plan.overrides),
         "ifrdem": __version__,
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -241,6 +243,68 @@ def _theory(
     if not np.isfinite(made["temperature"]).any():
         return {}
     return {f"{name}_theory": Variable(T.dims, values, variables[name].unit) for name, values in made.items()}
+
+
+FINE = 41
+"""Values between the swept ones at which theory is drawn."""
+
+
+def theory_between(
+    results: Results, name: str, x: str, fixed: Mapping[str, int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Values between those of the swept key `x`, and kinetic theory for a quantity at the last row; None without it.
+
+    `fixed` are the positions on the other swept dimensions. Only for a key that varies alone and is a number; and for
+    cases whose theory needs no other file than those that are still at their places.
+    """
+    swept, keys, path = (
+        results.values(x),
+        json.loads(results.attributes["keys"]),
+        results.attributes.get("path"),
+    )
+    one_number = len(results.axes.get(x, ())) == 1 and swept.dtype.kind in "if" and len(swept) > 1
+    if path is None or name not in THEORY or not one_number:
+        return None
+    dims = results.variables[f"{name}_theory"].dims
+    row_axis = next(dim for dim in dims if dim not in results.axes)
+    positions = results.values(row_axis)
+    at = tuple(fixed.get(dim, slice(None)) for dim in dims[:-1])
+    times = positions if row_axis == "time" else results.values("time_mean")[at]
+    overrides = [line for line in results.attributes["overrides"].splitlines() if line]
+    for dim, i in fixed.items():
+        overrides += [f"{keys[one]}={_assigned(results.values(one)[i])}" for one in results.axes[dim]]
+    low, high = float(swept.min()), float(swept.max())
+    space = np.geomspace if low > 0.0 and high > 10.0 * low else np.linspace
+    fine = space(low, high, FINE)
+    values = np.unique(np.rint(fine)).astype(int) if swept.dtype.kind == "i" else fine
+    found = []
+    for value in values.tolist():
+        try:
+            file = case_file.of_text(
+                results.attributes["case"],
+                Path(path),
+                (*overrides, f"{keys[x]}={value}"),
+            )
+            curves = predicted(file.case, Path(path).parent, float(np.nanmax(times)))
+        except InputError:  # not every value between has an admissible law
+            curves = None
+        found.append((np.nan, np.nan) if curves is None else _at(curves, row_axis, float(positions[-1])))
+    T, T_rot = np.array(found).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        theory = {"temperature": T, "rotational_temperature": T_rot, "theta": T_rot / T}[name]
+    return (np.asarray(values, dtype=float), theory) if np.isfinite(theory).any() else None
+
+
+def _assigned(value: Any) -> str:
+    return json.dumps(value.item() if isinstance(value, np.generic) else value)
+
+
+def _at(curves: tuple[NDArray[np.float64], ...], row_axis: str, position: float) -> tuple[float, float]:
+    """T and T_rot of curves at a place of a row."""
+    when, tau, T, T_rot = curves
+    base = when if row_axis == "time" else tau
+    inside = position <= base[-1]
+    return tuple(float(np.interp(position, base, each)) if inside else np.nan for each in (T, T_rot))  # type: ignore[return-value]
 
 
 def predicted(case: CaseSections, folder: Path, end: float) -> tuple[NDArray[np.float64], ...] | None:

@@ -201,9 +201,10 @@ def _at_rows(case: CaseSections, n: int, found: dict[str, NDArray[Any]]) -> dict
 
 def _units(case: CaseSections) -> dict[str, str]:
     from ..case.case import UNITS
-    from ..trajectory.tables import QUANTITIES
+    from ..trajectory.descriptions import WHOLE_GAS, unit_of_whole_gas
 
-    return {name: UNITS[case.run.units][quantity] for name, quantity in QUANTITIES.items()}
+    units = UNITS[case.run.units]
+    return {name: unit_of_whole_gas(name, units) or "" for name in ("time", *WHOLE_GAS)}
 
 
 def _analysed(trajectory: Any, name: str, at: tuple[float, ...], axis: str) -> dict[str, Variable]:

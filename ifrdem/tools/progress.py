@@ -6,7 +6,6 @@ import logging
 import math
 import os
 import sys
-import threading
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple, TextIO
@@ -16,7 +15,7 @@ FRAME = 14
 """Columns that the bar line needs in addition to its text, at least."""
 
 DELAY = 0.5
-"""Seconds between looks at the compiler, and those after which the bar of a short run appears."""
+"""Seconds after which the bar of a short run appears, and between lines on kernels that are compiled."""
 
 NARROWEST = 36
 """Columns of a terminal below which there is no room for the shortest bar line: plain lines are shown."""
@@ -40,9 +39,8 @@ class Progress:
     The run of n disks ends at the simulated time `t_end` [time] or at `collisions_per_disk`; exactly one is given
     (ValueError). `begin` is the time [time] and the number of collisions at its start. The time left (ETA) follows from
     the pace during at least the latest half of the real time, because a gas that comes to rest slows down. The time
-    before the first call, which compiles the kernels, does not count. `interval` are the seconds between
-    plain lines, `clock` gives those of real time. `kernels` counts the kernels compiled so far: until the first call,
-    the bar says how many more there are, and for how long it compiles.
+    before the first call, which compiles the kernels, does not count: `compiling` shows that. `interval` are the
+    seconds between plain lines, `clock` gives those of real time. `kernels` is about how many kernels are compiled.
     With `brief` the bar appears after half a second, and goes at the end unless a notebook shows it.
     """
 
@@ -57,7 +55,7 @@ class Progress:
         stream: TextIO | None = None,
         interval: float = 5.0,
         clock: Callable[[], float] = time.perf_counter,
-        kernels: Callable[[], int] | None = None,
+        kernels: int = 0,
         brief: bool = False,
     ) -> None:
         if (t_end is None) == (collisions_per_disk is None):
@@ -78,7 +76,7 @@ class Progress:
         self._columns = _columns(self._stream) if self._stream.isatty() and not self._quiet else 0
         self._bar: Any = None
         self._started, self._brief, self._stays = clock(), brief, notebook or not brief
-        self._compiling = threading.Event()
+        self._kernels = Compilation(kernels, clock=clock)
         if notebook or self._columns >= NARROWEST:
             from tqdm.auto import tqdm
 
@@ -89,8 +87,6 @@ class Progress:
                 total=100.0, bar_format=BAR, leave=self._stays, delay=DELAY if brief else 0.0, **bar_options
             )
             self._bar.set_description_str("compiling", refresh=not brief)
-            if kernels is not None:
-                threading.Thread(target=self._show_compilation, args=(kernels,), daemon=True).start()
 
     def __enter__(self) -> Progress:
         return self
@@ -101,7 +97,6 @@ class Progress:
     def __call__(self, time: float, collisions: int) -> None:
         """Set the simulated time [time] and the number of collisions so far."""
         self._latest = Mark(self._clock(), time, collisions)
-        self._compiling.set()
         if self._first is None:
             self._first = self._printed = self._early = self._later = self._latest
             return
@@ -112,6 +107,16 @@ class Progress:
             self._bar.update(100.0 * self.fraction - self._bar.n)
         elif self._latest.clock - self._printed.clock >= self._interval:
             self._line()
+
+    def compiling(self, kernel: str) -> None:
+        """Show that the kernel of this name is compiled next, before the first call; of a brief run if it is slow."""
+        text, is_slow = self._kernels.next(kernel)
+        if self._first is not None:
+            return
+        if self._bar is not None:
+            self._bar.set_description_str(text, refresh=is_slow or not self._brief)
+        elif is_slow and not self._quiet:
+            print(text, file=self._stream, flush=True)
 
     @property
     def fraction(self) -> float:
@@ -133,7 +138,6 @@ class Progress:
 
     def close(self) -> None:
         """Show the last state and release the terminal."""
-        self._compiling.set()
         if self._bar is not None:
             if self._stays and not (self._brief and self._clock() - self._started < DELAY):
                 self._bar.refresh()
@@ -141,15 +145,6 @@ class Progress:
             self._bar = None
         elif self._latest is not self._printed and self._first is not None:
             self._line()
-
-    def _show_compilation(self, kernels: Callable[[], int]) -> None:
-        """Show every half second the number of compiled kernels, until the first window is over."""
-        before, bar = kernels(), self._bar
-        while not self._compiling.wait(DELAY):
-            count = kernels() - before
-            done = f"compiling: {count} kernel{'s' * (count != 1)}, {self._clock() - self._started:.0f} s"
-            if not self._compiling.is_set():
-                bar.set_description_str(done if count else "compiling")
 
     def _texts(self, rate: float) -> tuple[str, str, str, str]:
         """Time left, rate, collisions per disk and simulated time."""
@@ -184,6 +179,31 @@ class Progress:
         begin = self._begin[0] if by_time else self._begin[1]
         assert end is not None
         return min(1.0, max(0.0, reached - begin) / (end - begin)) if end > begin else 1.0
+
+
+class Compilation:
+    """Texts on kernels that are compiled, of about `expected` (0 if unknown); `clock` gives seconds of real time."""
+
+    def __init__(self, expected: int = 0, *, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._expected, self._clock, self._started, self._count = expected, clock, clock(), 0
+        self._shown = self._started
+
+    def next(self, kernel: str) -> tuple[str, bool]:
+        """The text on the next kernel; True if half a second passed since the latest such text or the beginning.
+
+        Kernels that are in the cache take less, but for the largest, which is the last.
+        """
+        self._count += 1
+        now = self._clock()
+        if is_slow := now - self._shown >= DELAY:
+            self._shown = now
+        if not self._expected:
+            return f"compiling kernel {self._count} ({kernel})", is_slow
+        of = max(self._count, self._expected)
+        text = (
+            f"compiling kernels: {self._count} of about {of} ({kernel}), {now - self._started:.0f} s so far"
+        )
+        return text, is_slow
 
 
 class Stage:

@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 
 class Brief:
-    """A dataclass (with repr=False) whose repr gives each array by its shape and range, and the rest as it is."""
+    """A dataclass (with repr=False) whose repr gives each array by its shape and range, but for empty dicts."""
 
     def __repr__(self) -> str:
         """On one line, in the order of the fields."""
-        names = [one.name for one in dataclasses.fields(self)]  # type: ignore[arg-type]
-        return (
-            f"<{type(self).__name__}: {', '.join(f'{name} {brief(getattr(self, name))}' for name in names)}>"
-        )
+        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}  # type: ignore[arg-type]
+        texts = [
+            f"{name} {brief(value)}" for name, value in values.items() if not isinstance(value, dict) or value
+        ]
+        return f"<{type(self).__name__}: {', '.join(texts)}>"
 
 
 def brief(value: Any) -> str:

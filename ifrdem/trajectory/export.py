@@ -20,6 +20,7 @@ from .damage import FAULTS
 from .history import History
 from .reader import SPIN, Trajectory
 from .repair import write_whole
+from .species import named_species
 from .views import CONSTANT
 
 FORMATS = ("gsd", "extxyz", "csv", "h5")
@@ -117,18 +118,7 @@ def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
 
 def species(trajectory: Trajectory) -> dict[str, int] | None:
     """Names and numbers of species, in the order of ids; None if the file has none."""
-    try:
-        found = json.loads(str(trajectory.parameters["species"]))
-        numbers = {printable(str(one["name"])): int(one["number"]) for one in found}
-        if (
-            len(numbers) == len(found)
-            and min(numbers.values()) >= 0
-            and sum(numbers.values()) == trajectory.n
-        ):
-            return numbers
-    except FAULTS:  # parameters may be anybody's
-        pass
-    return None
+    return named_species(trajectory.parameters, trajectory.n)
 
 
 def material_names(trajectory: Trajectory) -> list[str] | None:

@@ -3,7 +3,8 @@
 H5MD: P. de Buyl, P. H. Colberg and F. Hoefling, Comput. Phys. Commun. 185, 1546 (2014),
 doi:10.1016/j.cpc.2014.01.018. The manual has all groups and datasets (`ifrdem docs format`). Layout 1.0 had no
 last_partner, timeseries and histories, 1.1 no angle, 1.2 no asleep and dissipated, and up to 1.3 `edges` were three
-lengths, z a placeholder of 1, also in boxes without a periodic side.
+lengths, z a placeholder of 1, also in boxes without a periodic side. Up to 1.5 `species` were materials, and datasets
+had no attributes `units` and `description`.
 """
 
 from __future__ import annotations
@@ -26,18 +27,18 @@ from ..model.state import Disks
 from ..tools.versions import package_versions
 from . import damage
 from . import parts as part_files
+from .descriptions import REDUCED, describe
 from .file import staged
 from .parts import Part, Parts
+from .species import named_species, species_of_disks
 
 H5MD_VERSION = (1, 1)
-LAYOUT_VERSION = (1, 5)
+LAYOUT_VERSION = (1, 6)
 PARTICLES = "particles/all"
 EDGES = f"{PARTICLES}/box/edges"
 FRAMES = "frames"
 """Group of the steps and times of frames where there are no edges: H5MD lets them be absent without a periodic side."""
 TIMESERIES = "timeseries"
-REDUCED = "reduced"
-"""Unit of every quantity where there are none."""
 RUNTIMES = "versions/runtimes"
 """Parameter with the runtimes that wrote a file, in order; its length is fixed, because a resumed run adds its own."""
 RUNTIMES_TYPE = "S200"
@@ -181,7 +182,7 @@ def create(
             particles[name] = getattr(disks, name)
         else:
             parts.show(particles, name, f"/{PARTICLES}/{name}", (), kind, frames=False)
-    particles["species"] = particles["material"]
+    _add_species(particles, disks.n, within, parameters)
     for name in fields:
         group, field = _stepped(file, f"{PARTICLES}/{name}"), FIELDS[name]
         stored_as: DTypeLike = np.int32 if field.count else PRECISIONS[precision]
@@ -199,6 +200,30 @@ def create(
     for name, value in {**record, **parameters}.items():
         stored.create_dataset(name, data=value, dtype=RUNTIMES_TYPE if name == RUNTIMES else None)
     file.create_group("observables")
+    describe(file, units)
+
+
+def _add_species(
+    particles: h5py.Group, n: int, within: Parts | Part | None, parameters: Mapping[str, object]
+) -> None:
+    """Write the number of each disk's species, or of its material where no species are named."""
+    named = named_species(parameters, n)
+    numbers = within.species if isinstance(within, Part) else tuple(named.values()) if named else ()
+    if not numbers:
+        particles["species"] = particles["material"]
+    elif isinstance(within, Parts):
+        within.show(particles, "species", f"/{PARTICLES}/species", (), np.int32, frames=False)
+    else:
+        first = within.first if isinstance(within, Part) else 0
+        particles["species"] = species_of_disks(numbers, first, n)
+
+
+def units_of(file: h5py.File) -> dict[str, str]:
+    """Unit of each quantity as the file states them; "reduced" for each, or none."""
+    group = file["parameters"].get("units")
+    if isinstance(group, h5py.Group):
+        return {name: damage.text_of(each[()]) for name, each in group.items()}
+    return {} if group is None else {"time": REDUCED}
 
 
 def record_runtime(file: h5py.File) -> None:
@@ -282,12 +307,14 @@ def views_of(parts: Parts | None) -> Mapping[str, Collection[tuple[str, str]]]:
     if parts is None:
         return VIEWS
     sources = {f"{PARTICLES}/{name}": f"/{PARTICLES}/{name}" for name in STATIC}
-    sources["particles/all/species"] = sources[f"{PARTICLES}/material"]
+    sources[f"{PARTICLES}/species"] = f"/{PARTICLES}/species"
     for name, field in FIELDS.items():
         for shown in (field.dataset, "value"):
             sources[f"{PARTICLES}/{name}/{shown}"] = f"/{PARTICLES}/{name}/{field.dataset}"
     names = [part_files.as_source(parts.name(number)) for number in range(len(parts))]
     found = {path: {(name, source) for name in names} for path, source in sources.items()}
+    # Where no species are named, another name of the materials.
+    found[f"{PARTICLES}/species"] |= found[f"{PARTICLES}/material"]
     for path in VIEWS:
         found[path] |= {(".", f"/{part_files.ZEROS}/{kind}") for kind in ("f4", "f8", "i4")}
     return found
@@ -296,7 +323,10 @@ def views_of(parts: Parts | None) -> Mapping[str, Collection[tuple[str, str]]]:
 def add_observable(file: h5py.File, name: str, sample: NDArray[Any]) -> h5py.Dataset:
     """Add an empty series for values of the shape and type of `sample`; returns its dataset."""
     group = _stepped(file, f"observables/{name}")
-    return _growing(group, "value", sample.dtype, CHUNK_FRAMES if sample.size <= 16 else 1, sample.shape)
+    chunk = CHUNK_FRAMES if sample.size <= 16 else 1
+    dataset = _growing(group, "value", sample.dtype, chunk, sample.shape)
+    describe(file, units_of(file), str(dataset.name))
+    return dataset
 
 
 def create_timeseries(
@@ -312,6 +342,7 @@ def create_timeseries(
             if name in columns:
                 series.attrs["columns"] = list(columns[name])
             _growing(series, "value", sample.dtype, max(1, CHUNK_ROWS // sample.size), sample.shape)
+        describe(file, units_of(file), str(group.name))
 
 
 def create_histories(
@@ -328,6 +359,7 @@ def create_histories(
             group[f"events/{name}"].attrs["meaning"] = text
         for name, first in (("events", np.int64(0)), ("time", np.float64(start["time"]))):
             group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
+        describe(file, units_of(file), str(group.name))
 
 
 def _stepped(file: h5py.File, path: str) -> h5py.Group:

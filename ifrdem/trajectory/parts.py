@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -229,17 +229,20 @@ def first_of(file: h5py.File) -> int:
 
 @dataclass(frozen=True)
 class Part:
-    """Mark of one part: of which run, its number, and its first disk."""
+    """Mark of one part: of which run, its number, its first disk, and numbers of disks of named species of the run."""
 
     run: str
     number: int
     first: int
+    species: tuple[int, ...] = field(default=(), compare=False)
 
     def write(self, file: h5py.File) -> None:
         """Write the mark into the part."""
         group = file.create_group(PART)
         group.attrs["run"] = np.bytes_(self.run)
         group.attrs["number"], group.attrs["first"] = np.int64(self.number), np.int64(self.first)
+        if self.species:
+            group.attrs["species"] = np.array(self.species, dtype=np.int64)
 
     @classmethod
     def of(cls, file: h5py.File) -> Part:
@@ -247,7 +250,8 @@ class Part:
         if GROUP in file:
             raise ValueError("it is in parts itself")
         given = file[PART].attrs
-        return cls(given["run"].decode(), int(given["number"]), int(given["first"]))
+        species = tuple(int(one) for one in np.ravel(given.get("species", ())))
+        return cls(given["run"].decode(), int(given["number"]), int(given["first"]), species)
 
 
 def of(file: h5py.File, path: str | os.PathLike[str] = "") -> Parts | None:

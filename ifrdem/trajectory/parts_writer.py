@@ -7,6 +7,7 @@ import os
 import secrets
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from . import layout
 from . import parts as part_files
 from .background import AsyncWriter
 from .parts import Parts
+from .species import named_species
 from .writer import DEFAULT_FIELDS, TrajectoryWriter
 
 
@@ -96,8 +98,11 @@ class PartsWriter:
         Raises InputError, on all ranks, as `TrajectoryWriter`, or if a rank has no disk; nothing is left behind then.
         """
         ranks = Communicator.of(comm)
-        given: Any = ranks.bcast(None if path is None else (Path(path), box, fields, options))
-        output_path, box, fields, options = given
+        species = named_species(parameters or {}, disks.n) or {}
+        given: Any = ranks.bcast(
+            None if path is None else (Path(path), box, fields, options, tuple(species.values()))
+        )
+        output_path, box, fields, options, of_species = given
 
         def begin() -> Parts:
             if force:
@@ -114,7 +119,7 @@ class PartsWriter:
             return Parts(folder.name, secrets.token_hex(16), tuple(first))
 
         def part(i: int, of: Disks) -> TrajectoryWriter:
-            name, mark = output_path.parent / parts.name(i), parts.part(i)
+            name, mark = output_path.parent / parts.name(i), replace(parts.part(i), species=of_species)
             return TrajectoryWriter(name, of, box, fields=fields, within=mark, **options)
 
         def head() -> TrajectoryWriter:
@@ -280,7 +285,8 @@ def _each_part(
         found = {}
         for number, rows in rows_of.items():
             each = [column[rows] for column in columns]
-            found[number] = make(number, Disks(len(each[0]), **dict(zip(layout.STATIC, each, strict=True))))
+            of_part: dict[str, Any] = dict(zip(layout.STATIC, each, strict=True))
+            found[number] = make(number, Disks(len(each[0]), **of_part))
             undo.callback(found[number].close)
         return found
 

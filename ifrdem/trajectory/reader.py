@@ -552,7 +552,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         if self._disks is None:
 
             def made() -> Disks:
-                columns = {name: self._constants(name) for name in layout.STATIC}
+                columns: dict[str, Any] = {name: self._constants(name) for name in layout.STATIC}
                 with damage.as_damage_error(self.path, layout.PARTICLES):
                     return Disks(len(columns["mass"]), **columns)
 

@@ -163,7 +163,8 @@ class _Salvage:
         if len(self.frames) == 0:
             none = f"no frame of {self.committed} is whole: nothing can be kept"
             raise InputError(f"{path}: {none}{_alternatives(path)}")
-        self._disks = Disks(self._n, **{name: np.concatenate(found) for name, found in columns.items()})
+        every: dict[str, Any] = {name: np.concatenate(found) for name, found in columns.items()}
+        self._disks = Disks(self._n, **every)
         self._box = box_of(file[f"{layout.PARTICLES}/box"].attrs)
         self._parameters: dict[str, str | int | float] = {}
         names: list[bytes | str] = []

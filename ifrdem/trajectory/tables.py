@@ -15,6 +15,7 @@ from ..errors import InputError
 from ..model.observables import MECHANISMS, SPECIES_SERIES, STRESS_SERIES
 from ..model.walls.wall import OF_PISTONS
 from ..tools import checked
+from .descriptions import unit_of_whole_gas
 from .layout import STATIC, version_of
 
 if TYPE_CHECKING:
@@ -107,8 +108,8 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     attributes = {key: value for key, value in trajectory.parameters.items() if key != "case"}
     found = xarray.Dataset(data, coords=coordinates, attrs=attributes)
     for name, variable in found.variables.items():
-        quantity = QUANTITIES.get(str(name).removeprefix("observables_").removeprefix("series_"), "")
-        if unit := trajectory.units.get(quantity):
+        own = str(name).removeprefix("observables_").removeprefix("series_")
+        if unit := unit_of_whole_gas(own, trajectory.units):
             variable.attrs["units"] = unit
     return found
 
@@ -199,30 +200,15 @@ def concat(trajectories: _OfFiles) -> xarray.Dataset:
         if not opened:
             raise InputError("trajectories: must be one or more")
         found = at_equal_collisions(opened)
-        units = {name: opened[0].units.get(quantity) for name, quantity in QUANTITIES.items()}
+        units = opened[0].units
         names = [one.path.stem for one in opened]
     coordinates = {"run": names, PER_DISK: found.pop(PER_DISK)}
     data = {}
     for name, value in found.items():
         dims = ("run", PER_DISK, *(f"{name}_{axis}" for axis in range(1, value.ndim - 1)))
-        data[name] = (dims, value, {"units": units[name]} if units.get(name) else {})
+        unit = unit_of_whole_gas(name, units)
+        data[name] = (dims, value, {"units": unit} if unit else {})
     return xarray.Dataset(data, coordinates)
-
-
-QUANTITIES = {
-    "time": "time", "position": "length", "radius": "length", "mass": "mass",
-    "piston_displacement": "length", "piston_velocity": "velocity", "piston_energy": "energy",
-    "piston_force": "force",
-    "momentum": "momentum", "walls_momentum_x": "momentum", "walls_momentum_y": "momentum",
-    **dict.fromkeys(
-        ("translational_energy", "rotational_energy", "energy", "temperature", "rotational_temperature",
-         "potential_energy", "energy_input", "wall_work", "wall_heat", "dissipated_energy",
-         "dissipated_by_mechanism", "ledger_residual", "species_temperature", "species_rotational_temperature",
-         "walls_work", "walls_heat", "walls_torque"),
-        "energy",
-    ),
-}  # fmt: skip
-"""The units' name of each quantity that has a unit of its own."""
 
 
 def _axes(

@@ -30,6 +30,7 @@ from ..mpi import distribution
 from ..tools import files
 from ..tools.files import NO_VALUES, VIEWS, check_apart, check_files
 from . import layout as layouts
+from .descriptions import CONSTANTS, FIELDS, unit_of
 from .file import check_views
 from .parts import SEE, as_source, nothing
 from .reader import Trajectory, check_file
@@ -184,8 +185,6 @@ LONG_NAMES = {
     "material": "number of the material",
 }  # fmt: skip
 """What each variable of a NetCDF file holds."""
-DIMENSIONAL = ("position", "velocity", "angle", "angular_velocity", "radius", "mass")
-"""Quantities with a unit, none where the units are not known; all others are pure numbers."""
 
 
 def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
@@ -240,7 +239,7 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
             continue
         tail = (3,) if len(trajectory.shape(name)) == 3 else ()
         view = _view(file, names.get(name, name), trajectory, name, (frames, n, *tail))
-        unit = units.get({"position": "length"}.get(name, name), None if name in DIMENSIONAL else "1")
+        unit = unit_of(FIELDS[name].quantity, units)
         attach(view, "frame", "atom", *(("spatial",) if tail else ()), unit=unit)
     for zeros in file[ZEROS].values():
         attach(zeros, "frame", "atom")
@@ -248,8 +247,4 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
     for name in CONSTANT:
         # ASE takes `atom_types` for numbers of chemical elements, so materials keep their own name.
         view = _view(file, name, trajectory, name, (n,))
-        attach(
-            view,
-            "atom",
-            unit=units.get({"radius": "length"}.get(name, name), None if name in DIMENSIONAL else "1"),
-        )
+        attach(view, "atom", unit=unit_of(CONSTANTS[name].quantity, units))

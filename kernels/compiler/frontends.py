@@ -17,7 +17,7 @@ from typing import Any
 
 from . import runtime
 from .language import on_gpu, ti
-from ..layout import Uses
+from ..layout import CompiledForce, Uses
 
 _PACKAGE = __name__.rsplit(".", 2)[0]
 _USED = runtime.chosen() == "quadrants" and runtime.is_known()
@@ -101,6 +101,8 @@ def _key(primal: Any, arguments: tuple[Any, ...]) -> str | None:
 
 def _name(value: Any) -> str | None:
     """Text that identifies a feature; None if it contains a function from outside this package."""
+    if isinstance(value, CompiledForce):
+        value = value.values()
     if isinstance(value, tuple):
         names = [_name(each) for each in value]
         return None if None in names else repr(names)

@@ -88,11 +88,18 @@ class Launcher:
         # Python's: quadrants warns of numbers of NumPy, and checks launches with them again and again.
         numbers = tuple(each.item() if isinstance(each, np.generic) else each for each in numbers)
         ti.lang.impl.current_cfg().opt_level = int(not any(map(_is_long, self._held)))
+        self._announce(given)
         self._kernel(*numbers, *arrays)
         if _IS_KNOWN and not on_gpu():
             self._list_arguments((*numbers, *arrays), len(numbers))
         elif _IS_KNOWN and _IS_TAICHI and not any(isinstance(each, np.ndarray) for each in arrays):
             self._list_on_gpu((*numbers, *arrays), len(numbers))
+
+    def _announce(self, given: dict[str, Any]) -> None:
+        """Announce the kernel if it has not been launched with such features and types."""
+        uses = [each for each in self._held if isinstance(each, Uses)]
+        kinds = [(each.dtype, each.ndim) for each in given.values() if isinstance(each, np.ndarray)]
+        runtime.announce(self._kernel._primal.func.__name__, (self._kernel, *uses, *kinds))
 
     def _list_on_gpu(self, arguments: tuple[Any, ...], n_numbers: int) -> None:
         """Note how the arguments of a launch on a GPU, all of them numbers and arrays of Taichi, are listed again."""

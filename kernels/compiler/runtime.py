@@ -10,7 +10,7 @@ import functools
 import importlib
 import importlib.metadata
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
 from ...errors import EngineError, InputError, nearest
@@ -22,6 +22,10 @@ _PREFIXES = {"taichi": "TI", "quadrants": "QD"}  # of variables of the environme
 
 SAME_BITS = {("taichi", "1.7.4"), ("quadrants", "1.3.3"), ("quadrants", "1.4.0")}
 """Names and versions of runtimes that gave equal bits on a CPU (`tests/support/same_kernels.py`)."""
+
+LISTENERS: list[Callable[[str], object]] = []
+"""Called with the name of a kernel before it is compiled, or loaded from the cache."""
+_announced: set[Hashable] = set()
 
 _loaded: str | None = None
 
@@ -124,6 +128,19 @@ def have_same_bits(one: tuple[str, str], other: tuple[str, str], device: str) ->
 def is_known() -> bool:
     """True if the chosen runtime is of a version that this program was tried with."""
     return (chosen(), version(chosen())) in SAME_BITS
+
+
+def announce(name: str, key: Hashable) -> None:
+    """Call the listeners with the name of a kernel, unless one with this key was announced before."""
+    if key not in _announced:
+        _announced.add(key)
+        for listener in LISTENERS:
+            listener(name)
+
+
+def forget_announced() -> None:
+    """Have all kernels announced again, after the end of the runtime."""
+    _announced.clear()
 
 
 def load() -> Any:

@@ -170,6 +170,55 @@ def test_student_loss_is_that_of_the_density() -> None:
     np.testing.assert_allclose(2.0 * residual @ jacobian, slope, rtol=2e-3)
 
 
+def test_curvature_and_scatter_are_those_of_the_loss() -> None:
+    """By differences of the losses of single impacts; Gauss and Newton leave out the curvature of the law itself."""
+    likelihood = Likelihood(observed(20, 0.01, seed=3).problem(), LAWS["ifr-percussion"], robust=4.0)
+    at, h = np.array([0.87, -0.88, 0.21]), 1e-4 * np.eye(3)
+    points = likelihood.at(at)
+    by = np.array([(likelihood.at(at + one).losses - likelihood.at(at - one).losses) / 2e-4 for one in h]).T
+    np.testing.assert_allclose(points.scatter, 0.25 * by.T @ by * 20 / 17, rtol=0.02)
+    second = [
+        [likelihood.at(at + a + b).loss - likelihood.at(at + a - b).loss - likelihood.at(at - a + b).loss
+         + likelihood.at(at - a - b).loss for b in h] for a in h
+    ]  # fmt: skip
+    size = np.sqrt(np.diag(points.curvature))
+    np.testing.assert_allclose(np.array(second) / 4e-8 / 2.0, points.curvature, atol=0.1 * size.max() ** 2)
+
+
+def test_the_loss_depends_on_the_coefficients_only() -> None:
+    """Not on those that were tried before: the true motion is searched from the measured one each time."""
+    data = observed(12, 0.05, seed=4)
+    likelihood = Likelihood(data.problem(), LAWS["ifr-contact"], robust=4.0)
+    at = np.array([0.8, -0.9, 0.14])
+    before = likelihood.at(at).loss
+    for far in ([0.3, 0.1, 0.7], [0.98, -0.98, 0.02]):
+        likelihood.at(np.array(far))
+    assert likelihood.at(at).loss == before
+
+
+def test_a_badly_known_normal_costs_hardly_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search for its true motion converges as fast as that of the others, whose number of steps is 10 to 15."""
+    steps = []
+    measure = Likelihood._measure
+
+    def counting(self: Likelihood, *arguments: Any) -> Any:
+        steps.append(1)
+        return measure(self, *arguments)
+
+    monkeypatch.setattr(Likelihood, "_measure", counting)
+    data, counts = observed(16, 0.01, seed=2), []
+    for error in (0.01, 0.3):
+        each = {**data.errors, "nx": data.errors["nx"].copy(), "ny": data.errors["ny"].copy()}
+        for name in ("nx", "ny"):
+            each[name][3] = error
+        steps.clear()
+        likelihood = Likelihood(replace(data, errors=each).problem(), LAWS["ifr-percussion"])
+        for e_n in (0.8, 0.87, 0.9):
+            likelihood.at(np.array([e_n, -0.85, 0.2]))
+        counts.append(len(steps))
+    assert counts[1] < 2.0 * counts[0]
+
+
 class Mine(laws.Walton):
     """Walton's law under another name, called with numbers."""
 

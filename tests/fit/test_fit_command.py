@@ -9,11 +9,13 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support import manual
 
 from ifrdem import fit
 from ifrdem.cli.main import main
+from ifrdem.tools.progress import Stage
 
 ROOT = Path(__file__).parents[2]
 FIT_EXAMPLE = ("fit", "data.csv", "--M", "1", "--error", "0.7")
@@ -112,6 +114,20 @@ def test_errors_are_estimated_without_the_option(folder: Path, capsys: pytest.Ca
     )
     assert found is not None
     assert float(found[1]) == pytest.approx(0.7, rel=0.3)
+
+
+def test_progress_is_shown_from_two_seconds_on(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a clock that gains half a second at each look."""
+    seconds = iter(np.arange(0.0, 1e4, 0.5))
+    monkeypatch.setattr(
+        Stage.__init__, "__kwdefaults__", {"interval": 5.0, "clock": lambda: float(next(seconds))}
+    )
+    assert main(["fit", "data.csv", "--M", "1", "--error", "0.7", "--model", "ifr-percussion"]) == 0
+    parts = [float(each) for each in re.findall(r"fit: (\d+) % done", capsys.readouterr().err)]
+    assert len(parts) > 3
+    assert parts == sorted(parts)
 
 
 def test_disks_of_several_kinds_have_one_fit_each(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -98,3 +98,13 @@ def test_kernels_of_a_custom_law_are_traced_at_each_start(filled: tuple[Path, di
     """Its functions may use variables of their file."""
     for _ in range(2):
         assert "run_windows" in run(filled[0], "law")["traced"]
+
+
+def test_a_kernel_with_a_force_has_no_key() -> None:
+    """The function of a force is of another package: its address in the key would be another one in each process."""
+    from ifrdem.kernels.compiler.frontends import _name
+    from ifrdem.kernels.compiler.language import declared
+    from ifrdem.kernels.layout import CompiledForce
+    from ifrdem.model.forces import Drag
+
+    assert _name((CompiledForce(declared(Drag.act), 0, ("rate",), 0, 0),)) is None

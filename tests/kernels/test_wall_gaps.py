@@ -163,6 +163,28 @@ def test_gap_slope_bound_and_root_of_every_shape(name: str, motion: str) -> None
     assert touched > 5
 
 
+def test_the_inside_of_an_arc_narrower_than_a_disk_is_never_touched() -> None:
+    """Its ends, which are other pieces, are in the way."""
+    wall = Wall.arc((5.0, 5.0), 0.8 * RADIUS, (0.3, 2.8))
+    disks = np.array([[5.0, 4.0, 0.0, 3.0, RADIUS], [5.0, 5.0, 0.3, 1.0, RADIUS]])
+    out, root = of_kernel("arc inside", wall, disks, TIMES)
+    assert np.all(out[:, :, 0] > WINDOW)
+    assert not out[:, :, 4].any()
+    assert np.all(root > WINDOW)
+
+
+def test_at_the_very_end_of_a_stroke_a_sawtooth_has_the_speed_of_the_next_one() -> None:
+    """From -0.2 to 0.2 in 0.3, and back in 0.7; a disk at rest falls towards the line by (0.6, 0.8) . g t."""
+    wall = Wall.line(
+        (5.0, 5.0), (0.6, 0.8), motion=Motion("sawtooth", (0.6, 0.8), amplitude=0.2, frequency=1.0, rise=0.3)
+    )
+    times = np.array([0.1, np.nextafter(0.3, 0.0), 0.5, np.nextafter(1.0, 0.0)])
+    out, _ = of_kernel("line", wall, np.array([[6.0, 7.0, 0.0, 0.0, RADIUS]]), times)
+    fall = 0.6 * GRAVITY[0] + 0.8 * GRAVITY[1]
+    rising, falling = 0.4 / 0.3, -0.4 / 0.7
+    np.testing.assert_allclose(fall * times - out[0, :, 1], [rising, falling, falling, rising], rtol=1e-12)
+
+
 def test_an_image_of_a_wall_follows_from_its_number() -> None:
     backend.start("cpu")
     from ifrdem.kernels.walls.images import as_partner, boxes_of, from_partner, image_of, wall_of

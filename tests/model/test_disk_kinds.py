@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
-from ifrdem.model.state import MOST_KINDS, kinds_among, merge_kinds, unlike
+from ifrdem import InputError
+from ifrdem.model.state import MOST_KINDS, kinds_among, merge_kinds, merge_species, species_in, unlike
 
 
 def columns_of(n: int) -> list[np.ndarray]:
@@ -31,6 +34,28 @@ def test_kinds_do_not_depend_on_how_disks_are_divided(n: int) -> None:
         found, same = merge_kinds([kinds_among(part) for part in split(columns, size)])
         assert same == every
         assert [each.tobytes() for each in found] == [each.tobytes() for each in rows]
+
+
+@pytest.mark.parametrize("bounds", [(0, 10), (0, 3, 10), (0, 0, 5, 5, 7, 10)])
+def test_species_of_slices_are_those_of_all_disks_together(bounds: tuple[int, ...]) -> None:
+    labels = "aaaaabbccc"
+    species = {"a": 5, "b": 2, "c": 3}
+    ends = list(itertools.pairwise(bounds))
+    slices = [species_in(species, range(*each)) for each in ends]
+    for each, (first, last) in zip(slices, ends, strict=True):
+        assert each == {name: labels[first:last].count(name) for name in species}
+    assert merge_species(slices) == species
+    assert merge_species([{}, {}]) == {}
+
+
+@pytest.mark.parametrize("found", [
+    [{"a": 2, "b": 2}, {"a": 1, "b": 3}],  # ids 0, 1, 4 and 2, 3, 5, 6, 7
+    [{"a": 2}, {"b": 3}],
+    [{"a": 2}, {}],
+])  # fmt: skip
+def test_species_that_are_not_one_range_of_ids_are_refused(found: list[dict[str, int]]) -> None:
+    with pytest.raises(InputError, match=r"species = .*: must be "):
+        merge_species(found)
 
 
 def test_extremes_of_kinds_give_the_verdict_of_all_kinds() -> None:

@@ -100,7 +100,7 @@ def test_colours_are_those_of_the_quantity(gas: ifrdem.Simulation) -> None:
     expected = {
         "spin": [2.0, -2.0, 0.0], "speed": [1.0, 1.0, 0.0], "direction": [0.0, 90.0, 0.0],
         "temperature": [0.5, 0.5, 0.0], "radius": [0.5, 0.4, 0.6], "collisions": [0.0, 0.0, 0.0],
-        "material": [0.0, 0.0, 0.0],
+        "material": [0.0, 0.0, 0.0], "species": [0.0, 0.0, 0.0],
     }  # fmt: skip
     assert {*expected, "dissipated", "asleep"} == set(disks.COLOURS)
     for color, values in expected.items():
@@ -474,7 +474,7 @@ def test_disks_below_a_pixel_are_drawn_as_one_and_it_is_said(tmp_path: Path) -> 
         file.write(start)
     with Trajectory(tmp_path / "a.h5") as run:
         figure = pictures.figure(run, "disks")
-        assert "2 disks smaller than a pixel are drawn as one" in texts(figure)
+        assert "2 disks are enlarged to one pixel" in texts(figure)
         (drawn,) = (one for one in figure.axes[0].collections if isinstance(one, EllipseCollection))
         np.testing.assert_allclose(drawn.get_widths(), (10.0, 10.0, 40.0))
         scene = movie.Scene(run, [0], (400, 400), "none")

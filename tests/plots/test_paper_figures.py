@@ -109,4 +109,4 @@ def test_swept_keys_have_symbols_unless_two_keys_share_one() -> None:
     assert [line.get_label() for line in axes.lines] == [r"$\mu$ = 0.1", r"$\mu$ = 0.2"]
     assert_legends_are_off_the_data(figure)
     (axes,) = drawn({"e_n": "material[0].e_n", "mu": "pair[0].e_n"}).axes
-    assert axes.get_xlabel() == "material[0].e_n"
+    assert axes.get_xlabel() == "$e_n$ of material[0]"

@@ -51,6 +51,23 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "two.h5"
 
 
+def test_picture_has_walls_and_times_of_positions(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    walls = '[[wall]]\nshape = "line"\npoint = [0.0, 4.45]\nnormal = [0.0, 1.0]\nmaterial = "m"\n'
+    case = CASE.replace("open = true", 'lengths = [10.0, 10.0]\nperiodic = [true, false]\nmaterial = "m"')
+    Path("two.toml").write_text(case + walls, encoding="utf-8")
+    Path("start.csv").write_text("x,y,vx,vy,spin\n0,5,1,0,0\n2,5,0,0,0\n", encoding="utf-8")
+    assert main(["run", "two.toml", "--no-picture", "--quiet", "--force"]) == 0
+    Path("rest.csv").write_text("id,x,y,t\n0,1.1,5.3,\n0,0.5,5,0.5\n", encoding="utf-8")
+    found = compare.compare(run, compare.read("rest.csv", {"positions": 0.1}, TableFormat()))
+    figures = []
+    monkeypatch.setattr(compare, "save", lambda figure, paths: figures.append(figure))
+    found.draw([Path("two.png")])
+    (axes,) = figures[0].axes
+    assert [text.get_text() for text in axes.texts] == ["0", "0, t = 0.5"]
+    assert any(np.allclose(line.get_ydata(), 4.45) for line in axes.lines)
+    figures[0].savefig("two.png")
+
+
 def test_places_distances_and_spread_are_those_of_the_mechanics(
     run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.mpi import SERIAL, Communicator
+from ifrdem.mpi import Communicator
 from ifrdem.simulation.checkpoints import checkpoint
 
 N = 23
@@ -38,7 +38,7 @@ def rows(seed: int) -> dict[str, np.ndarray]:
 
 
 def write(path: Path, seed: int) -> None:
-    checkpoint.write_parts(path, SERIAL, rows(seed), {"clock": np.array([0.5, seed])}, {"seed": seed})
+    checkpoint.write_parts(path, rows(seed), {"clock": np.array([0.5, seed])}, {"seed": seed})
 
 
 def check(path: Path, seed: int) -> None:
@@ -111,7 +111,8 @@ def test_a_kill_between_part_and_name_leaves_the_checkpoint_before(
 def test_each_of_any_number_of_ranks_gets_the_rows_of_its_slice(tmp_path: Path, size: int) -> None:
     path = tmp_path / "run.checkpoint.h5"
     write(path, 1)
-    arrays, record = checkpoint.read_slice(path, Communicator(Rank(0, size)))
+    with Communicator(Rank(0, size)):
+        arrays, record = checkpoint.read_slice(path)
     found = [arrays]
     for rank in range(1, size):
         with Communicator(Rank(rank, size)):

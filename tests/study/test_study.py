@@ -359,6 +359,17 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
         cli.main(["plot", str(study.output), "T", "--over", "material[0].e_n", "-o", f"{tmp_path}/ends"]) == 0
     )
     ends, names = drawn[1].axes[0].get_legend_handles_labels()
+    # Theory between the swept values goes through what is stored at them.
+    stored, at = study.results().variables["temperature_theory"].values, study.results().values("e_n")
+    curves = [
+        each for each in drawn[1].axes[0].lines if each.get_linestyle() == "--" and len(each.get_xdata()) > 2
+    ]
+    assert [len(each.get_xdata()) for each in curves] == [41, 41]
+    for i, curve in enumerate(curves):
+        x, y = curve.get_data()
+        assert np.interp(at, x, y) == pytest.approx(stored[:, i, -1], rel=2e-5)  # both in 1500 times
+        straight = np.interp(x, at, stored[:, i, -1])
+        assert np.max(np.abs(y / straight - 1.0)) > 1e-3  # it is bent, which a line of two points is not
     assert isinstance(ends[names.index(r"$\pm 2$ standard errors")], ErrorbarContainer)
     solid = next(line for line in panels[0].lines if line.get_label() == "$e_n$ = 0.9")
     mean = study.dataset().temperature_mean

@@ -32,7 +32,7 @@ import ifrdem
 from ifrdem import ContactTime, Device, Rest
 from ifrdem.kernels.compiler import runtime
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, TableFriction
+from ifrdem.model.forces import Drag, Langevin, PoissonKicks, RandomKicks, Rescale, TableFriction
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Piston, Turn
@@ -60,6 +60,13 @@ def lattice(n: int, box: Box, spacing: float, low: tuple[float, float], speed: f
     return State(place, speed * rng.normal(size=(n, 2)), speed * rng.normal(size=n))
 
 
+def anywhere(disks: Disks, box: Box, walls: list[Wall]) -> State:
+    """Disks all over a box with walls, with Gaussian velocities and spins."""
+    rng = np.random.default_rng(5)
+    position = ifrdem.initial.random_positions(box, disks.radius, seed=5, walls=walls)
+    return State(position, rng.normal(size=(disks.n, 2)), rng.normal(size=disks.n))
+
+
 def periodic(disks: Disks, packing_fraction: float, row: Any, **options: Any) -> Engine:
     box, state = start(disks, packing_fraction)
     return Engine(disks, box, state, np.array([[row]]), **options)
@@ -82,7 +89,7 @@ def with_tracking(disks: Disks, box: Box, state: State, walls: list[Wall], **opt
     def disks_of(ids: Any) -> Disks:
         return Disks(len(ids), *(each[ids] for each in columns))
 
-    tracking = Tracking(np.array([0, 3, 40], np.int32), disks.n, disks_of, [[law]], walls)
+    tracking = Tracking(np.arange(0, disks.n, 5, dtype=np.int32), disks.n, disks_of, [[law]], walls)
     return Engine(disks, box, state, np.array([[law.table_row()]]), walls=walls, tracking=tracking, **options)
 
 
@@ -105,14 +112,14 @@ def walled(**options: Any) -> Engine:
         "gravity": (0.0, -0.3), "seed": 4, "collapse": ContactTime(1e-4), "record": [*ALL_SUMS["record"], "wall"],
     } | options  # fmt: skip
     disks = mixture(N)
-    return with_tracking(disks, box, lattice(N, box, 1.2, (0.8, 1.4)), walls, **options)
+    return with_tracking(disks, box, anywhere(disks, box, walls), walls, **options)
 
 
 def contained(**options: Any) -> Engine:
     box = Box((40.0, 40.0), (False, False))
     walls = [Wall.container((20.0, 20.0), 18.0), Wall.segment((8.0, 20.0), (12.0, 20.0))]
     disks = equal_disks(130)
-    state = lattice(130, box, 1.2, (10.0, 21.0))
+    state = anywhere(disks, box, walls)
     return Engine(disks, box, state, np.array([[COIN]]), walls=walls, gravity=(0.0, -0.1), **options)
 
 
@@ -159,7 +166,7 @@ def sheared(**options: Any) -> Engine:
 
 def driven(**options: Any) -> Engine:
     forces = [RandomKicks(0.05, power=1.0), Langevin(0.08, temperature=1.0, rate=0.3), Rescale(0.13, energy=1.5),
-              TableFriction(0.05, mu=0.02, gravity=10.0)]  # fmt: skip
+              TableFriction(0.05, mu=0.02, gravity=10.0), PoissonKicks(2.0, power=0.5)]  # fmt: skip
     return periodic(mixture(N), 0.3, ROLLING, forces=forces, seed=2, **options)
 
 
@@ -172,7 +179,15 @@ def of_own_law(**options: Any) -> Engine:
 GASES: dict[str, Callable[..., Engine]] = {
     "plain": lambda **o: periodic(equal_disks(N), 0.3, COIN, order="serial", **o),
     "plain, tiles": lambda **o: periodic(equal_disks(N), 0.5, COIN, order="tiled", tile_disks=60, **o),
-    "mixture": lambda **o: periodic(mixture(N), 0.4, ROLLING, order="tiled", tile_disks=60, **ALL_SUMS, **o),
+    "mixture": lambda **o: periodic(
+        dataclasses.replace(mixture(N), species={"first": 300, "rest": N - 300}),
+        0.4,
+        ROLLING,
+        order="tiled",
+        tile_disks=60,
+        record=[*ALL_SUMS["record"], "stress"],
+        **o,
+    ),
     "two sizes": two_sizes,
     "walls": lambda **o: walled(order="serial", **o),
     "walls, tiles": lambda **o: walled(order="tiled", tile_disks=100, **o),
@@ -205,13 +220,13 @@ def numbers_of(engine: Engine) -> dict[str, Any]:
     state = engine.state()
     found = {each.name: np.asarray(getattr(state, each.name)) for each in dataclasses.fields(state)}
     found |= {f"statistics {name}": value for name, value in vars(engine.statistics).items()}
+    if engine.kinds.species:
+        found["species"] = engine.species_totals()
     found |= {
         "totals": engine.totals(),
         "sums": engine.windows.sums,
         "work": engine.force_steps.energy_inputs,
     }
-    if engine.tracking is not None:
-        found |= {f"event {name}": value for name, value in engine.tracking.take().columns().items()}
     return found
 
 
@@ -228,7 +243,11 @@ def after(make: Callable[..., Engine], **options: Any) -> str:
         while engine.collisions < count and engine.time < end + 0.5:
             engine.advance(collisions=count, t_end=end + 0.5)
         found = numbers_of(engine)
-    if engine.tracking is None:
+    if engine.tracking is not None:
+        events = engine.tracking.take().columns()
+        assert len(events["time"]) > 100
+        found |= {f"event {name}": value for name, value in events.items()}
+    else:
         engine.keep_collisions = True
         engine.advance(t_end=engine.time + 0.2)
         assert engine.last_collisions is not None

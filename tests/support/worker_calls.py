@@ -27,7 +27,7 @@ def shout(name: str) -> tuple[str, int, int]:
     return name.upper(), os.getpid(), backend.start().threads if "threads" in name else 0
 
 
-def case(name: str, *, quick: bool, seed: int) -> runner.Verdict:
+def case(name: str, *, quick: bool, seed: int, is_quiet: bool) -> runner.Verdict:
     """In place of `runner.run_case`: `energy` takes longest, `angles` kills its process."""
     if name == "angles":
         os.kill(os.getpid(), signal.SIGKILL)
@@ -54,7 +54,7 @@ def quick_tasks(*keys: str, path: str = "") -> list[Task]:
     return [QuickTask(key, (0,), "", path, (), "", (), (), False, 1.0) for key in keys]
 
 
-def endless(name: str, *, quick: bool, seed: int) -> runner.Verdict:
+def endless(name: str, *, quick: bool, seed: int, is_quiet: bool) -> runner.Verdict:
     """In place of `runner.run_case`: leaves a file named after its process, and runs until it is killed."""
     (Path(os.environ["WORKERS"]) / str(os.getpid())).touch()
     while True:

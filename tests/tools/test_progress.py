@@ -6,11 +6,11 @@ import fcntl
 import io
 import os
 import pty
+import re
 import select
 import struct
 import sys
 import termios
-import threading
 import types
 
 import numpy as np
@@ -188,23 +188,50 @@ def test_terminal_with_columns_but_no_rows_shows_the_bar(monkeypatch: pytest.Mon
     os.close(reader)
 
 
-def test_the_bar_counts_kernels_until_the_first_window(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Five that others had compiled before do not count."""
+def test_the_bar_names_the_kernel_that_is_compiled_until_the_first_window(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr(showing, "DELAY", 0.01)
-    written, out = threading.Event(), Terminal()
-    counts = iter([5, 5, 6])
-
-    def kernels() -> int:
-        count = next(counts, 8)
-        if count == 8 and "compiling: 3 kernels" in out.getvalue():
-            written.set()
-        return count
-
-    with Progress(100, t_end=1.0, stream=out, kernels=kernels, brief=True) as progress:
-        assert written.wait(30.0)
+    clock, out = Clock(), Terminal()
+    with Progress(100, t_end=1.0, stream=out, kernels=2, clock=clock) as progress:
+        for name in ("survey", "plan_window", "run_windows"):
+            progress.compiling(name)
+            clock.now += 0.75
         progress(0.1, 10)
-    assert "compiling: 1 kernel, 0 s" in out.getvalue()
+        progress.compiling("verify")
+    shown = out.getvalue()
+    assert "compiling kernels: 1 of about 2 (survey), 0 s so far" in shown
+    assert "compiling kernels: 3 of about 3 (run_windows), 2 s so far" in shown
+    assert "verify" not in shown
+
+
+@pytest.mark.parametrize(("columns", "brief"), [("0", False), ("80", True)])
+def test_kernels_that_are_found_in_the_cache_are_not_named(
+    monkeypatch: pytest.MonkeyPatch, columns: str, brief: bool
+) -> None:
+    """Those are loaded in less than half a second: neither in plain lines nor by the bar of a brief run."""
+    monkeypatch.setenv("COLUMNS", columns)
+    clock, out = Clock(), Terminal() if brief else io.StringIO()
+    with Progress(100, t_end=1.0, stream=out, kernels=4, clock=clock, brief=brief) as progress:
+        for seconds, name in ((0.1, "read_out"), (0.3, "survey"), (0.2, "plan_window"), (0.3, "run_windows")):
+            progress.compiling(name)
+            clock.now += seconds
+    named = re.findall(r"compiling kernels: (\d) of about 4 \((\w+)\)", out.getvalue())
+    assert [*dict.fromkeys(named)] == [("4", "run_windows")]
+
+
+def test_kernels_are_announced_once_for_features_and_types() -> None:
+    """Before the first window of a gas those that `n_kernels` counts, and no more for another gas like it."""
+    from ifrdem.simulation import backend
+
+    backend.stop()
+    for expected in (["survey", "plan_window", "run_windows", "read_out"], []):
+        gas, names = small_gas(), []
+        with backend.announced(names.append):
+            gas.run(collisions_per_disk=2)
+            gas.measure()
+        assert names == expected
+    assert gas.n_kernels == 5  # `read_out` also reads frames
 
 
 def test_a_short_run_shows_nothing_if_it_is_to_be_brief(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,7 +272,7 @@ def test_a_terminal_sees_a_bar_by_default_which_changes_no_bit(monkeypatch: pyte
     monkeypatch.setattr(sys, "stderr", Terminal())
     watched, alone = small_gas(), small_gas()
     watched.run(collisions_per_disk=20)
-    assert "compiling" in sys.stderr.getvalue()  # type: ignore[attr-defined]
+    assert "0.0 %" in sys.stderr.getvalue()  # type: ignore[attr-defined]
     alone.run(collisions_per_disk=20, progress=False)
     for name in ("position", "velocity", "spin"):
         np.testing.assert_array_equal(getattr(watched.state, name), getattr(alone.state, name))

@@ -259,7 +259,7 @@ def test_layout_is_h5md_with_steps_and_times_stored_once(tmp_path):
         assert particles["collisions/value"].dtype == np.int32
         assert particles["image/value"].dtype == np.int32
         assert particles["material"].dtype == np.int32
-        assert particles["species"] == particles["material"]
+        assert particles["species"] == particles["material"]  # no species are named
 
 
 def test_units_module_declares_si_and_is_absent_without_it(tmp_path):

@@ -62,7 +62,7 @@ def test_a_file_without_series_and_histories_has_no_groups_for_them(tmp_path):
         writer.write(some_state(3, 0))
     with h5py.File(path) as file:
         assert set(file) == {"h5md", "observables", "parameters", "particles"}
-        assert list(file["h5md/modules/ifrdem"].attrs["version"]) == [1, 5]
+        assert list(file["h5md/modules/ifrdem"].attrs["version"]) == [1, 6]
 
 
 def test_series_rows_that_do_not_fit_are_refused_and_the_file_unchanged(tmp_path):

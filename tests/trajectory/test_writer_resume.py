@@ -261,7 +261,7 @@ def test_what_cannot_be_gone_on_with_is_refused(tmp_path):
     with h5py.File(tmp_path / "old.h5", "r+") as file:
         file["h5md/modules/ifrdem"].attrs["version"] = [1, 0]
     with pytest.raises(
-        InputError, match=re.escape("has layout 1.0: a run can be resumed only with files of layout 1.5")
+        InputError, match=re.escape("has layout 1.0: a run can be resumed only with files of layout 1.6")
     ):
         resume(tmp_path / "old.h5", 1)
 

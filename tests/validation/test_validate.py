@@ -15,6 +15,7 @@ from support import manual
 from ifrdem import EngineError, InputError
 from ifrdem.cli import main as cli
 from ifrdem.kernels.compiler import runtime
+from ifrdem.tools import progress
 from ifrdem.validation.paper import (
     angles,
     energy,
@@ -122,6 +123,20 @@ def test_a_case_that_raises_is_reported_and_the_others_still_run(cases, tmp_path
     rows = json.loads((tmp_path / "results.json").read_text())
     assert [(each["case"], each["status"]) for each in rows] == [("broken", "failed"), ("good", "passed")]
     assert "an unexpected error" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_kernel_that_takes_long_is_named_with_its_case_unless_quiet(cases, monkeypatch, capsys):
+    def compiles(quick: bool) -> Result:
+        runtime.announce("survey", object())
+        return good(quick)
+
+    cases(compiles=compiles)
+    named = "  compiles: compiling kernel 1 (survey)\n"
+    for delay, is_quiet, printed in ((0.0, False, named), (0.0, True, ""), (60.0, False, "")):
+        monkeypatch.setattr(progress, "DELAY", delay)
+        assert runner.run_case("compiles", quick=True, seed=1, is_quiet=is_quiet).passed
+        assert capsys.readouterr().err == printed
+    assert not runtime.LISTENERS
 
 
 def test_a_case_that_compares_nothing_fails(cases, tmp_path):

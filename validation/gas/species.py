@@ -64,14 +64,14 @@ def equal_rates(e_n: float) -> float:
 def temperature_ratio(e_n: float, seed: int) -> float:
     """T_2 / T_1 of a gas in the steady ratio of temperatures, from the sums of the engine over each species."""
     number = (N * FRACTION).astype(int)
-    disks = Disks(N, np.repeat(MASS, number), np.repeat(RADIUS, number))
+    species = {"light": int(number[0]), "heavy": int(number[1])}
+    disks = Disks(N, np.repeat(MASS, number), np.repeat(RADIUS, number), species=species)
     box = Box.from_packing_fraction(disks.radius, PHI)
     state = State(
         placement.random_positions(box, disks.radius, seed=seed),
         placement.maxwellian(disks.mass, temperature=1.0, seed=seed), np.zeros(N),
     )  # fmt: skip
-    species = {"light": int(number[0]), "heavy": int(number[1])}
-    gas = Simulation(disks, box, IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), state, species=species)
+    gas = Simulation(disks, box, IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), state)
     ratios = []
     for tau in np.arange(SETTLED, END, 0.5):
         gas.run(collisions_per_disk=float(tau))

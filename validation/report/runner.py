@@ -6,6 +6,7 @@ import json
 import math
 import os
 import platform
+import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -23,6 +24,7 @@ from ...kernels.compiler import runtime
 from ...simulation import backend
 from ...tools.files import write_text
 from ...tools.processes import ProcessDied, Worker
+from ...tools.progress import Compilation, quiet
 from ...tools.versions import __version__, revision
 from . import page, registry, style
 from .registry import Row, Skip, Verdict
@@ -137,7 +139,7 @@ def _run_all(chosen: Sequence[str], quick: bool, seed: int, jobs: int, log: Log)
         found[name] = outcome
         pace.ended(outcome)
 
-    work = partial(run_case, quick=quick, seed=seed)
+    work = partial(run_case, quick=quick, seed=seed, is_quiet=quiet())
     if jobs > 1:
         in_workers(work, order, jobs, begun=pace.begun, ended=ended, waiting=lambda _: pace.waiting())
     else:
@@ -189,15 +191,24 @@ def _alone(work: Callable[[str], Any], name: str, threads: int) -> Any:
         backend.stop()  # which keeps the kernels that it compiled
 
 
-def run_case(name: str, *, quick: bool, seed: int) -> Verdict:
-    """Run one case and render its pictures, in this process; an exception becomes part of the outcome."""
+def run_case(name: str, *, quick: bool, seed: int, is_quiet: bool = False) -> Verdict:
+    """Run one case and render its pictures, in this process; an exception becomes part of the outcome.
+
+    Kernels that are compiled are printed, unless it `is_quiet`.
+    """
     import matplotlib as mpl
 
     case = registry.load(name)
     outcome = Verdict(name, case.QUESTION, case.REFERENCE)
-    began = time.perf_counter()
+    began, compilation, stream = time.perf_counter(), Compilation(), sys.stderr
+
+    def compiling(kernel: str) -> None:
+        text, is_slow = compilation.next(kernel)
+        if is_slow and not is_quiet:
+            print(f"  {name}: {text}", file=stream, flush=True)
+
     try:
-        with mpl.rc_context(style.RC):
+        with mpl.rc_context(style.RC), backend.announced(compiling):
             result = case.run(quick, seed) if name in registry.GAS else case.run(quick)
             outcome.result = replace(result, pictures=[])
             outcome.drawings = [page.draw(picture) for picture in result.pictures]

@@ -224,7 +224,6 @@ def bench(
     threads: int | None = None,
     precision: str = "f64",
     seed: int = 1,
-    comm: Communicator = SERIAL,
     **timing: Any,
 ) -> Benchmark:
     """Time (`measure`) a case file or a shipped case, or else the elastic gas of n disks at packing fraction phi.
@@ -234,10 +233,10 @@ def bench(
     """
     if case is not None:
         file = case_file.read(shipped.find(case), list(overrides))
-        return measure(file.case, file.folder, after=after, comm=comm, **timing)
+        return measure(file.case, file.folder, after=after, **timing)
     gas = elastic_gas(n, phi, device=device, threads=threads, precision=precision, seed=seed)
     try:
-        return measure(gas, comm=comm, **timing)
+        return measure(gas, **timing)
     except InputError as error:  # of a case that the user does not see
         raise InputError(f"--n {n} --phi {phi:g}: {error}") from None
 

@@ -1,8 +1,9 @@
 """Instructions of a collision against stored numbers: `python -m ifrdem.validation.speed.gate`.
 
 Callgrind counts them, in one process and on one thread, while gases run that have reached their equilibrium: what
-Python does around the kernels is in them, starts and compilers are not. They are the same within 0.5 % from run to run
-and whatever else the machine does, unlike times. They say nothing of caches and of branches that are mispredicted.
+Python does around the kernels is in them, starts and compilers are not. They are the same within 0.2 % from run to run
+(two runs, 2026-11-26) and whatever else the machine does, unlike times. They say nothing of caches and of branches that
+are mispredicted.
 
 Exit status 1 if a gas needs more than the margin allows. `--store` replaces the stored numbers by those found: do that
 in the commit of a change that is meant, and say why there.
@@ -27,6 +28,7 @@ from ...case.case import CaseSections
 from ...case.gas import CaseGas
 from ...errors import EngineError, InputError
 from ...kernels.compiler import runtime
+from ...simulation.simulation import Simulation
 from ...tools.arguments import script
 from ...tools.checked import Positive, validated
 from . import bench
@@ -36,12 +38,14 @@ STORED = Path(__file__).with_name("instructions.json")
 """Instructions of a collision by the name and version of the runtime and by gas."""
 MARGIN = 3.0
 """Instructions that a gas may need more than stored, in percent."""
+BURST = 8
+"""Windows in one launch at most, so that the last launch does not have most of the collisions."""
 WARM = 5.0
 """Collisions per disk before those that are counted."""
 
 
 def gases() -> dict[str, tuple[CaseSections, float]]:
-    """Cases by name, and collisions per disk that are counted of each."""
+    """Cases by name, and collisions per disk that are counted of each, at least."""
     alone: dict[str, Any] = {"threads": 1}
     return {
         "elastic, N = 1e3, phi = 0.3": (bench.elastic_gas(1_000, 0.3, **alone), 40.0),
@@ -77,39 +81,59 @@ class Callgrind:
 
 
 def count(folder: str) -> None:
-    """In a process that callgrind runs: run the gases, with a dump before and after each; write down collisions."""
+    """Run each gas, with a dump before and after what is counted of it; write down its collisions.
+
+    In a process that callgrind runs; in another one only the kernels are compiled.
+    """
     callgrind, collisions = Callgrind(), {}
     for name, (case, per_disk) in gases().items():
         gas = CaseGas.from_case(case).simulation()
+        gas._engine.arrays.burst = min(BURST, gas._engine.arrays.burst)
         gas.run(collisions_per_disk=WARM)
-        before = gas.collisions
-        callgrind.request(_START)
-        callgrind.request(_DUMP)  # the next dump has what comes after this one
-        gas.run_for(collisions_per_disk=per_disk)
-        callgrind.request(_DUMP)
-        callgrind.request(_STOP)
-        collisions[name] = gas.collisions - before
+        collisions[name] = _count(callgrind, gas, per_disk)
     (Path(folder) / "collisions.json").write_text(json.dumps(collisions), encoding="utf-8")
+
+
+def _count(callgrind: Callgrind, gas: Simulation, per_disk: float) -> int:
+    """Run some collisions per disk between two dumps; the number of collisions.
+
+    From the end of a window to that of another one: a run that ended within a window would leave part of its work to
+    the next run, or take it from the one before.
+    """
+    begin: int | None = None
+    end = 0
+
+    def after_window(_time: float, collisions: int) -> None:
+        nonlocal begin, end
+        if begin is None:
+            begin = collisions
+            callgrind.request(_START)
+            callgrind.request(_DUMP)  # the next dump has what comes after this one
+        elif not end and collisions >= begin + 0.5 * per_disk * gas.disks.n:
+            callgrind.request(_DUMP)
+            callgrind.request(_STOP)
+            end = collisions
+            gas.stop()
+
+    gas.run_for(collisions_per_disk=100.0 * (WARM + per_disk), progress=after_window)
+    assert begin is not None
+    return end - begin
 
 
 def counted() -> dict[str, float]:
     """Instructions of a collision by gas. EngineError if callgrind, or the process that it runs, fails."""
     with tempfile.TemporaryDirectory(prefix="ifrdem-gate-") as folder:
         code = f"import {__package__}.gate as own; own.count({folder!r})"
-        command = [
-            "valgrind",
-            "--tool=callgrind",
-            "--instr-atstart=no",
-            f"--callgrind-out-file={folder}/dump",
-        ]
-        environment = {**os.environ, "PYTHONHASHSEED": "0"}
-        done = subprocess.run(
-            [*command, sys.executable, "-c", code],
-            env=environment, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if done.returncode != 0:
-            last = (done.stderr.strip().splitlines() or ["without a message"])[-1]
-            raise EngineError(f"callgrind ended with {done.returncode}: {last}")
+        tool = ["--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={folder}/dump"]
+        # First without valgrind, which takes ten minutes to compile what then is in the cache of kernels.
+        for command in ([], ["valgrind", *tool]):
+            done = subprocess.run(
+                [*command, sys.executable, "-c", code],
+                env={**os.environ, "PYTHONHASHSEED": "0"}, capture_output=True, text=True, check=False,
+            )  # fmt: skip
+            if done.returncode != 0:
+                last = (done.stderr.strip().splitlines() or ["without a message"])[-1]
+                raise EngineError(f"{' '.join(command[:1])} python ended with {done.returncode}: {last}")
         collisions = json.loads((Path(folder) / "collisions.json").read_text(encoding="utf-8"))
         return {
             name: instructions_in(Path(folder) / f"dump.{2 * number}") / collisions[name]

@@ -24,7 +24,7 @@ from ...errors import DamageError, InputError, option_name
 from ...kernels.columns import named
 from ...kernels.compiler import runtime
 from ...model.state import COLUMNS, Disks, State
-from ...mpi import SERIAL, Communicator, current
+from ...mpi import current
 from ...tools import files
 from ...tools.versions import package_versions
 from ...trajectory import damage
@@ -57,7 +57,6 @@ def write(
 
 def write_parts(
     path: str | os.PathLike[str],
-    comm: Communicator,
     arrays: Mapping[str, NDArray[Any]],
     small: Mapping[str, NDArray[Any]],
     record: Mapping[str, Any],
@@ -71,6 +70,7 @@ def write_parts(
     `arrays` have a row for each disk of this rank's slice; the path, `small` ones and the record are those of the first
     rank. InputError on all, if a file cannot be written; the old checkpoint is kept then.
     """
+    comm = current()
     counts = comm.allgather(len(next(iter(arrays.values()))))
 
     def begin() -> tuple[Path, str]:
@@ -207,13 +207,13 @@ def divided(arrays: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     return of_disks, {name: each for name, each in arrays.items() if name not in of_disks}
 
 
-def read_slice(
-    path: str | os.PathLike[str], comm: Communicator = SERIAL
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def read_slice(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The arrays and the record of a checkpoint, on each rank with the rows of its own slice of the disks.
 
     All ranks call it, any number of them; the path is the root's. InputError on all, as `read`.
     """
+
+    comm = current()
 
     def first() -> tuple[Path, dict[str, NDArray[Any]], dict[str, Any]]:
         return Path(path), *_read(path)
@@ -228,8 +228,7 @@ def read_slice(
         return arrays | dict(zip(names, rows, strict=True)), record
     of_parts, error = {}, None
     try:
-        with comm:
-            of_parts = _rows(target, record)
+        of_parts = _rows(target, record)
     except InputError as raised:
         error = raised
     comm.raise_collectively(error)
@@ -307,10 +306,10 @@ def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
     )
 
 
-def disks_of(arrays: Mapping[str, NDArray[Any]]) -> Disks:
-    """The disks: of ranks, those of the slice."""
+def disks_of(arrays: Mapping[str, NDArray[Any]], species: Mapping[str, int]) -> Disks:
+    """The disks, of these species: of ranks, those of the slice."""
     columns = [arrays[f"disks_{name}"] for name in COLUMNS]
-    return Disks(len(columns[0]), *columns)
+    return Disks(len(columns[0]), *columns, species=species)
 
 
 def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], device: str = "cpu") -> None:

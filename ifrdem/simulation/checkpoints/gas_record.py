@@ -48,7 +48,7 @@ def gas_record(engine: Engine, laws: Sequence[Sequence[CollisionLaw]]) -> dict[s
         "device": asdict(options.device),
         "record": sorted(options.record),
         "seed": options.seed,
-        "species": dict(options.species),
+        "species": dict(engine.kinds.species),
     }
     record: dict[str, Any] = json.loads(json.dumps(found))
     return record
@@ -90,7 +90,6 @@ def arguments(
         "collapse": None if collapse is None else _COLLAPSES[collapse[0]](**collapse[1]),
         "device": chosen,
         "record": record["record"],
-        "species": record["species"],
         "seed": record["seed"],
     }  # fmt: skip
 

@@ -27,7 +27,7 @@ def totals(engine: Engine) -> NDArray[np.float64]:
 
 def species_totals(engine: Engine) -> NDArray[np.float64]:
     """Sums over each species at the present time, shape (species, columns of SPECIES)."""
-    arrays, numbers = engine.arrays, np.array([number for _, number in engine.options.species])
+    arrays, numbers = engine.arrays, np.array([*engine.kinds.species.values()])
     first = (np.cumsum(numbers) - numbers + arrays.domain.first_id).astype(np.int32)
     found = np.zeros((arrays.tiles, len(numbers), SPECIES.width))
     arrays.launch(read_species, engine.windows.part, first_of_species=first, species_totals=found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from ...kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
 from ...model.box import Box
 from ...model.laws.law import CollisionLaw, compiled
 from ...model.walls.wall import Wall
-from ...tools.checked import integer
 
 if TYPE_CHECKING:
     from ..engine import EngineOptions
@@ -38,19 +37,6 @@ def validate_record(record: Iterable[str]) -> frozenset[str]:
         if name not in RECORDABLE:
             raise InputError(f"record: unknown name {name!r}{nearest(name, RECORDABLE)}; must be of {known}")
     return frozenset(names) | ({"energy"} if "disk_energy" in names else set())
-
-
-def validate_species(species: Any) -> tuple[tuple[str, int], ...]:
-    """Names and numbers of species, from a mapping or pairs: InputError for others, and for numbers below 1."""
-    if isinstance(species, tuple) and all(isinstance(each, tuple) and len(each) == 2 for each in species):
-        species = dict(species)
-    if not isinstance(species, Mapping):
-        raise InputError(f"species = {species!r}: must be a mapping from names to numbers of disks")
-    for name, number in species.items():
-        if not isinstance(name, str) or not name:
-            raise InputError(f"species = {name!r}: must be a name")
-        integer(f"species[{name!r}]", number, 1)
-    return tuple((name, int(number)) for name, number in species.items())
 
 
 def features_of(

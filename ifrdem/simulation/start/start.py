@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...model.state import DiskKinds, Disks, State, scatter_state
-from ...mpi import Communicator
+from ...mpi import current
 from ...mpi.distribution import broadcast_constant_rows
 from .checks import fastest
 
@@ -35,8 +35,9 @@ class StartCounts:
     asleep: int
 
     @classmethod
-    def of(cls, comm: Communicator, disks: Disks, state: State) -> StartCounts:
+    def of(cls, disks: Disks, state: State) -> StartCounts:
         """The counts of disks that the root has, or each rank a slice of; InputError if the state has others."""
+        comm = current()
 
         def here() -> tuple[int, float, int, int, int]:
             if state.n != disks.n:
@@ -70,18 +71,17 @@ class StartSlice:
     disks: Disks
 
     @classmethod
-    def of(cls, comm: Communicator, disks: Disks, state: State) -> StartSlice:
+    def of(cls, disks: Disks, state: State) -> StartSlice:
         """The slice of disks that the root has, or each rank has its slice of."""
-        here, begin = disks, state
-        with comm:
-            if comm.is_distributed:
-                comm.require_equal(repr(state.time), "times of the start")
-            else:
-                here, begin = scatter_state(disks, state)
-            kinds = disks if comm.size == 1 else DiskKinds.of(here)
+        comm, here, begin = current(), disks, state
+        if comm.is_distributed:
+            comm.require_equal(repr(state.time), "times of the start")
+        else:
+            here, begin = scatter_state(disks, state)
+        kinds = disks if comm.size == 1 else DiskKinds.of(here)
         return cls(here, begin, kinds, disks if comm.has_all else kinds)
 
-    def history(self, comm: Communicator) -> dict[str, Any]:
+    def history(self) -> dict[str, Any]:
         """Fields of the state on the history of disks: those that the gas does not update stay."""
         state = self.state
         found: dict[str, Any] = {
@@ -89,6 +89,6 @@ class StartSlice:
             "last_partner": state.last_partner, "angle": state.angle, "dissipated": state.dissipated,
             "asleep": state.asleep,
         }  # fmt: skip
-        if comm.size > 1:
+        if current().size > 1:
             found = {name: broadcast_constant_rows(value) for name, value in found.items()}
         return found

@@ -55,7 +55,14 @@ def _compiled(kind: Any, number: int, first: int) -> k.CompiledForce:
     measure = declared(kind.measure) if kind.totals else None
     names = (*kind.parameters, *kind.constants)
     return k.CompiledForce(
-        declared(kind.act), kind.totals, names, number, first, alone, measure, kind.draws_pair
+        declared(kind.act),
+        kind.totals,
+        names,
+        number,
+        first,
+        alone=alone,
+        measure=measure,
+        draws_pair=kind.draws_pair,
     )
 
 
@@ -166,7 +173,7 @@ class ForceSteps:
     @property
     def next_time(self) -> float:
         """Time at which the next force acts [time]; infinite without forces."""
-        return self._times(range(len(self.forces)))
+        return self._times(range(len(self.forces))) if self.forces else math.inf
 
     @property
     def ends_window(self) -> float:
@@ -201,7 +208,7 @@ class ForceSteps:
 
     def acting(self, now: float) -> list[int]:
         """Indices of the forces that act at `now` [time], in the order in which they do."""
-        if now < self.next_time:  # by rounding too: a readout just before changes nothing
+        if not self.forces or now < self.next_time:  # by rounding too: a readout just before changes nothing
             return []
         steps = self.next_steps
         found = [i for i in self._in_steps if reached(time_of(steps[i], self._steps[i]), now)]
@@ -225,6 +232,13 @@ class ForceSteps:
         force = self.forces[index]
         alone = [force.step, float(index)] if isinstance(force, PoissonForce) else []
         return [*alone, *force.values.values(), *force.derived()]
+
+    @property
+    def n_kernels(self) -> int:
+        """Number of kernels of the forces outside windows: that of each class, and those of its totals."""
+        within = {type(self.forces[i]) for i in self._within}
+        between = {type(force) for i, force in enumerate(self.forces) if i not in self._within}
+        return len(between) + sum(bool(kind.totals) for kind in [*within, *between])
 
     @property
     def any_within(self) -> bool:

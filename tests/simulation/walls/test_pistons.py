@@ -162,6 +162,23 @@ def test_a_piston_bounces_between_its_stops_and_rests_where_it_is_pressed() -> N
     found = at(10.0 * math.pi + 0.3, spring=2.0, displacement=0.5, low=0.0)[:2]
     np.testing.assert_allclose(found, (0.5 * math.cos(0.3), -0.5 * math.sin(0.3)), atol=1e-13)
     np.testing.assert_array_equal(at(50.0, force=-3.0, low=0.0), (0.0, 0.0, 0.0, -3.0))
+    # So near to its stop that its fall of 1e-14 is none.
+    np.testing.assert_array_equal(at(50.0, displacement=1e-14, force=-3.0, low=0.0)[:2], (0.0, 0.0))
+
+
+@pytest.mark.parametrize("spring", [0.0, 1e-12, 1e-3])
+def test_a_piston_at_its_stop_that_is_hit_from_inside_returns_at_once(spring: float) -> None:
+    """m = 1 at speed 1 onto M = 2 at rest: -1/3 and 2/3 outwards, which the stop turns; both move inwards, the piston
+    faster: they meet at once again, and leave at 7/9 and 4/9. A spring that is relaxed there has done no work yet.
+    """
+    start = State([[5.0, 10.0]], [[0.0, 1.0]], np.zeros(1))
+    wall = piston_wall(mass=2.0, low=0.0, spring=spring)  # the gap of 1.5 takes as long
+    simulation = piston_gas(Disks(1, mass=1.0, radius=0.5), BOX, ELASTIC, start, [wall])
+    simulation.run(t_end=1.5 + 1e-3)
+    assert simulation.wall_collisions == 2
+    np.testing.assert_allclose(simulation.state.velocity, [[0.0, -7.0 / 9.0]], atol=1e-12)
+    # A spring of 1e-3 takes k s dt / M = 1e-3 * 4e-4 * 1e-3 / 2 of the speed in that time.
+    np.testing.assert_allclose(simulation.pistons[0, :2], (4e-3 / 9.0, 4.0 / 9.0), rtol=1e-9)
 
 
 def test_gravity_pulls_the_piston_too() -> None:

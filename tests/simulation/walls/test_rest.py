@@ -19,6 +19,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import MECHANISMS
 from ifrdem.model.state import Disks, State
+from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.simulation.simulation import Simulation
@@ -204,6 +205,63 @@ def test_a_pyramid_of_three_is_stable_by_friction(mu: float, stands: bool) -> No
         assert top == pytest.approx(0.5 + 0.5 * math.sqrt(3.0), abs=1e-3)
     else:
         assert top < 1.0
+
+
+@pytest.mark.parametrize("mu", [0.270, 0.266])
+def test_a_pyramid_across_a_side_is_the_mirror_image_of_one_across_the_other_side(mu: float) -> None:
+    """The contact of the lower two, and one of the top, are around the box: along x, or along y with gravity along x.
+
+    x and y change places: sums of two squares and products keep their bits.
+    """
+    between, floor = IFRLaw(e_n=0.6, e_t=-1.0, mu=mu), IFRLaw(e_n=0.6, e_t=-1.0, mu=0.5)
+    place = np.array([[11.5, 0.5001], [0.5001, 0.5001], [0.0, 0.5001 + 0.5 * math.sqrt(3.0) + 1e-3]])
+    found = []
+    for turn in (slice(None), slice(None, None, -1)):
+        run = Simulation(
+            Disks(3, mass=1.0, radius=0.5, material=1),
+            Box((12.0, 10.0)[turn], periodic=(True, False)[turn]),
+            [[floor, floor], [floor, between]], State(place[:, turn], np.zeros((3, 2)), np.zeros(3)),
+            gravity=(0.0, -1.0)[turn], collapse=Rest(0.005), record=["energy"],
+        )  # fmt: skip
+        run.run(t_end=40.0)
+        found.append((run.state.position[:, turn], run.asleep, run.collisions))
+    np.testing.assert_array_equal(found[0][0], found[1][0])
+    assert found[0][1:] == found[1][1:]
+    assert found[0][1] == (3 if mu > 0.2679 else 1)
+
+
+def test_contacts_for_which_there_is_no_room_are_counted_and_wake_no_disk() -> None:
+    """There is room for eight; the disk lies on the ends of twenty segments at one place."""
+    run = set_asleep(gas([[6.0, 3.5]]), [1], e_n=0.6, e_t=-1.0, mu=0.3)
+    state = run.state
+    walls = [Wall.segment((4.0, 3.0), (8.0, 3.0)) for _ in range(20)]
+    run = Simulation(
+        run.disks, BOX, IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), state,
+        walls=walls, gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["energy"],
+    )  # fmt: skip
+    run.run(t_end=3.0)
+    assert run.statistics.unverified > 0
+    assert run.asleep == 1
+    np.testing.assert_array_equal(run.state.position, [[6.0, 3.5]])
+
+
+def test_a_sleeping_disk_wakes_where_a_wall_comes_near_and_is_pushed() -> None:
+    """The wall, x = 0.05 t, reaches the disk at t = 50; its law is not elastic: after t = 60 they move together."""
+    start = set_asleep(gas([[3.0, 0.5]]), [1], e_n=0.6, e_t=-1.0, mu=0.3)
+    wall = Wall.line((0.0, 0.0), (1.0, 0.0), motion=Motion("steady", direction=(1.0, 0.0), speed=0.05))
+    run = Simulation(
+        start.disks, BOX, IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), start.state,
+        walls=[wall], gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["energy"],
+    )  # fmt: skip
+    run.run(t_end=49.0)
+    assert run.asleep == 1
+    assert run.wall_collisions == 0
+    np.testing.assert_array_equal(run.state.position, [[3.0, 0.5]])
+    run.run(t_end=60.0)
+    assert run.asleep == 0
+    # Ahead of the wall by less than it moves in a hop on the floor, v_s / g a few times.
+    assert 0.0 <= run.state.position[0, 0] - 3.5 < 0.05
+    closes(run)
 
 
 # --- hits -----------------------------------------------------------------------------------------------------

@@ -1,0 +1,123 @@
+"""Pictures to look at, in the style "poster": no titles and axes, the disks on black, and a bar of the scale."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tools.checked import Array
+from . import disks
+from .style import Gas, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from .disks import Colour, View
+
+PICTURES = ("disks", "fields")
+"""Pictures of places, which have this style."""
+STRIP = 0.055
+"""Height of the strip below a map, for the bar, as part of the width of the map."""
+CELL = 1.8
+"""Side of the cells of a map of many disks, in mean diameters."""
+FULL = 0.6
+"""Area fraction at which a cell has its full colour."""
+
+
+def sides(gas: Gas, position: Array, panels: int = 1) -> tuple[float, float]:
+    """Width and height of a figure of maps of the disks [inches]."""
+    width, height = np.ptp(disks.shown_region(gas, position), axis=1)
+    side = 7.5 / max(1.0, float(height / width) / 1.3)
+    return side * panels, side * (float(height / width) + STRIP)
+
+
+def frame(axes: Axes, view: View, color: str) -> None:
+    """The disks of a frame with its walls; of many disks a map, whose cells are as bright as they are full."""
+    colour = disks.colour_of(color)
+    region = disks.shown_region(view, view.moving.position)
+    axes.set(xlim=region[0], ylim=region[1], aspect="equal")
+    if view.disks.n > disks.MOST_DISKS:
+        extent = (*region[0], *region[1])
+        picture = cells(view, colour, region).swapaxes(0, 1)
+        axes.imshow(picture, origin="lower", extent=extent, interpolation="antialiased")
+    else:
+        disks.add_colored(axes, view, colour)
+    disks.draw_walls(axes, view, view.time, disks.collisions_of(view.moving))
+    finish(axes, view, region)
+
+
+def finish(axes: Axes, gas: Gas, region: Array) -> None:
+    """Take away titles, axes and bars of colours, and add the bar of the scale below the map."""
+    axes.set(title="", xlabel="", ylabel="", xticks=[], yticks=[])
+    for each in (*axes.child_axes,):
+        each.remove()
+    width = float(np.ptp(region[0]))
+    length = scale_length(width)
+    for name, spine in axes.spines.items():
+        axis = 0 if name in ("left", "right") else 1
+        spine.set_visible(not gas.box.periodic[axis] and not gas.box.is_open)
+    style: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+    down = -0.4 * STRIP * width / float(np.ptp(region[1]))
+    left = float(region[0, 0]) + 0.01 * width
+    axes.plot([left, left + length], [down, down], color="white", lw=2.0, solid_capstyle="butt", **style)
+    text = with_unit(gas, f"{length:g}", "length")
+    if text == f"{length:g}":
+        diameters = length / (2.0 * float(gas.disks.radius.mean()))
+        text = f"{diameters:.3g} mean diameters"
+    axes.text(left + length + 0.012 * width, down, text, color="white", va="center", **style)
+
+
+def scale_length(width: float) -> float:
+    """A length of 1, 2 or 5 times a power of ten, an eighth of a width or somewhat less."""
+    power = 10.0 ** math.floor(math.log10(width / 8.0))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= width / 8.0 * (1.0 + 1e-9))
+
+
+def cells(view: View, colour: Colour | None, region: Array) -> NDArray[np.float64]:
+    """RGB of cells of a region, shape (cells along x, along y, 3): means over the disks of each, by their area."""
+    from matplotlib.colors import Normalize, to_rgb
+
+    radius, position = view.disks.radius, view.moving.position
+    lengths = np.ptp(region, axis=1)
+    side = CELL * 2.0 * float(np.sqrt(np.mean(radius**2)))
+    counts = np.clip(np.rint(lengths / side), 1, 4000).astype(int)
+    part = np.floor((position - region[:, 0]) / lengths * counts).astype(int)
+    inside = ((part >= 0) & (part < counts)).all(axis=1)
+    which = part[inside, 0] * counts[1] + part[inside, 1]
+    area = np.pi * radius[inside] ** 2
+
+    def total(weights: Array) -> Array:
+        return np.bincount(which, weights, int(counts.prod())).astype(np.float64)
+
+    covered = total(area)
+    bright = np.clip(covered * float(counts.prod() / np.prod(lengths)) / FULL, 0.0, 1.0) ** 0.8
+    if colour is None:
+        shades = np.array(to_rgb(disks.PLAIN))[None]
+    else:
+        values = colour.values(view)
+        low, high = disks.limits(colour.scale, values)
+        mean = _means(values[inside], area, total, covered, cyclic=colour.scale == "cyclic")
+        map_ = disks.colour_map(colour.scale, dark=True, kinds=round(high + 0.5))
+        shades = map_(Normalize(low, high)(mean))[:, :3]
+    return np.asarray((shades * bright[:, None]).reshape(*counts, 3))
+
+
+def _means(values: Array, area: Array, total: Any, covered: Array, *, cyclic: bool) -> Array:
+    """Mean value of each cell by area; of directions [degrees] that of their unit vectors."""
+    if cyclic:
+        angle = np.radians(values)
+        return np.degrees(np.arctan2(total(area * np.sin(angle)), total(area * np.cos(angle))))
+    return np.asarray(total(area * values) / np.where(covered > 0.0, covered, 1.0))
+
+
+def arrange(figure: Figure, panels: Any) -> None:
+    """Fill the figure with its maps."""
+    figure.set_layout_engine("none")
+    count = len(panels)
+    strip = STRIP * figure.get_figwidth() / count / figure.get_figheight()
+    for i, axes in enumerate(panels):
+        axes.set_position((i / count + 0.005, strip, 1.0 / count - 0.01, 1.0 - strip - 0.005))
