@@ -101,8 +101,8 @@ class CompiledForce:
 
     `act` is its function, with `n_totals` totals and numbers of these `names`; `number` is its own among these forces,
     `first` that of its first number in `force_values`. If `alone` it acts on single disks, each at times of its own
-    (`disks/force_times.py`). `measure` is the function of one with totals. One that `draws_pair` takes the first pair of
-    normal random numbers of a step.
+    (`disks/force_times.py`). `measure` is the function of one with totals. If it `draws_pair`, it takes the first pair
+    of normal random numbers of a step.
 
     Neither a dataclass nor a tuple: quadrants passes the members of those to a function one by one.
     """
