@@ -57,7 +57,7 @@ WALL = {
     ),
     "turn": (
         "drum", f"disks --color direction {POSTER}",
-        "Up with the drum (light), and down the slope (dark).",
+        "Right and up with the drum (yellow, light), and down the slope to the left (blue, dark).",
     ),
     "floating": (
         "vibrated", f"disks --frames 120 --color speed {POSTER}",
@@ -212,7 +212,7 @@ pictures.
 ## Posters
 
 A million disks after 120 collisions per disk, coloured by their directions of motion. Cells of 1.8 diameters are as
-bright as they are full. The run takes a minute or two on one core.
+bright as they are full. The run has 60 million collisions; `ifrdem check` estimates its time.
 
 ![Filaments and clusters in a gas of a million disks](gallery/million.webp)
 
