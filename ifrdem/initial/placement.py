@@ -222,9 +222,9 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     """Place disks by random sequential addition: uniformly at random, each where it overlaps nothing before it.
 
     Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first (in size
-    classes of 25 %), which lets mixtures become denser than the equal-disk limit. InputError if the disks do not fit:
-    equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when the attempts are used up (400
-    per disk; equal disks reach about 0.53). The message gives the packing fraction reached.
+    classes of 25 %), which lets mixtures become denser than the equal-disk limit. InputError if the disks do not
+    fit: equal disks above packing fraction 0.547 of the free area (`free_area.py`), or any disks when the attempts
+    are used up (400 per disk; equal disks reach about 0.53). The message gives the packing fraction reached.
 
     Of 524,288 disks and more (two blocks, `BLOCK`) each 262,144 to 524,288 are placed in a strip of the box of their
     own, drawn from all at random, whose free area goes as the area that they cover; each strip has random numbers of

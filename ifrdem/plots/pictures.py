@@ -84,7 +84,7 @@ def figure(
     instance("trajectory", trajectory, Trajectory)
     layout, frames = _layout(trajectory, what), _numbers(trajectory, frames)
     if is_poster.get():
-        return _poster(trajectory, what, frames, color, make or Figure, size, dpi, options)
+        return _poster(trajectory, what, frames, color, make, size, dpi, options)
     wide = layout.get("ncols", 1) > 1
     usual = (12.0, 8.0) if layout.get("nrows", 1) > 1 and wide else (12.0, 5.2) if wide else (7.5, 6.2)
     if what == "disks" and "position" in trajectory.fields:
@@ -135,12 +135,14 @@ def _tidy(axes: Sequence[Axes], layout: dict[str, Any], *, narrow: bool) -> None
 
 
 def _poster(
-    trajectory: Trajectory, what: str, frames: Sequence[int] | None, color: str | None, make: Callable[..., Any],
-    size: tuple[float, ...] | None, dpi: int, options: dict[str, Any],
+    trajectory: Trajectory, what: str, frames: Sequence[int] | None, color: str | None,
+    make: Callable[..., Any] | None, size: tuple[float, ...] | None, dpi: int, options: dict[str, Any],
 ) -> Figure:  # fmt: skip
     """A figure in the style "poster"; see `poster`."""
+    from matplotlib.figure import Figure
+
     from . import poster
-    from .disks import View, default_color, shown_region
+    from .disks import View, colour_of, default_color, shown_region
 
     if what not in poster.PICTURES:
         raise InputError(
@@ -152,10 +154,13 @@ def _poster(
     usual = poster.sides(trajectory, frame.position, count)
     if size is not None:
         usual = (size[0], size[1] if len(size) > 1 else size[0] * usual[1] / usual[0])
-    drawn: Figure = make(figsize=usual, dpi=dpi)
-    axes = drawn.subplots(1, count, squeeze=False).ravel()
+    drawn: Figure = make(usual) if make is not None else Figure(usual, dpi=dpi)
+    axes = list(drawn.subplots(1, count, squeeze=False).ravel())
     if what == "disks":
-        poster.frame(axes[0], view := View.of(frame), color or default_color(view))
+        view = View.of(frame)
+        if (colour := colour_of(name := color or default_color(view))) is not None:
+            trajectory.require(colour.field)
+        poster.frame(axes[0], view, name)
     else:
         _draw(list(axes), trajectory, what, frames, color=color, **options)
         for one in axes:

@@ -474,7 +474,7 @@ def finish(running: Run, started: float, before: int, rate: float, log: Callable
     resting_speed = running.file.case.run.resting_speed
     if elastic := statistics.elastic:
         what = (
-            "were elastic, against inelastic collapse"
+            "were made elastic by the remedy for inelastic collapse"
             if resting_speed is None
             else f"were slower than the resting speed, {resting_speed:g}: of contacts that last"
         )
@@ -485,17 +485,18 @@ def finish(running: Run, started: float, before: int, rate: float, log: Callable
             part = 100.0 * unverified / statistics.windows
             text = f"  in {unverified} windows, {part:.2g} % of all, the forces in the heap were not found"
             log(
-                f"{text}: which disks rest there is in doubt; if they are many, compare the heap with one of another "
+                f"{text}: it is uncertain which disks rest there; if they are many, compare with a heap of another "
                 "resting_speed"
             )
         if jammed := statistics.jammed:
             log(
-                f"  {jammed} times a disk jammed between others fell asleep at speed; if that is often, compared with "
-                "its collisions, look for a start that is too dense, or walls that close on disks"
+                f"  {jammed} times a disk jammed between others fell asleep while it moved; if this happens in many of "
+                "its collisions, the start may be too dense, or walls may close on disks"
             )
     rows, frames = running.writer.series_rows, len(running.writer)
     log(
-        f"  output, {frames} frames and {rows} rows of series, took {100.0 * running.output_share:.2g} % of it"
+        f"  output, {frames} frames and {rows} rows of series, took {100.0 * running.output_share:.2g} % of the "
+        "run time"
     )
     for path, bytes_there in running.outputs.sizes().items():
         log(f"  {path} ({check.size(bytes_there)})")
@@ -579,7 +580,7 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
         inputs = f"{' and '.join(sources)} put in {last.energy_input:.6g}{energy}, " if sources else ""
         yield f"{inputs}collisions dissipated {lost:.6g}{energy}"
     elif first.energy > 0.0:
-        yield f"dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start"
+        yield f"dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the initial energy"
     residual = ledger.relative_residual(last)
     if residual is not None and last.dissipated is not None:
         yield from _mechanisms(last.dissipated, energy)

@@ -336,7 +336,7 @@ def test_run_writes_trajectory_and_picture_and_a_summary(
     assert re.search(r"^on cpu: ", shown.out, flags=re.MULTILINE)
     assert re.search(r"done in [\d.]+ s: 202 collisions \(4 per disk\)", shown.out)
     assert re.search(r"T/T0 = 0\.\d+, theta = T_rot/T = 0\.\d+", shown.out)
-    assert re.search(r"dissipated [\d.e-]+ J, [\d.]+ % of the start", shown.out)
+    assert re.search(r"dissipated [\d.e-]+ J, [\d.]+ % of the initial energy", shown.out)
     assert re.search(r"^  momentum drift [\d.e-]+ kg m s-1 \(", shown.out, flags=re.MULTILINE)
     for name in ("tiny.h5", "tiny.png"):
         assert re.search(rf"^  {name} \([\d.]+ kB\)$", shown.out, flags=re.MULTILINE)

@@ -46,11 +46,11 @@ picture = false
         (
             'collapse = "rest"\nresting_speed = 0.05',
             "collisions were slower than the resting speed, 0.05",
-            "against inelastic collapse",
+            "the remedy for inelastic collapse",
         ),
         (
             'collapse = "tc"\ncontact_time = 0.01',
-            "collisions were elastic, against inelastic collapse",
+            "collisions were made elastic by the remedy for inelastic collapse",
             "resting speed",
         ),
     ],

@@ -357,3 +357,107 @@ def test_many_disks_are_a_map_until_the_view_is_narrow(page, serve, path):
     page.evaluate("zoomAt(300, 200, 16)")
     until(page, "!busy && !frame.shape && count() < 20")
     until(page, "$('notes').innerText === ''")
+
+
+SIZES = {"narrow": (390, 844), "wide": (1400, 900)}
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_no_fault_with_a_disk_chosen_nor_in_a_study(browser, serve, path, tmp_path, scheme, size):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed").Axe()
+    width, height = SIZES[size]
+    context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
+    context.set_default_timeout(1000.0 * PATIENCE)
+    for address in (serve(path), serve(some_results(tmp_path), "--study")):
+        page = context.new_page()
+        opened(page, address)
+        page.evaluate("choose(3)")
+        until(page, "!$('disk').hidden && $('disk').innerText.includes('Disk 3')")
+        found = [
+            (each["id"], [node["html"] for node in each["nodes"]])
+            for each in axe.run(page).response["violations"]
+        ]
+        assert found == []
+    context.close()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_panel_that_opens_moves_no_disk_and_on_narrow_pages_covers_none(page, serve, path, size):
+    width, height = SIZES[size]
+    page.set_viewport_size({"width": width, "height": height})
+    opened(page, serve(path))
+    before = spot(page, *viewed.state(0).position[11])
+    page.mouse.click(*before)
+    until(page, "!$('disk').hidden && $('disk').innerText.includes('Disk 11')")
+    assert spot(page, *viewed.state(0).position[11]) == before
+    if size == "narrow":
+        stage, panel = (page.locator(id).bounding_box() for id in ("#stage", "#disk"))
+        assert panel["y"] >= stage["y"] + stage["height"]
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_targets_of_touch_have_40_pixels(browser, serve, path):
+    context = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True)
+    context.set_default_timeout(1000.0 * PATIENCE)
+    page = context.new_page()
+    opened(page, serve(path))
+    targets = "button, select, label, input:not(label *)"
+    found = f"[...document.querySelectorAll('header, footer')].flatMap(one => [...one.querySelectorAll('{targets}')])"
+    too_small = "one => one.offsetParent && (one.offsetHeight < 40 || one.offsetWidth < 40)"
+    small = page.evaluate(f"{found}.filter({too_small}).map(one => one.outerHTML)")
+    assert small == []
+    context.close()
+
+
+def test_the_view_moves_and_disks_are_chosen_by_keys(page, serve, path):
+    opened(page, serve(path))
+    whole = page.evaluate("({...view})")
+    for _ in range(3):
+        page.keyboard.press("+")
+    page.keyboard.press("Shift+ArrowRight")
+    page.keyboard.press("Shift+ArrowUp")
+    now = page.evaluate("({...view, width: stage.clientWidth, height: stage.clientHeight, index})")
+    assert now["zoom"] == pytest.approx(whole["zoom"] * 1.25**3)
+    assert now["x"] == pytest.approx(whole["x"] + 0.1 * now["width"] / now["zoom"])
+    assert now["y"] == pytest.approx(whole["y"] + 0.1 * now["height"] / now["zoom"])
+    assert now["index"] == 0
+    page.keyboard.press("-")
+    assert page.evaluate("view.zoom") == pytest.approx(whole["zoom"] * 1.25**2)
+    page.fill("#number", "7")
+    page.press("#number", "Enter")
+    until(page, "$('disk').innerText.includes('Disk 7')")
+    page.locator("#above").focus()
+    page.keyboard.press("]")
+    until(page, "$('disk').innerText.includes('Disk 8')")
+    page.keyboard.press("[")
+    until(page, "$('disk').innerText.includes('Disk 7')")
+    assert page.input_value("#number") == "7"
+    page.keyboard.press("Escape")
+    assert page.evaluate("selected") == -1
+    assert "Shift and arrows move" in page.get_attribute("#above", "aria-label")
+    assert page.get_attribute("#chart", "aria-label").startswith("graph of ")
+
+
+def test_a_study_without_disks_shows_no_empty_stage(page, serve, tmp_path):
+    opened(page, serve(some_results(tmp_path), "--study"))
+    page.select_option("#which", index=1)
+    until(page, "$('point').textContent === 'e_n = 0.8'")
+    until(page, "document.body.classList.contains('bare')")
+    for id in ("#stage", "#play", "#fit"):
+        assert not page.locator(id).is_visible()
+    assert page.locator("#study").bounding_box()["width"] == 900
+    assert page.locator("#chart").is_visible()
+    page.select_option("#which", index=0)
+    until(page, "head?.n === 40 && !document.body.classList.contains('bare')")
+    assert page.locator("#stage").is_visible()
+
+
+def test_marks_of_axes_have_equal_distances(page, serve, path):
+    opened(page, serve(path))
+    for low, high, log in ((0.0, 7.3, False), (0.02, 900.0, True), (1e-7, 1e5, True)):
+        found = np.array(page.evaluate(f"ticks({low}, {high}, {str(log).lower()}, 5)"))
+        steps = np.diff(np.log(found) if log else found)
+        assert len(found) > 2
+        assert steps == pytest.approx(np.full(len(steps), steps[0]))
+    assert page.evaluate("ticks(0.3, 4, true, 5)") == [0.5, 1, 2]

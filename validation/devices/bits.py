@@ -1,9 +1,10 @@
 """A GPU against the CPU: the same gas from the same start, in windows of the same length.
 
-All that both compute by +, -, *, / and roots agrees to the last bit (`kernels/taichi_fixes.py` says how): the state
-after many collisions is the same, whatever the tiles. Sines, cosines and logarithms are those of another library. So
-walls that swing and thermal walls give other last bits, which collisions enlarge some tenfold each: such gases are
-compared after two collisions of a disk. In single precision, divisions and roots of a GPU are approximate too.
+All that both compute by +, -, *, / and roots agrees to the last bit (`kernels/compiler/compiler_fixes.py` says how):
+the state after many collisions is the same, whatever the tiles. Sines, cosines and logarithms are those of another
+library. So walls that swing and thermal walls give other last bits, which collisions enlarge some tenfold each: such
+gases are compared after two collisions of a disk. In single precision, divisions and roots of a GPU are approximate
+too.
 """
 
 from __future__ import annotations
