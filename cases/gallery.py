@@ -20,6 +20,7 @@ ORDER = (
     "cooling",
     "clusters",
     "driven",
+    "driven_mixture",
     "shear",
     "mixture",
     "elastic",
@@ -163,6 +164,30 @@ ifrdem plot study.nc theta --over tau --by e_n
 """
 
 
+MIXTURE_STUDY = """case = "driven_mixture"
+
+[sweep]
+"material[0].e_n" = [0.5, 0.6, 0.7, 0.8, 0.9, 0.95]
+
+[ensemble]
+seeds = 6
+
+[output]
+series = 80
+analyses = ["species", "stress"]
+"""
+MIXTURE = f"""### A study: temperatures and stresses of a driven mixture
+
+![Temperatures of two species, their ratio, and the pressure tensor over e_n](gallery/mixture_study.png)
+
+36 gases of 400 heavy and 400 light coins. Bars: two standard errors over six seeds. Dashed: kinetic theory of a
+homogeneous mixture. [Studies](studies.md#species-and-stresses) has the numbers. The study file:
+
+```toml
+{MIXTURE_STUDY}```
+"""
+
+
 LAWS = """### Two laws that agree on single impacts
 
 ![Single impacts, cooling, clusters and a driven gas under two laws, with bands over ten seeds](gallery/laws.png)
@@ -212,7 +237,7 @@ ifrdem movie {MOVIE} -o clusters.webp
 
 The picture that `ifrdem run` makes of each.
 """
-    return "\n".join((head, *wall, cases, *(section(name) for name in ORDER), STUDY, LAWS))
+    return "\n".join((head, *wall, cases, *(section(name) for name in ORDER), STUDY, MIXTURE, LAWS))
 
 
 def ifrdem(*words: str, cwd: Path) -> None:
@@ -234,6 +259,24 @@ def study(runs: Path) -> None:
         both.paste(lower, (0, upper.height))
         both.save(runs / "study.png")
     shrink(runs / "study.png", DOCS / "gallery" / "study.png")
+
+
+def mixture_study(runs: Path) -> None:
+    """Run the study of a driven mixture and write its picture: temperatures, their ratio and stresses, side by side."""
+    if not (runs / "mixture_study.nc").exists():
+        (runs / "mixture_study.toml").write_text(MIXTURE_STUDY)
+        ifrdem("study", "mixture_study.toml", cwd=runs)
+    pictures = []
+    for what in ("species_temperature", "species_T_of_light_T_of_heavy", "stress"):
+        words = ["--over", "e_n", "--size", "4in", "--no-title", "--force"]
+        ifrdem("plot", "mixture_study.nc", what, *words, cwd=runs)
+        with Image.open(runs / f"mixture_study-{what}.png") as image:
+            pictures.append(image.convert("RGB"))
+    all_of_them = Image.new("RGB", (sum(each.width for each in pictures), pictures[0].height))
+    for i, each in enumerate(pictures):
+        all_of_them.paste(each, (i * each.width, 0))
+    all_of_them.save(runs / "mixture_study.png")
+    shrink(runs / "mixture_study.png", DOCS / "gallery" / "mixture_study.png", 1200)
 
 
 def laws(runs: Path) -> None:
@@ -272,6 +315,7 @@ def main(runs: Path) -> None:
         small = DOCS / "gallery" / "wall" / f"{name}.png"
         shrink(runs / f"wall-{name}.png", small, WALL_WIDTH, WALL_COLOURS)
     study(runs)
+    mixture_study(runs)
     laws(runs)
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8", newline="\n")
 

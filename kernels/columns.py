@@ -409,8 +409,8 @@ TRIAL_TABLES: dict[str, Columns] = {
 # Time and length of the step; 1 for x and y where the whole gas can drift (`model.walls.wall.free_directions`), else 0.
 WHEN = Columns(**columns("time", "dt", "free_x", "free_y"))
 # A step of a force within a window: when it acts; number of the force among those that act so, and among all; number
-# and length of the step; totals, at least one.
-KICK = Columns(**columns("time", "force", "index", "number", "dt"), totals=1)
+# and length of the step; where shares of the disks in its totals begin in `shares`, or -1; totals, at least one.
+KICK = Columns(**columns("time", "force", "index", "number", "dt", "shares"), totals=1)
 # 1 for x and y where the whole gas can drift, else 0; behind them the parameters of the forces. Of one that acts on
 # single disks, two numbers come before them: the mean time between two actions on a disk, its number among all forces.
 FORCE_VALUES = Columns(**columns("free_x", "free_y"))
@@ -460,6 +460,7 @@ TYPES: dict[str, str] = {
     "near": U64, "near_image": U64, "image_list": I32, "dense": I32, "block_integers": I32, "block_reals": REAL,
     "block_sums": F64,
     "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32, "kicks": F64, "force_values": F64,
+    "shares": REAL,
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""
 AXES = {

@@ -43,6 +43,7 @@ block_integers, ...    (blocks        the scratch space of a block: column after
 near                   (blocks slots  slots of the disks near each, four in a word
                        NEAR_WORDS,)
 kicks                  (steps, ...)   steps of forces that act within windows, in order; the last one never comes
+shares                 (...)          shares of disks in totals of these steps, step by step in order of ids
 force_values           (...)          directions along which the gas can drift, and parameters of these forces
 image_list, near_image (blocks        images of walls near the tile of a block; those near each disk, three in a word
                        slots,)
@@ -98,22 +99,33 @@ class CompiledLaw(NamedTuple):
 class CompiledForce:
     """The compiled part of a force that acts within windows. It is constant, and equal to one with the same values.
 
-    `act` is its function, with `n_totals` totals and parameters of these `names`; `number` is its own among these
-    forces, `first` that of its first number in `force_values`. If `alone`, it acts on single disks at random times
-    (`disks/force_times.py`).
+    `act` is its function, with `n_totals` totals and numbers of these `names`; `number` is its own among these forces,
+    `first` that of its first number in `force_values`. If `alone`, it acts on single disks at random times
+    (`disks/force_times.py`). `measure` is the function of one with totals. If it `draws_pair`, it takes the first pair
+    of normal random numbers of a step.
 
     Neither a dataclass nor a tuple: quadrants passes the members of those to a function one by one.
     """
 
     def __init__(
-        self, act: Any, n_totals: int, names: tuple[str, ...], number: int, first: int, alone: bool = False
+        self,
+        act: Any,
+        n_totals: int,
+        names: tuple[str, ...],
+        number: int,
+        first: int,
+        *,
+        alone: bool = False,
+        measure: Any = None,
+        draws_pair: bool = False,
     ) -> None:
         self.act, self.n_totals, self.names = act, n_totals, names
         self.number, self.first, self.alone = number, first, alone
+        self.measure, self.draws_pair = measure, draws_pair
 
     def values(self) -> tuple[Any, ...]:
         """What it consists of."""
-        return self.act, self.n_totals, self.names, self.number, self.first, self.alone
+        return tuple(vars(self).values())
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, CompiledForce) and self.values() == other.values()

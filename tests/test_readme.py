@@ -178,11 +178,11 @@ def test_measured_figures_have_a_date_and_the_command_that_repeats_them() -> Non
 
 def test_gallery_has_a_small_picture_of_every_shipped_case() -> None:
     text = page("gallery.md")
-    assert re.findall(r"\]\(gallery/(\w+)\.png\)", text) == [*gallery.ORDER, "study", "laws"]
+    assert re.findall(r"\]\(gallery/(\w+)\.png\)", text) == [*gallery.ORDER, "study", "mixture_study", "laws"]
     assert re.findall(r"\]\(gallery/wall/(\w+)\.png\)", text) == [*gallery.WALL]
     assert sorted(gallery.ORDER) == shipped.names()
     assert text == gallery.page()
-    for name in (*gallery.ORDER, "study", "laws"):
+    for name in (*gallery.ORDER, "study", "mixture_study", "laws"):
         assert 1000 < (ROOT / "ifrdem" / "docs" / "gallery" / f"{name}.png").stat().st_size < 70_000
     for name, (case, words, _) in gallery.WALL.items():
         assert case in shipped.names()

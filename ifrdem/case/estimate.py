@@ -98,10 +98,10 @@ def cost_of_ratio(ratio: float) -> float:
 
 STEP_SECONDS, STEP_SECONDS_PER_DISK = 8e-4, 3e-7
 """Time of one thread for a step of forces that ends a window: for the window, and for each disk."""
-SEARCH_SECONDS = 8e-8
+SEARCH_SECONDS = 6e-8
 """Time of one thread per disk and step within a window, to search for the next collisions."""
 FORCE_SECONDS = {
-    "drag": 2e-8, "langevin": 7e-8, "random_torque": 4e-8, "random_force": 1.2e-7, "table_friction": 9.5e-7,
+    "drag": 1e-8, "langevin": 6e-8, "random_torque": 4e-8, "random_force": 1e-7, "table_friction": 9.5e-7,
 }  # fmt: skip
 """Time of one thread per disk and step to apply a force, by its kind. Measured 2026-11-26 for 1,000 and 4,000 disks at
 phi = 0.3 in steps of 0.05 mean free times (`results/forces.md`)."""
@@ -119,7 +119,7 @@ def step_seconds(steps: Mapping[str, Mapping[float, float]], n: int, threads: in
     Examples
     --------
     >>> round(step_seconds({"rescale": {0.1: 1000}}, 100, 1), 2), round(step_seconds({"drag": {0.1: 1000}}, 100, 1), 3)
-    (0.83, 0.01)
+    (0.83, 0.007)
     """
     ending, shared = steps.get(ENDS_WINDOW, {}), 1.0
     if n > columns.SINGLE_TILE:

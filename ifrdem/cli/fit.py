@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -520,15 +520,27 @@ def collisions(
     fps: Annotated[
         float | None, real("N", "frames per second, with a column frame", POSITIVE, positive)
     ] = None,
+    disks: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "a CSV file of disks: id, mass, radius, and optionally k, material; others are --disk",
+        ),
+    ] = None,
     walls: Annotated[
-        Path | None, option("CASE", "a case file (TOML) with the walls of the tray, its box included")
+        str | None,
+        option(
+            "CASE",
+            "a case file (TOML) with the walls of the tray, its box included; estimate: straight or round ones from "
+            "the tracks",
+        ),
     ] = None,
     wall: Annotated[
         list[str] | None,
         option(
             "X1,Y1,X2,Y2",
-            "a straight wall through two points, or X,Y,R, a round one; repeatable. Walls end flights, and impacts "
-            "with them go to NAME_walls.csv",
+            "a straight wall through two points; X,Y,R, a round one; three corners or more, a polygon; repeatable. "
+            "Walls end flights, and impacts with them go to NAME_walls.csv",
         ),
     ] = None,
     window: Annotated[
@@ -558,7 +570,7 @@ def collisions(
     """
     problems = OptionProblems()
     form = form_of(table, problems)
-    disks = _tracked_disks(disk, problems)
+    given_disks = _tracked_disks(disk, problems, needed=disks is None)
     drawn = [each for text in wall or () if (each := _wall_numbers(text, problems))]
     problems += [
         f"--flip {each}: must be y or angle{nearest(each, ('y', 'angle'))}"
@@ -574,14 +586,19 @@ def collisions(
     from ..fit import impacts
     from ..fit import tracks as of_tracks
 
-    around = [] if walls is None else _walls_of(walls)
+    around = [] if walls in (None, "estimate") else _walls_of(Path(str(walls)))
+    table_of_disks, materials = ({}, {}) if disks is None else of_tracks.read_disks(disks)
     loaded = of_tracks.read(source, fps=fps, form=form, flip=flip or ())
-    around += [of_tracks.straight_or_round(each, loaded) for each in drawn]
-    every = disks.pop(None, None)
-    given = {one: made for one in loaded.time if (made := disks.get(one, every)) is not None}
+    around += [of_tracks.wall_of_numbers(each, loaded) for each in drawn]
+    every = given_disks.pop(None, None)
+    by_id = {**table_of_disks, **given_disks}
+    given = {one: made for one in loaded.time if (made := by_id.get(one, every)) is not None}
+    if walls == "estimate":
+        around += _estimated_walls(loaded, given)
     found = impacts.find(loaded, given, walls=around, window=window, error=noise, repair_swaps=repair_swaps)
     shown = [
         f"{source}: {len(loaded.time)} disks, {sum(map(len, loaded.time.values()))} positions",
+        *(_text_of_wall(each) for each in around if walls == "estimate"),
         f"standard error of a coordinate {found.noise.typical:.3g}"
         + (f", of an angle {found.noise.angle:.3g} rad" if math.isfinite(found.noise.angle) else ""),
     ]
@@ -594,7 +611,7 @@ def collisions(
             marked = f"; {low} with quality below {impacts.POOR:g}, which `ifrdem fit` leaves out" * bool(low)
             shown.append(f"{len(columns['t'])} collisions {what}{marked}")
             text = f"collisions {what} in {source.name}, by `ifrdem collisions`; SI units, angles in rad"
-            write_text(file, impacts.csv(columns, text))
+            write_text(file, impacts.csv(columns, text, materials))
             written.append(file)
     for exchange in found.exchanges:
         done = (
@@ -616,15 +633,39 @@ def collisions(
     return 0
 
 
+def _estimated_walls(tracks: Any, disks: Mapping[int, Any]) -> list[Any]:
+    """Walls from tracks; InputError if a disk is unknown."""
+    from ..fit.estimated_walls import estimated
+
+    unknown = [f"disk {one}: its mass and radius are not given" for one in tracks.time if one not in disks]
+    if unknown:
+        raise InputError("\n".join(unknown))
+    return estimated(tracks, {one: float(disk.radius) for one, disk in disks.items()})
+
+
+def _text_of_wall(wall: Any) -> str:
+    """An estimated wall, as --wall takes it."""
+    x, y = wall.origin
+    if wall.shape != "line":
+        return f"estimated wall: --wall {x:.6g},{y:.6g},{wall.radius:.6g}"
+    (ends,) = [wall.geometry.path((1.0, 1.0))]
+    (x_1, y_1), (x_2, y_2) = ends[0], ends[-1]
+    return f"estimated wall: --wall {x_1:.6g},{y_1:.6g},{x_2:.6g},{y_2:.6g}"
+
+
 def _wall_numbers(text: str, problems: OptionProblems) -> tuple[float, ...] | None:
     """Numbers of a line or of a circle."""
     try:
         found = tuple(float(part) for part in text.split(","))
     except ValueError:
         found = ()
-    right = all(map(math.isfinite, found)) and len(found) in (3, 4)
+    polygon = len(found) >= 6 and len(found) % 2 == 0
+    right = all(map(math.isfinite, found)) and (len(found) in (3, 4) or polygon)
     if not right or (len(found) == 3 and found[2] <= 0.0) or (len(found) == 4 and found[:2] == found[2:]):
-        problems.append(f"--wall {text}: must be X1,Y1,X2,Y2 (two different points) or X,Y,R (a circle)")
+        problems.append(
+            f"--wall {text}: must be X1,Y1,X2,Y2 (two different points), X,Y,R (a circle) or "
+            "X1,Y1,X2,Y2,X3,Y3 and so on (a polygon)"
+        )
         return None
     return found
 
@@ -641,7 +682,9 @@ def _walls_of(path: Path) -> list[Any]:
     return found
 
 
-def _tracked_disks(texts: list[str] | None, problems: OptionProblems) -> dict[int | None, Disk]:
+def _tracked_disks(
+    texts: list[str] | None, problems: OptionProblems, *, needed: bool
+) -> dict[int | None, Disk]:
     """Disks by id; None stands for all others."""
     found: dict[int | None, Disk] = {}
     for text in texts or ():
@@ -651,9 +694,9 @@ def _tracked_disks(texts: list[str] | None, problems: OptionProblems) -> dict[in
         if key in found:
             problems.append(f"--disk {text}: {f'disk {key} is' if equals else 'all disks are'} given twice")
         found[key] = made
-    if not found and not problems:
+    if needed and not found and not problems:
         problems.append(
-            "--disk is missing: give mass, radius and k of the disks, such as --disk 1.19e-3,10.5e-3,2"
+            "--disk is missing: give mass, radius and k of the disks, such as --disk 1.19e-3,10.5e-3,2, or --disks FILE"
         )
     return found
 

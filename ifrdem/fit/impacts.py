@@ -92,12 +92,22 @@ class FoundCollisions:
         return "\n".join(("t,id_1,id_2,reason", *rows)) + "\n"
 
 
-def csv(columns: Mapping[str, Array], about: str = "") -> str:
-    """A table of collisions as text."""
+def csv(columns: Mapping[str, Array], about: str = "", materials: Mapping[int, str] | None = None) -> str:
+    """A table of collisions as text, with the names of materials of disks by id."""
     header = "".join(f"# {line}\n" for line in about.splitlines())
     rows = np.stack([*columns.values()], axis=-1)
     lines = (",".join("" if math.isnan(value) else f"{value:.10g}" for value in row) for row in rows)
-    return header + "\n".join((",".join(columns), *lines)) + "\n"
+    names = [*columns]
+    if materials:
+        names += ["material_1", "material_2"]
+        none = np.full(len(columns["id_1"]), -1)
+        pairs = zip(columns["id_1"], columns.get("id_2", none), strict=True)
+        named = (
+            f"{materials.get(int(a), 'other')},{materials.get(int(b), 'wall' if b < 0 else 'other')}"
+            for a, b in pairs
+        )
+        lines = (f"{line},{each}" for line, each in zip(lines, named, strict=True))
+    return header + "\n".join((",".join(names), *lines)) + "\n"
 
 
 def find(

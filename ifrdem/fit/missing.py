@@ -54,8 +54,8 @@ def _with(problem: FitProblem, law: Law, values: Array, names: Sequence[str]) ->
     if isinstance(problem, AngleProblem):
         every = (*problem.names, *names)
         degrees = float(np.nanmedian(problem.s[:, 0]))
-        size = [degrees if MEASURED[name].unit == "deg" else np.radians(degrees) for name in names]
-        s = np.column_stack([problem.s, np.tile(size, (len(problem.y), 1))])
+        sizes = [degrees if MEASURED[name].unit == "deg" else float(np.radians(degrees)) for name in names]
+        s = np.column_stack([problem.s, np.tile(sizes, (len(problem.y), 1))])
         groups = [*problem.groups, *names]
         blank = AngleProblem(every, np.zeros_like(s), s.copy(), groups, problem.pair)
         y = np.column_stack([problem.y, blank.predict(law, values, x)[:, len(problem.names) :]])

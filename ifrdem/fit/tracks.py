@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import option_name, refuse
 from ..model.walls.wall import Wall
 from . import tabular
+from .data import Disk
 from .tabular import TableFormat
 
 Array = NDArray[np.float64]
@@ -209,15 +210,67 @@ def _width(values: Array) -> float:
     return width
 
 
-def straight_or_round(numbers: Sequence[float], tracks: Tracks) -> Wall:
-    """The wall X1,Y1,X2,Y2 (a line through two points) or X,Y,R (a circle); most disks are on its inner side."""
+def wall_of_numbers(numbers: Sequence[float], tracks: Tracks) -> Wall:
+    """The wall X1,Y1,X2,Y2 (a line through two points), X,Y,R (a circle), or X1,Y1,X2,Y2,X3,Y3,... (a polygon).
+
+    Most disks are on its inner side.
+    """
     places = np.concatenate([*tracks.position.values()])
     if len(numbers) == 3:
         centre, radius = (numbers[0], numbers[1]), numbers[2]
         inside = float(np.median(np.hypot(*(places - centre).T))) < radius
         return Wall.container(centre, radius) if inside else Wall.post(centre, radius)
+    if len(numbers) > 4:
+        corners = np.reshape(np.asarray(numbers), (-1, 2))
+        wall = Wall.polygon(corners, holds="inside")
+        held = float(np.median(wall.normal(places)[1])) > 0.0
+        return wall if held else Wall.polygon(corners, holds="outside")
     x_1, y_1, x_2, y_2 = numbers
     normal = np.array([y_1 - y_2, x_2 - x_1])
     if np.median((places - [x_1, y_1]) @ normal) < 0.0:
         normal = -normal
     return Wall.line((x_1, y_1), (float(normal[0]), float(normal[1])))
+
+
+_DISK_KINDS = {"id": "number", "mass": "mass", "radius": "length", "k": "number", "material": "text"}
+
+
+def read_disks(path: Path | str) -> tuple[dict[int, Disk], dict[int, str]]:
+    """Disks by id, and their materials, from a CSV file with columns id, mass, radius, and perhaps k and material.
+
+    Raises InputError with a line for each thing that is wrong.
+    """
+    spellings = {
+        **{name: name for name in _DISK_KINDS},
+        **dict.fromkeys(("disk", "particle"), "id"),
+        "species": "material",
+    }
+    table = tabular.read(path, _DISK_KINDS, spellings, gaps=False)
+    columns, source = table.columns, table.source
+    missing = [name for name in ("id", "mass", "radius") if name not in columns]
+    if missing:
+        have = ", ".join((*columns, *table.unused))
+        refuse([f"missing column {', '.join(missing)}; there are {have}"], source)
+    ids = columns["id"]
+    problems = [
+        f"line {table.line[i]}: id = {ids[i]:g}: must be an integer"
+        for i in np.flatnonzero(ids != np.round(ids))
+    ]
+    for name in ("mass", "radius", "k"):
+        values = columns.get(name, np.ones(len(ids)))
+        bad = np.flatnonzero(~((values > 0.0) & np.isfinite(values)))
+        problems += [
+            f"line {table.line[i]}: {name} = {values[i]:g}: must be a positive finite number" for i in bad
+        ]
+    twice = [i for i in range(len(ids)) if ids[i] in ids[:i]]
+    problems += [f"line {table.line[i]}: disk {ids[i]:g} is given twice" for i in twice]
+    refuse(problems, source)
+    k = columns.get("k", np.full(len(ids), 2.0))
+    disks = {
+        int(one): Disk(mass=float(m), radius=float(R), k=float(each))
+        for one, m, R, each in zip(ids, columns["mass"], columns["radius"], k, strict=True)
+    }
+    named = columns.get("material")
+    return disks, {} if named is None else {
+        int(one): table.texts[int(at)] for one, at in zip(ids, named, strict=True)
+    }

@@ -13,6 +13,7 @@ The module imports Taichi: `act` and `measure` are compiled to run on the device
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
 from ..errors import InputError
@@ -66,11 +67,17 @@ class Force(ReadOnlyAttributes):
     ----------
     parameters : tuple of str
         Names of the numbers that `act` and `measure` get.
+    constants : tuple of str
+        Names of further numbers that `act` and `measure` get with the parameters: those of `derived`, which follow from
+        the parameters and the step, and are computed once instead of for each disk.
     totals : int
         How many sums over all disks `act` needs; `measure` gives each disk's share of them.
     totals_ahead : bool
         True if `measure` reads only mass, radius, k, inertia and `step.random`, so that totals do not depend on the
         motion. On a CPU a force with this, or without totals, acts within windows, which is much faster.
+    draws_pair : bool
+        True if `act` takes `step.pair`, the numbers of `normals(step.random, 0)`, which are drawn faster for all disks
+        at once.
     keeps_rest : bool
         True if a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
         goes to its end without further steps.
@@ -110,8 +117,10 @@ class Force(ReadOnlyAttributes):
     """
 
     parameters: ClassVar[tuple[str, ...]] = ()
+    constants: ClassVar[tuple[str, ...]] = ()
     totals: ClassVar[int] = 0
     totals_ahead: ClassVar[bool] = False
+    draws_pair: ClassVar[bool] = False
     keeps_rest: ClassVar[bool] = False
     galilean_invariant: ClassVar[bool] = False
 
@@ -152,6 +161,10 @@ class Force(ReadOnlyAttributes):
         """The parameters by name."""
         return self._values.copy()
 
+    def derived(self) -> tuple[float, ...]:
+        """The numbers of `constants`, from the present parameters."""
+        return ()
+
     @property
     def hottest(self) -> float:
         """Largest temperature that a thermostat sets [energy]; 0 for other forces."""
@@ -170,10 +183,11 @@ class Force(ReadOnlyAttributes):
             x, y [length] in the box; vx, vy [length/time]; spin [rad/time]; mass, radius, k,
             inertia = mass radius^2 / k.
         step : struct
-            time of the step's middle, dt its length [time]; random, for `normals` and `uniforms`; totals, a vector;
-            free, a vector: 1 for x and y where the whole gas can drift, because no walls hold it, else 0.
+            time of the step's middle, dt its length [time]; random, for `normals` and `uniforms`; totals, a vector, and
+            share, what `measure` gave of this disk; pair, with `draws_pair`; free, a vector: 1 for x and y where the
+            whole gas can drift, because no walls hold it, else 0.
         p : struct
-            The force's parameters, by name.
+            The force's parameters and constants, by name.
         """
         # Abstract: `check_forces` refuses a force without its own, by name, before anything is compiled.
         raise NotImplementedError
@@ -227,11 +241,10 @@ class RandomKicks(Force):
 
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
-        kick = _velocity_kick(disk, step, p)
         n = step.totals[3]
         scale = ti.sqrt(n / (n - 1.0))
-        vx = disk.vx + scale * (kick[0] - step.totals[0] / step.totals[2])
-        vy = disk.vy + scale * (kick[1] - step.totals[1] / step.totals[2])
+        vx = disk.vx + scale * (step.share[0] / disk.mass - step.totals[0] / step.totals[2])
+        vy = disk.vy + scale * (step.share[1] / disk.mass - step.totals[1] / step.totals[2])
         return vx, vy, disk.spin
 
 
@@ -256,6 +269,7 @@ class SpinKicks(Force):
 
     parameters = ("power", "diffusion")
     keeps_momentum = True
+    draws_pair = True
 
     @validated
     def __init__(self, step: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
@@ -263,7 +277,7 @@ class SpinKicks(Force):
 
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
-        return disk.vx, disk.vy, disk.spin + _spin_kick(disk, step, p)
+        return disk.vx, disk.vy, disk.spin + _spin_spread(disk, step, p) * step.pair[0]
 
 
 class PoissonForce(Force):
@@ -387,7 +401,7 @@ class PoissonSpinKicks(PoissonForce):
 
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
-        return disk.vx, disk.vy, disk.spin + _spin_kick(disk, step, p)
+        return disk.vx, disk.vy, disk.spin + _spin_spread(disk, step, p) * normals(step.random, 0)[0]
 
 
 class Langevin(Force):
@@ -412,6 +426,8 @@ class Langevin(Force):
     """
 
     parameters = ("temperature", "rate", "spin_temperature", "spin_rate")
+    constants = ("left", "heat", "spin_left", "spin_heat")
+    draws_pair = True
 
     @validated
     def __init__(
@@ -429,6 +445,16 @@ class Langevin(Force):
         given = zip(self.parameters, values, strict=True)
         super().__init__(step, **{name: number(name, value) for name, value in given})
 
+    def derived(self) -> tuple[float, ...]:
+        """Factors of velocities and spins, and what noise adds to m <v_x^2> and I <omega^2> [energy], in a step."""
+        temperature, rate, spin_temperature, spin_rate = self._values.values()
+        heats = (
+            -T * math.expm1(-2.0 * r * self.step)
+            for T, r in ((temperature, rate), (spin_temperature, spin_rate))
+        )
+        heat, spin_heat = heats
+        return math.exp(-rate * self.step), heat, math.exp(-spin_rate * self.step), spin_heat
+
     @property
     def hottest(self) -> float:
         """The larger of its temperatures [energy]."""
@@ -443,14 +469,11 @@ class Langevin(Force):
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
         vx, vy, spin = disk.vx, disk.vy, disk.spin
         if p.rate > 0.0:
-            left = ti.exp(-p.rate * step.dt)
-            spread = ti.sqrt(p.temperature / disk.mass * (1.0 - left * left))
-            kick = normals(step.random, 0)
-            vx, vy = left * vx + spread * kick[0], left * vy + spread * kick[1]
+            spread = ti.sqrt(p.heat / disk.mass)
+            kick = step.pair
+            vx, vy = p.left * vx + spread * kick[0], p.left * vy + spread * kick[1]
         if p.spin_rate > 0.0:
-            left = ti.exp(-p.spin_rate * step.dt)
-            spread = ti.sqrt(p.spin_temperature / disk.inertia * (1.0 - left * left))
-            spin = left * spin + spread * normals(step.random, 1)[0]
+            spin = p.spin_left * spin + ti.sqrt(p.spin_heat / disk.inertia) * normals(step.random, 1)[0]
         return vx, vy, spin
 
 
@@ -475,6 +498,7 @@ class Drag(Force):
     """
 
     parameters = ("rate", "quadratic", "spin_rate")
+    constants = ("left", "tau", "spin_left")
     keeps_rest = True
 
     @validated
@@ -495,18 +519,18 @@ class Drag(Force):
         """True if it acts on spins only."""
         return self._values["rate"] == self._values["quadratic"] == 0.0
 
+    def derived(self) -> tuple[float, ...]:
+        """exp(-rate dt), tau, exp(-spin_rate dt)."""
+        rate, _quadratic, spin_rate = self._values.values()
+        tau = -math.expm1(-rate * self.step) / rate if rate > 0.0 else self.step
+        return math.exp(-rate * self.step), tau, math.exp(-spin_rate * self.step)
+
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
-        left = ti.exp(-p.rate * step.dt)
-        tau = step.dt
-        if p.rate > 0.0:
-            tau = (1.0 - left) / p.rate
-        speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
-        factor = left / (1.0 + p.quadratic * speed * tau)
-        spin = disk.spin
-        if p.spin_rate > 0.0:
-            spin *= ti.exp(-p.spin_rate * step.dt)
-        return factor * disk.vx, factor * disk.vy, spin
+        factor = p.left
+        if p.quadratic > 0.0:
+            factor /= 1.0 + p.quadratic * ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy) * p.tau
+        return factor * disk.vx, factor * disk.vy, p.spin_left * disk.spin
 
 
 class TableFriction(Force):
@@ -642,9 +666,9 @@ def _velocity_kick(disk, step, p):
 
 
 @ti.func
-def _spin_kick(disk, step, p):
-    """Kick of the spin of one disk, of energy I d omega^2 / 2: one degree of freedom, so that D = power / I."""
-    return ti.sqrt(2.0 * (p.power / disk.inertia + p.diffusion) * step.dt) * normals(step.random, 0)[0]
+def _spin_spread(disk, step, p):
+    """Spread of kicks of a spin, of energy I d omega^2 / 2: one degree of freedom, so that D = power / I."""
+    return ti.sqrt(2.0 * (p.power / disk.inertia + p.diffusion) * step.dt)
 
 
 def number(name: str, value: float | None, *, positive: bool = False, negative: bool = False) -> float:

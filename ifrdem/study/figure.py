@@ -44,6 +44,8 @@ BAND = 2.0
 SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
 FILE = "file"
+PARTS = ("species", "component", "mechanism", "regime", "axis")
+"""Dimensions of a quantity that several numbers make up: curves or panels, as swept keys are."""
 
 
 def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
@@ -70,7 +72,8 @@ def draw(
 
     `what` is its name, or T, T_rot. It is drawn over the rows (tau, t), or `over` another of its dimensions, or a swept
     key, where the last row counts. Each value of the swept key `by` (the first one without it) is a curve, every
-    combination of the others a panel. `size` is the width, and the height if given, of the figure [inches].
+    combination of the others a panel; so is each species, or component, of a quantity that has some. `size` is the
+    width, and the height if given, of the figure [inches].
 
     Raises InputError if there is no such quantity or key, or there are too many panels.
     """
@@ -84,11 +87,12 @@ def draw(
         raise InputError(f"no quantity is called '{what}'{near}; there are: {', '.join(known)}")
     mean = results.variables[f"{name}_mean"]
     x, curve = _x(results, over, mean.dims), None
-    if swept and (left := [dim for dim in swept if dim != x]):
+    split = [*swept, *(dim for dim in mean.dims if dim in PARTS)]
+    if left := [dim for dim in split if dim != x]:
         curve = _dim(results, option_name("--by", "by ="), by, left) if by is not None else left[0]
     elif by is not None:
         raise InputError(f"{option_name('--by', 'by =')} {by}: no dimension is left for curves")
-    panels = [dim for dim in swept if dim not in (x, curve)]
+    panels = [dim for dim in split if dim not in (x, curve)]
     panels_at = list(itertools.product(*(range(len(results.values(dim))) for dim in panels)))
     if len(panels_at) > MOST_PANELS:
         text = f"{len(panels_at)} panels, one for each {', '.join(panels)}"
@@ -111,7 +115,7 @@ def draw(
     first = grid.ravel()[0]
     _scales(list(grid.ravel()[: len(panels_at)]))
     _legend(
-        first, f"{name}_theory" in results.variables, f"{name}_error" in results.variables, x not in swept,
+        first, _theory(results, name) is not None, f"{name}_error" in results.variables, x not in swept,
         several=len(panels_at) > 1,
     )  # fmt: skip
     for axes in grid[-1]:
@@ -121,6 +125,12 @@ def draw(
     if title:
         figure.suptitle(results.attributes.get("title", ""), fontsize="medium")
     return figure
+
+
+def _theory(results: Results, name: str) -> str | None:
+    """The variable with kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
+    names = (f"{name}_theory", f"{name}_by_kinetic_theory_mean", f"{name}_by_theory_mean")
+    return next((each for each in names if each in results.variables), None)
 
 
 def _x(results: Results, over: str | None, dims: tuple[str, ...]) -> str:
@@ -169,7 +179,8 @@ def _panel(
             )  # fmt: skip
             return one.values[taken]
 
-        y, error, theory = along(f"{name}_mean"), along(f"{name}_error"), along(f"{name}_theory")
+        y, error = along(f"{name}_mean"), along(f"{name}_error")
+        theory = along(_theory(results, name) or "")
         own = x in results.variables and results.variables[x].dims == (x,)
         where = results.values(x) if own else along(f"{x}_mean")
         assert y is not None

@@ -15,7 +15,7 @@ from ..disks.flights import on_grid
 from ..compiler.language import ti
 from ..layout import BY_LAW, KICKED, NOT_FINITE, NOT_FINITE_ALONE
 from ..disks.particle import add, fly_to, kind_of, note_speed, void_latest_partner, watched_row, write_motion
-from ..random import DRAWS
+from ..random import DRAWS, normals
 from ..compiler.records import NamedNumbers
 from ..disks.shear import flow_at
 from ..disks.force_times import action_stream, interval, next_action
@@ -34,9 +34,22 @@ def energy(mass, inertia, vx, vy, spin):
     return 0.5 * (mass * (vx_ * vx_ + vy_ * vy_) + inertia * (spin_ * spin_))
 
 
-def step_of(time: Any, dt: Any, free: Any, random: Any, totals: list[Any]) -> tuple[Any]:
-    """Quantities of a step, as forces get them, for `ti.static`; `totals` only if the force has some."""
-    given = {"totals": ti.Vector(totals)} if totals else {}
+def step_of(
+    time: Any,
+    dt: Any,
+    free: Any,
+    random: Any,
+    totals: list[Any],
+    share: Any = None,
+    pair: Any = None,
+    draws_pair: bool = False,
+) -> tuple[Any]:
+    """Quantities of a step, as forces get them, for `ti.static`.
+
+    `totals` and `share` are given only if the force has totals, `pair` only if it `draws_pair`.
+    """
+    given = {"totals": ti.Vector(totals), "share": share} if totals else {}
+    given |= {"pair": pair} if draws_pair else {}
     return (ti.Struct(time=time, dt=dt, free=free, random=random, **given),)
 
 
@@ -99,17 +112,58 @@ def act_on_all(n, first, end, t, tile, region: ti.template(), gas: ti.template()
     """Apply the forces of rows `first` to `end` - 1 of `kicks` to the n disks of a region, at time t of the window."""
     offset = region.lane * gas.grid.lane_slots
     gains = ti.Vector([0.0] * gas.uses.gains, ti.f64)
-    for i in range(offset, offset + n):
-        fly_to(i, t, gas)
-        void_latest_partner(i, gas)
-        motion = gas.motion[i]
-        vx, vy, spin = motion.vx, motion.vy, motion.spin
-        for row in range(first, end):
+    for row in range(first, end):
+        for force in ti.static(gas.uses.forces):
+            if ti.static(force.draws_pair):
+                if ti.cast(gas.kicks[row].force, ti.i32) == force.number:
+                    draw_pairs(offset, n, row, gas)
+        for i in range(offset, offset + n):
+            if row == first:
+                fly_to(i, t, gas)
+                void_latest_partner(i, gas)
+            motion = gas.motion[i]
+            vx, vy, spin = motion.vx, motion.vy, motion.spin
             act_on(i, row, t, tile, gains, gas)
-        note_speed(i, gas)
-        if ti.static(gas.uses.watched):
-            write_kick(i, t, vx, vy, spin, tile, region, gas)
+            note_speed(i, gas)
+            if ti.static(gas.uses.watched):
+                write_kick(i, t, vx, vy, spin, tile, region, gas)
     add_gains(gains, tile, gas)
+
+
+@ti.func
+def draw_pairs(offset, n, row, gas: ti.template()):
+    """Draw the first pair of normal random numbers of each disk for a row of `kicks`.
+
+    A loop of its own takes half of the time that draws in the loop with the force take: a processor works on several
+    disks at a time. The numbers lie in the times of events, which all disks predict again after the force.
+    """
+    for i in range(offset, offset + n):
+        pair = normals(stream_of_row(i, row, gas), 0)
+        gas.motion[i].t_hit, gas.motion[i].t_leave = pair[0], pair[1]
+
+
+@ti.func
+def stream_of_row(i, row, gas: ti.template()):
+    """The stream of random numbers (`random.py`) of the disk in slot i in the step of a row of `kicks`."""
+    kick = gas.kicks[row]
+    number = ti.cast(kick.number, ti.i64)
+    return ti.Vector([
+        ti.cast(gas.event_info[i].id, ti.u32), ti.cast(number, ti.u32), ti.cast(number >> ti.i64(32), ti.u32),
+        ti.cast(kick.index, ti.u32) * ti.u32(DRAWS), ti.cast(gas.grid.seed_low, ti.u32),
+        ti.cast(gas.grid.seed_high, ti.u32),
+    ], ti.u32)  # fmt: skip
+
+
+@ti.func
+def motionless(kind, gas: ti.template()):
+    """Quantities of a disk of a kind, without its motion: NaN, so that a force that reads it is seen."""
+    mass = 1.0 / gas.kinds[kind].inverse_mass
+    radius = gas.kinds[kind].radius
+    nan = ti.sqrt(-mass)
+    return ti.Struct(
+        x=nan, y=nan, vx=nan, vy=nan, spin=nan, mass=mass, radius=radius, k=gas.kinds[kind].k,
+        inertia=mass * radius * radius / gas.kinds[kind].k,
+    )  # fmt: skip
 
 
 @ti.func
@@ -127,9 +181,13 @@ def act_alone(i, t, tile, region: ti.template(), gas: ti.template()):
     for force in ti.static(gas.uses.forces):
         if ti.static(force.alone):
             if ti.cast(gas.action[i].force, ti.i32) == force.number:
+                random = action_stream(i, force, gas)
+                pair = ti.Vector([0.0 * t, 0.0 * t])
+                if ti.static(force.draws_pair):
+                    pair = normals(random, 0)
                 step = ti.static(step_of(
-                    ti.cast(gas.action[i].time, float), ti.cast(interval(force, gas), float), free_of(gas),
-                    action_stream(i, force, gas), [],
+                    ti.cast(gas.action[i].time, float), ti.cast(interval(force, gas), float), free_of(gas), random, [],
+                    pair, pair, force.draws_pair,
                 ))[0]  # fmt: skip
                 change(i, t, step, NOT_FINITE_ALONE + force.number, tile, force, gains, gas)
     note_speed(i, gas)
@@ -155,19 +213,37 @@ def add_gains(gains: ti.template(), tile, gas: ti.template()):
 @ti.func
 def act_on(i, row, t, tile, gains: ti.template(), gas: ti.template()):
     """Apply the force of a row of `kicks` to the disk in slot i, and add up what it gains if it is an own one."""
-    kick = gas.kicks[row]
-    number = ti.cast(kick.number, ti.i64)
-    random = ti.Vector([
-        ti.cast(gas.event_info[i].id, ti.u32), ti.cast(number, ti.u32), ti.cast(number >> ti.i64(32), ti.u32),
-        ti.cast(kick.index, ti.u32) * ti.u32(DRAWS), ti.cast(gas.grid.seed_low, ti.u32),
-        ti.cast(gas.grid.seed_high, ti.u32),
-    ], ti.u32)  # fmt: skip
+    kick, random = gas.kicks[row], stream_of_row(i, row, gas)
     for force in ti.static(gas.uses.forces):
         if ti.static(not force.alone):
             if ti.cast(kick.force, ti.i32) == force.number:
+                time, dt, free = (
+                    ti.cast((kick.number + 0.5) * kick.dt, float),
+                    ti.cast(kick.dt, float),
+                    free_of(gas),
+                )
+                share = ti.Vector([0.0 * t for _ in ti.static(range(max(force.n_totals, 1)))])
+                if ti.static(force.n_totals > 0):
+                    stored = ti.cast(kick.shares, ti.i32)
+                    if stored >= 0:
+                        for j in ti.static(range(force.n_totals)):
+                            share[j] = gas.shares[stored + gas.event_info[i].id * force.n_totals + j]
+                    else:
+                        given = ti.static(
+                            (
+                                NamedNumbers(
+                                    gas.force_values, force.names, FORCE_VALUES.width + force.first_parameter
+                                ),
+                            )
+                        )[0]
+                        first = ti.static(step_of(time, dt, free, random, []))[0]
+                        terms = force.measure(motionless(kind_of(i, gas), gas), first, given)
+                        for j in ti.static(range(force.n_totals)):
+                            share[j] = ti.cast(terms[j], float)
+                pair = ti.Vector([gas.motion[i].t_hit, gas.motion[i].t_leave])
                 step = ti.static(step_of(
-                    ti.cast((kick.number + 0.5) * kick.dt, float), ti.cast(kick.dt, float), free_of(gas), random,
-                    [kick.totals[j] for j in range(force.n_totals)],
+                    time, dt, free, random, [kick.totals[j] for j in range(force.n_totals)], share,
+                    pair, force.draws_pair,
                 ))[0]  # fmt: skip
                 change(i, t, step, NOT_FINITE + row, tile, force, gains, gas)
 

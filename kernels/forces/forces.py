@@ -6,10 +6,10 @@
 from typing import Any, NamedTuple
 
 from ..columns import LEVELS
-from .force_events import energy, step_of
+from .force_events import energy, motionless, step_of
 from ..compiler.language import Cube, Rows, Table, declared, spread_of_loops, ti
 from ..disks.particle import listed_kind, round_products
-from ..random import DRAWS
+from ..random import DRAWS, normals
 from ..tiles.readout import placed
 from ..compiler.records import NamedNumbers
 from ..disks.shear import flow_at
@@ -42,19 +42,6 @@ def particle_view(s, tile, time, gas: ti.template()):
 
 
 @ti.func
-def motionless(s, gas: ti.template()):
-    """Quantities of a listed disk, without its motion: NaN, so that a force that reads it is seen."""
-    kind = listed_kind(s, gas)
-    mass = 1.0 / gas.kinds[kind].inverse_mass
-    radius = gas.kinds[kind].radius
-    nan = ti.sqrt(-mass)
-    return ti.Struct(
-        x=nan, y=nan, vx=nan, vy=nan, spin=nan, mass=mass, radius=radius, k=gas.kinds[kind].k,
-        inertia=mass * radius * radius / gas.kinds[kind].k,
-    )  # fmt: skip
-
-
-@ti.func
 def stream_of(s, gas: ti.template()):
     """The stream of random numbers of a listed disk in this step (`random.py`)."""
     return ti.Vector([
@@ -83,13 +70,13 @@ class ForceKernels(NamedTuple):
 def kernels_of(force: Any) -> ForceKernels:
     """Kernels of a class of forces; for sums they are compiled only if it has totals."""
     act, measure = declared(force.act), declared(force.measure)
-    names = tuple(force.parameters)
+    names = (*force.parameters, *force.constants)
     return ForceKernels(
         _sum_totals_of(measure, force.totals, names),
         _sum_ahead_of(measure, force.totals, names),
-        _apply_force_of(act, force.totals, names),
-        _sample_force_of(act, measure, force.totals, names),
-        _kick_from_rest_of(act, names),
+        _apply_force_of(act, measure, force.totals, names, force.draws_pair),
+        _sample_force_of(act, measure, force.totals, names, force.draws_pair),
+        _kick_from_rest_of(act, names, force.draws_pair),
     )
 
 
@@ -108,12 +95,14 @@ def add_term(found: ti.template(), terms: ti.template(), rounders: ti.template()
 def _sum_ahead_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
     """Kernel that sums the terms of a force in many steps, which do not depend on the motion.
 
-    `tile_sums` gets for each tile and step what that of `_sum_totals_of` gets for a tile.
+    `tile_sums` gets for each tile and step what that of `_sum_totals_of` gets for a tile. `shares` gets the terms, in
+    order of steps, ids and totals, from number `stored` on, unless that is negative.
     """
 
     @kernel
     def sum_ahead(
-        gas: Arrays(OF_DISKS),
+        stored: ti.i32,
+        gas: Arrays(OF_DISKS + " shares"),
         parameters: Rows, steps: Rows, tile_sums: Cube, rounders: Table,
     ):  # fmt: skip
         """Sum the force's terms over the disks of each tile, in steps with these numbers."""
@@ -137,8 +126,12 @@ def _sum_ahead_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
                         ti.cast((steps[m] + 0.5) * gas.when.dt, float), ti.cast(gas.when.dt, float), free_of(gas),
                         stream, [],
                     ))[0]  # fmt: skip
-                    terms = measure(motionless(s, gas), step, given)
+                    terms = measure(motionless(listed_kind(s, gas), gas), step, given)
                     add_term(found, terms, rounder, n_totals)
+                    if stored >= 0:
+                        row = stored + (m * gas.grid.n + gas.meta[s].id) * n_totals
+                        for j in ti.static(range(n_totals)):
+                            gas.shares[row + j] = ti.cast(terms[j], float)
                 for j in ti.static(range(n_totals * (1 + LEVELS))):
                     tile_sums[b, m, j] = found[j]
 
@@ -185,7 +178,7 @@ def _sum_totals_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
     return sum_totals
 
 
-def _apply_force_of(act: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+def _apply_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...], draws_pair: bool) -> Any:
     """Kernel that applies a force.
 
     `tile_sums` gets for each tile the energy gained, and what frames of rows see of that beyond it (`disks/shear.py`).
@@ -207,11 +200,21 @@ def _apply_force_of(act: Any, n_totals: int, names: tuple[str, ...]) -> Any:
                 first = gas.grid.part * gas.grid.room + gas.tile[b].start[gas.grid.part]
                 for s in range(first, first + gas.tile[b].count[gas.grid.part]):
                     listed_disk = gas.disk[s]
-                    step = ti.static(step_of(
-                        ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float), free_of(gas), stream_of(s, gas),
-                        [totals[j] for j in ti.static(range(n_totals))],
-                    ))[0]  # fmt: skip
+                    time, dt = ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float)
                     body = particle_view(s, b, gas.when.time, gas)
+                    share = ti.Vector([0.0 * dt for _ in ti.static(range(max(n_totals, 1)))])
+                    if ti.static(n_totals > 0):
+                        summed = ti.static(step_of(time, dt, free_of(gas), stream_of(s, gas), []))[0]
+                        terms = measure(body, summed, given)
+                        for j in ti.static(range(n_totals)):
+                            share[j] = ti.cast(terms[j], float)
+                    pair = ti.Vector([0.0 * dt, 0.0 * dt])
+                    if ti.static(draws_pair):
+                        pair = normals(stream_of(s, gas), 0)
+                    step = ti.static(step_of(
+                        time, dt, free_of(gas), stream_of(s, gas),
+                        [totals[j] for j in ti.static(range(n_totals))], share, pair, draws_pair,
+                    ))[0]  # fmt: skip
                     before = energy(body.mass, body.inertia, body.vx, body.vy, body.spin)
                     new_vx, new_vy, new_spin = act(body, step, given)
                     vx, vy, spin = ti.cast(new_vx, float), ti.cast(new_vy, float), ti.cast(new_spin, float)
@@ -231,7 +234,7 @@ def _apply_force_of(act: Any, n_totals: int, names: tuple[str, ...]) -> Any:
     return apply_force
 
 
-def _sample_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+def _sample_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...], draws_pair: bool) -> Any:
     """Kernel that calls a force once."""
 
     @ti.kernel
@@ -250,8 +253,11 @@ def _sample_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ..
                 terms = measure(body, first, given)
                 for j in ti.static(range(n_totals)):
                     numbers[s] += terms[j]
+            share = ti.Vector([numbers[s] for _ in ti.static(range(max(n_totals, 1)))])
+            pair = ti.Vector([numbers[s], numbers[s]])
             step = ti.static(step_of(
-                numbers[s], numbers[s], free, random, [numbers[s] for _ in ti.static(range(n_totals))],
+                numbers[s], numbers[s], free, random, [numbers[s] for _ in ti.static(range(n_totals))], share,
+                pair, draws_pair,
             ))[0]  # fmt: skip
             vx, vy, spin = act(body, step, given)
             numbers[s] = vx + vy + spin
@@ -259,7 +265,7 @@ def _sample_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ..
     return sample_force
 
 
-def _kick_from_rest_of(act: Any, names: tuple[str, ...]) -> Any:
+def _kick_from_rest_of(act: Any, names: tuple[str, ...], draws_pair: bool) -> Any:
     """Kernel that finds how fast a force without totals makes disks at rest."""
 
     @kernel
@@ -276,7 +282,10 @@ def _kick_from_rest_of(act: Any, names: tuple[str, ...]) -> Any:
                 inertia=mass * radius * radius / gas.kinds[kind].k,
             )  # fmt: skip
             random = ti.Vector([ti.cast(draw, ti.u32)] + [ti.u32(0) for _ in ti.static(range(5))], ti.u32)
-            step = ti.static(step_of(zero, ti.cast(dt, float), ti.Vector([zero, zero]), random, []))[0]
+            pair = normals(random, 0)
+            step = ti.static(step_of(
+                zero, ti.cast(dt, float), ti.Vector([zero, zero]), random, [], pair, pair, draws_pair
+            ))[0]  # fmt: skip
             vx, vy, _spin = act(body, step, given)
             square = ti.cast(vx * vx + vy * vy, ti.f64)
             if square - square == 0.0:  # a number

@@ -99,10 +99,11 @@ def sawtooth(amplitude, rate, at, rise, t):
     turns = at + rate * t
     whole = ti.floor(turns)
     part = turns - whole
-    # At the very end of a stroke, the next one is what counts.
-    if part > rise - 64.0 * ti.static(epsilon()) and part < rise:
+    # At the very end of a stroke, but for rounding of `turns`, the next one is what counts.
+    near = 64.0 * ti.static(epsilon()) * ti.max(1.0, turns)
+    if part > rise - near and part < rise:
         part = rise
-    if part > 1.0 - 64.0 * ti.static(epsilon()):
+    if part > 1.0 - near:
         part = 0.0 * t
         whole += 1.0
     if part < rise:

@@ -9,11 +9,13 @@ elsewhere steps converge like Newton's. `shapes.py` has the gap of each shape.
 from ..disks.flights import rounding
 from ..compiler.language import ti
 from ..layout import FAR
-from .kinds import FREE, STILL
+from .kinds import FREE, SAWTOOTH, SINE, STILL
 from .motion import epsilon, turned_back, wall_motion, wall_turn
 from .shapes import UNKNOWN, gap_of
 
-MOST_STEPS = 1000  # towards a root; grazing contacts with oscillating walls take tens
+MOST_STEPS = 1000  # towards a root; contacts with walls take tens
+# With an oscillating wall: a disk that comes slowly takes some four for each of its periods.
+MOST_STEPS_OSCILLATING = 100_000
 
 
 @ti.func
@@ -89,6 +91,12 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
         if wall.motion.kind == FREE:
             t = ti.max(t, wall.piston.since)
     active, steps, behind = 1, 0, UNKNOWN
+    most = MOST_STEPS
+    if wall.motion.kind == SINE or wall.motion.kind == SAWTOOTH:
+        most = MOST_STEPS_OSCILLATING
+    if ti.static(gas.uses.turning):
+        if wall.turn.kind == SINE:
+            most = MOST_STEPS_OSCILLATING
     while active == 1:
         steps += 1
         relative = relative_motion(w, x, y, vx, vy, tau, t, gas)
@@ -118,9 +126,9 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                 t = relative.until
             else:
                 t += step
-            if t >= horizon or steps >= MOST_STEPS:
+            if t >= horizon or steps >= most:
                 active = 0
-                if steps >= MOST_STEPS:
+                if steps >= most:
                     resting = 1
                     if ti.static(
                         gas.uses.rests

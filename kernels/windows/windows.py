@@ -224,7 +224,7 @@ WINDOW = Arrays(
     "uses grid scale clock sums counter disk meta past hits dissipated asleep held kind kinds history_hash "
     "displacement slot_before tile listed reach edge_x edge_y tally ghost ghost_position motion event_info image_info "
     "start_position action rest residual_acceleration contact cached_force candidates since turn loss head bin "
-    "wall_start wall_item walls law watched event event_int pair_time pair found total kicks force_values"
+    "wall_start wall_item walls law watched event event_int pair_time pair found total kicks shares force_values"
 )
 
 

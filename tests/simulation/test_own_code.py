@@ -119,7 +119,7 @@ WRONG_FORCES: dict[str, tuple[Any, dict[str, float], str]] = {
     ),
     "misspelt quantity of a step": (
         force(any_total, misspelt_time, 1), {},
-        r"there is no 'dtt' \(did you mean 'dt'\?\); step has time, dt, .*totals \(in act\)$",
+        r"there is no 'dtt' \(did you mean 'dt'\?\); step has time, dt, .*totals \(in act\), share \(in act\)$",
     ),
     "quantity of something else": (force(time_as_spin), {}, "there is no 'spin'; step has time, dt, free, random$"),
 }  # fmt: skip

@@ -317,6 +317,31 @@ def test_axes_that_panels_share_show_the_values_of_all(values: list[list[float]]
     assert high > np.max(values)
 
 
+def test_species_of_a_quantity_are_curves_or_panels_beside_their_theory() -> None:
+    values = np.arange(12.0).reshape(2, 3, 2)  # e_n, rows, species
+    variables = {
+        "e_n": Variable(("e_n",), np.array([0.8, 0.9])),
+        "time": Variable(("time",), np.array([0.0, 1.0, 2.0])),
+        "species": Variable(("species",), np.array(["heavy", "light"])),
+        "heat_mean": Variable(("e_n", "time", "species"), values),
+        "ratio_mean": Variable(("e_n",), np.array([0.5, 0.6])),
+        "ratio_by_kinetic_theory_mean": Variable(("e_n",), np.array([0.55, 0.65])),
+    }
+    results = Results(variables, {"axes": json.dumps({"e_n": ["e_n"]}), "title": "", "keys": "{}"})
+    (axes,) = draw(results, "heat", over="e_n").axes
+    drawn = {line.get_label(): line.get_ydata() for line in axes.lines}
+    np.testing.assert_array_equal(drawn["species = heavy"], [4.0, 10.0])  # at the last row
+    np.testing.assert_array_equal(drawn["species = light"], [5.0, 11.0])
+    panels = draw(results, "heat").axes
+    assert [each.get_title() for each in panels] == ["species = heavy", "species = light"]
+    np.testing.assert_array_equal(panels[1].lines[1].get_ydata(), [7.0, 9.0, 11.0])
+    (axes,) = draw(results, "heat", over="e_n", by="species").axes
+    assert len(axes.lines) == 2
+    (axes,) = draw(results, "ratio", over="e_n").axes
+    found = [line.get_ydata().tolist() for line in axes.lines if len(line.get_ydata())]
+    assert found == [[0.5, 0.6], [0.55, 0.65]]
+
+
 def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     study = ifrdem.Study(case, vary=[VARY, "material[0].mu=0.1,0.5"], seeds=2, output=tmp_path / "t")
     study.run(workers=0)

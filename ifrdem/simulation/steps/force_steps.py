@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 
 AHEAD = 256
 """Steps of the shortest length that are planned together: windows end after so many."""
+MOST_SHARES = 12_000_000
+"""Numbers for which there is room, so that random numbers of steps that are summed ahead are drawn once: 96 MB."""
 HEADROOM = 24
 """Binary digits by which energies that forces give may exceed those at the window's beginning, with exact sums."""
 _kernels = functools.cache(kernels_of)  # compiled once for all objects of a class
@@ -50,7 +52,18 @@ _kernels = functools.cache(kernels_of)  # compiled once for all objects of a cla
 def _compiled(kind: Any, number: int, first: int) -> k.CompiledForce:
     """The part of a class of forces that acts within windows."""
     alone = issubclass(kind, PoissonForce)
-    return k.CompiledForce(declared(kind.act), kind.totals, tuple(kind.parameters), number, first, alone)
+    measure = declared(kind.measure) if kind.totals else None
+    names = (*kind.parameters, *kind.constants)
+    return k.CompiledForce(
+        declared(kind.act),
+        kind.totals,
+        names,
+        number,
+        first,
+        alone=alone,
+        measure=measure,
+        draws_pair=kind.draws_pair,
+    )
 
 
 def acts_within(force: Force, arrays: DeviceArrays) -> bool:
@@ -216,7 +229,7 @@ class ForceSteps:
         """What kernels get of a force within windows (`columns.FORCE_VALUES`)."""
         force = self.forces[index]
         alone = [force.step, float(index)] if isinstance(force, PoissonForce) else []
-        return [*alone, *force.values.values()]
+        return [*alone, *force.values.values(), *force.derived()]
 
     @property
     def n_kernels(self) -> int:
@@ -264,20 +277,38 @@ class ForceSteps:
                 rows.append((time, number, i, at, step))
                 at, time = at + 1, time_of(at + 1, step)
         planned = np.zeros((len(rows), KICK.width + max(totals - 1, 0)))
+        planned[:, KICK.shares] = -1.0
         if rows:
             planned[:, : len(rows[0])] = self._in_order(rows)
         a.set_force_values(self._values)
         a.clock.action_square = self._action_square()
+        stored = 0
+        self._make_room_for_shares(planned)
         for number, i in enumerate(self._within):
-            if self.forces[i].totals:
+            if n := self.forces[i].totals:
                 chosen = planned[:, KICK.force] == number
-                columns = slice(KICK.totals.first, KICK.totals.first + self.forces[i].totals)
-                planned[chosen, columns] = self._sum_ahead(i, planned[chosen, KICK.number])
+                begin, stored = stored, stored + int(chosen.sum()) * a.n * n
+                if stored > a.shares.shape[0]:
+                    begin, stored = -1, begin
+                else:
+                    planned[chosen, KICK.shares] = begin + a.n * n * np.arange(chosen.sum())
+                columns = slice(KICK.totals.first, KICK.totals.first + n)
+                planned[chosen, columns] = self._sum_ahead(i, planned[chosen, KICK.number], begin)
         self._planned, self._until = planned, until
         capacity = max(len(planned) + 1, int(a.kicks.shape[0]))
         table = np.full((capacity, planned.shape[1]), k.FAR)
         table[: len(planned)] = planned
         a.set_kicks(table)
+
+    def _make_room_for_shares(self, planned: NDArray[np.float64]) -> None:
+        """Make room for the shares of all disks in totals of planned steps, if that is not too much."""
+        a = self.arrays
+        counts = np.bincount(planned[:, KICK.force].astype(np.int64), minlength=len(self._within))
+        needed = a.n * sum(
+            int(count) * self.forces[i].totals for count, i in zip(counts, self._within, strict=True)
+        )
+        if needed <= MOST_SHARES and needed > a.shares.shape[0] and not a.uses.shared:
+            a.make("shares", needed)
 
     def _action_square(self) -> float:
         """The largest square of a speed that forces at random times have given to disks at rest, in a few draws.
@@ -310,8 +341,8 @@ class ForceSteps:
             begin = end
         return found
 
-    def _sum_ahead(self, index: int, numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Totals of a force in steps with these numbers, shape (steps, totals)."""
+    def _sum_ahead(self, index: int, numbers: NDArray[np.float64], stored: int) -> NDArray[np.float64]:
+        """Totals of a force in steps with these numbers, shape (steps, totals); shares are `stored` from there on."""
         force, n, steps = self.forces[index], self.forces[index].totals, len(numbers)
         if not steps:
             return np.zeros((0, n))
@@ -320,7 +351,7 @@ class ForceSteps:
 
         def launch(rounders: NDArray[np.float64]) -> NDArray[np.float64]:
             self.arrays.launch(
-                _kernels(kind).sum_ahead, when=np.array([math.nan, force.step, *self._free]),
+                _kernels(kind).sum_ahead, stored, when=np.array([math.nan, force.step, *self._free]),
                 counter_words=_words(0, index, self._seed), parameters=_values_of(force), steps=numbers,
                 tile_sums=found, rounders=rounders,
             )  # fmt: skip
@@ -433,7 +464,7 @@ class ForceSteps:
 
 def _values_of(force: Force) -> NDArray[np.float64]:
     """Parameters of a force for its kernels, with one entry at least."""
-    return np.array([*force.values.values(), 0.0])
+    return np.array([*force.values.values(), *force.derived(), 0.0])
 
 
 def _check_compiles(i: int, force: Force) -> None:
@@ -446,13 +477,17 @@ def _check_compiles(i: int, force: Force) -> None:
         check_signature(owner, function, ("disk", "step", "p"))
     check_constants(owner, kind, "act", "measure")
     try:
-        _kernels(kind).sample_force(np.ones(2), np.ones(len(force.parameters) + 1))
+        _kernels(kind).sample_force(np.ones(2), np.ones(len(force.parameters) + len(force.constants) + 1))
     except CompilationError as error:
-        of_step = (*OF_STEP, *["totals (in act)"] * (force.totals > 0))
+        of_step = (
+            *OF_STEP,
+            *["totals (in act)", "share (in act)"] * (force.totals > 0),
+            *["pair (in act)"] * force.draws_pair,
+        )
         returns = "act must return three numbers, vx, vy and spin"
         if force.totals:
             returns += f", and measure a ti.Vector of length {force.totals}, as totals = {force.totals}"
-        owners = {"disk": OF_DISK, "step": of_step, "p": force.parameters}
+        owners = {"disk": OF_DISK, "step": of_step, "p": (*force.parameters, *force.constants)}
         reason = why_not_compiled(error, functions, owners, returns)
         if not force.totals and "'totals'" in reason:
             reason += "; totals require a class attribute totals (their number) and a static method measure"

@@ -155,6 +155,8 @@ class DeviceArrays:
         self.force_values: Any
         self.set_kicks(np.full((1, KICK.width), k.FAR))
         self.set_force_values(np.zeros(FORCE_VALUES.width))
+        self.shares: Any
+        self.make("shares", 1)
 
     def _take_kinds(self, disks: Disks) -> None:
         """Make the table of kinds of disks, and the kind of each disk."""

@@ -156,6 +156,26 @@ def test_a_moving_wall_is_hit_at_the_first_root(shape: str, motion: Motion, grav
     assert compared > 0
 
 
+@pytest.mark.parametrize("kind", ["sine", "sawtooth"])
+def test_a_slow_disk_is_not_at_rest_near_a_fast_wall(kind: str) -> None:
+    """It takes a thousand periods of the wall until the disk is within its amplitude.
+
+    In a period of 1e-4 the disk moves by 1e-5, and the wall by 4e-3: it hits the disk within the next period.
+    """
+    A, frequency, speed = 1e-3, 1e4, 0.1
+    floor = Wall.line((0.0, 1.0), (0.0, 1.0), motion=Motion(kind, amplitude=A, frequency=frequency))  # type: ignore[arg-type]
+    distance = 2.0 * A + 1e-2  # from the mean position of the wall
+    start = State(np.array([[5.0, 1.5 + distance]]), np.array([[0.0, -speed]]), np.zeros(1))
+    engine = Engine(
+        Disks(1, mass=1.0, radius=0.5), Box((10.0, 10.0), (True, False)), start, LAW, walls=[floor]
+    )
+    reached = (distance - A) / speed
+    run_to(engine, reached - 1e-9)
+    assert engine.wall_collisions == 0
+    run_to(engine, reached + 1.01 / frequency)
+    assert engine.wall_collisions >= 1
+
+
 def _time_to_sides(x: np.ndarray, v: np.ndarray, gravity: float) -> float:
     """When a disk of radius 0.5 reaches a side of the box of side 10."""
     times = [math.inf]
