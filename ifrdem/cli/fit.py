@@ -587,7 +587,10 @@ def collisions(
     from ..fit import tracks as of_tracks
 
     around = [] if walls in (None, "estimate") else _walls_of(Path(str(walls)))
-    table_of_disks, materials = ({}, {}) if disks is None else of_tracks.read_disks(disks)
+    table_of_disks: dict[int, Disk] = {}
+    materials: dict[int, str] = {}
+    if disks is not None:
+        table_of_disks, materials = of_tracks.read_disks(disks)
     loaded = of_tracks.read(source, fps=fps, form=form, flip=flip or ())
     around += [of_tracks.wall_of_numbers(each, loaded) for each in drawn]
     every = given_disks.pop(None, None)

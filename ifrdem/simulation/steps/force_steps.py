@@ -193,7 +193,7 @@ class ForceSteps:
 
     @property
     def allow_drift(self) -> bool:
-        """True if no force has a frame of its own: temperatures are then about the mean velocity of a free gas."""
+        """True if all forces keep the momentum or are Galilean invariant: temperatures are about the mean velocity."""
         return all(force.keeps_momentum or force.galilean_invariant for force in self.forces)
 
     def skip_to(self, time: float) -> None:
