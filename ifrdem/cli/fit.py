@@ -594,8 +594,11 @@ def collisions(
     loaded = of_tracks.read(source, fps=fps, form=form, flip=flip or ())
     around += [of_tracks.wall_of_numbers(each, loaded) for each in drawn]
     every = given_disks.pop(None, None)
-    by_id = {**table_of_disks, **given_disks}
-    given = {one: made for one in loaded.time if (made := by_id.get(one, every)) is not None}
+    given = {
+        one: made
+        for one in loaded.time
+        if (made := given_disks.get(one, table_of_disks.get(one, every))) is not None
+    }
     if walls == "estimate":
         around += _estimated_walls(loaded, given)
     found = impacts.find(loaded, given, walls=around, window=window, error=noise, repair_swaps=repair_swaps)
