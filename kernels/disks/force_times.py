@@ -15,9 +15,7 @@ from ..random import DRAWS, unit, words
 
 E_TO_MINUS_1 = 0.36787944117144233
 MOST_ACTIONS = 40  # in a slice: more have a probability of 1e-48, below that of any random number of 53 bits
-ACTION_BITS = (
-    24  # of the high word of the number of a slice; the bits above have the number of an action in it
-)
+ACTION_BITS = 24  # of the high word of the number of a slice; bits above have the number of an action in it
 
 
 @ti.func

@@ -134,8 +134,9 @@ def act_on_all(n, first, end, t, tile, region: ti.template(), gas: ti.template()
 def draw_pairs(offset, n, row, gas: ti.template()):
     """Draw the first pair of normal random numbers of each disk for a row of `kicks`.
 
-    A loop of its own takes half of the time that draws in the loop with the force take: a processor works on several
-    disks at a time. The numbers lie in the times of events, which all disks predict again after the force.
+    A separate loop takes half of the time of draws within the loop of the force, because a processor works on several
+    disks at a time (`validation/results/forces.md`). The numbers are stored in the times of events, which all disks
+    predict again after the force.
     """
     for i in range(offset, offset + n):
         pair = normals(stream_of_row(i, row, gas), 0)

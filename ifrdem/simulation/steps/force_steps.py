@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 AHEAD = 256
 """Steps of the shortest length that are planned together: windows end after so many."""
 MOST_SHARES = 12_000_000
-"""Numbers for which there is room, so that random numbers of steps that are summed ahead are drawn once: 96 MB."""
+"""Largest number of stored shares of disks in totals of steps ahead (96 MB): each random number is then drawn once."""
 HEADROOM = 24
 """Binary digits by which energies that forces give may exceed those at the window's beginning, with exact sums."""
 _kernels = functools.cache(kernels_of)  # compiled once for all objects of a class
