@@ -223,7 +223,8 @@ ifrdem {HERO_PICTURE}
 ```
 
 The style `poster` has a scale bar instead of titles and axes. The pictures below take one command each, after
-`ifrdem run CASE`. `--color` takes spin, speed, direction, temperature, radius, material, species and collisions.
+`ifrdem run CASE`. `--color` takes spin, speed, direction, temperature, radius, material, species, collisions, asleep and
+dissipated.
 `ifrdem movie` has the same colours and the same style, and makes MP4, WebP or GIF.
 
 ![Clusters form in a gas that cools](gallery/clusters.webp)
