@@ -211,8 +211,9 @@ pictures.
 
 ## Posters
 
-A million disks after 120 collisions per disk, coloured by their directions of motion. Cells of 1.8 diameters are as
-bright as they are full. The run has 60 million collisions; `ifrdem check` estimates its time.
+A million disks after 120 collisions per disk, coloured by their directions of motion. The brightness of a
+cell, 1.8 diameters wide, grows with its area fraction up to 0.6. The run has 60 million collisions; `ifrdem check`
+estimates its time.
 
 ![Filaments and clusters in a gas of a million disks](gallery/million.webp)
 
@@ -221,7 +222,7 @@ ifrdem {HERO}
 ifrdem {HERO_PICTURE}
 ```
 
-The style `poster` has no titles and no axes, but a bar of the scale. The pictures below take one command each, after
+The style `poster` has a scale bar instead of titles and axes. The pictures below take one command each, after
 `ifrdem run CASE`. `--color` takes spin, speed, direction, temperature, radius, material, species and collisions.
 `ifrdem movie` has the same colours and the same style, and makes MP4, WebP or GIF.
 

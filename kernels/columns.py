@@ -114,7 +114,7 @@ class Named:
 
     def __getattr__(self, name: str) -> Any:
         column = self._columns.at.get(name)
-        if type(column) is int:  # a thousand times a second
+        if type(column) is int:  # is called a thousand times a second
             array = self.array
             return array[column] if array.ndim == 1 else array[..., column]
         column = self._columns.column(name)

@@ -100,7 +100,7 @@ class CompiledForce:
     """The compiled part of a force that acts within windows. It is constant, and equal to one with the same values.
 
     `act` is its function, with `n_totals` totals and numbers of these `names`; `number` is its own among these forces,
-    `first` that of its first number in `force_values`. If `alone` it acts on single disks, each at times of its own
+    `first` that of its first number in `force_values`. If `alone`, it acts on single disks at random times
     (`disks/force_times.py`). `measure` is the function of one with totals. If it `draws_pair`, it takes the first pair
     of normal random numbers of a step.
 
@@ -185,7 +185,7 @@ class Uses:
 
     @property
     def actions(self) -> bool:
-        """True if forces act on single disks, each at times of its own."""
+        """True if forces act on single disks at random times."""
         return any(force.alone for force in self.forces)
 
     @property

@@ -316,7 +316,7 @@ class ForceSection(Section):
     """A force on all disks between collisions, at the middle of each of its steps: driving, or drag."""
 
     kind: str = field("random_force")
-    """ "random_force" (kicks; power or diffusion; step or rate), "random_torque" (the same of spins), "langevin" (a
+    """ "random_force" (kicks; power or diffusion; step or rate), "random_torque" (the same for spins), "langevin" (a
     heat bath; temperature, rate, spin_temperature, spin_rate), "drag" (rate, quadratic, spin_rate), "rescale" (a
     thermostat; temperature or energy) or "table_friction" (disks that lie on a table; mu, gravity)."""
     step: float = field(2e-3, gt=0.0)
@@ -335,12 +335,12 @@ class ForceSection(Section):
 
     @property
     def at_random_times(self) -> bool:
-        """True if it acts on each disk alone, in a Poisson process."""
+        """True if it acts on each disk independently, as a Poisson process."""
         return False
 
     @property
     def interval(self) -> float:
-        """Time between two applications [time]; of a force at random times, the mean of a disk."""
+        """Time between two applications [time]; of a force at random times, its mean for one disk."""
         return self.step
 
     @property
@@ -355,7 +355,7 @@ class ForceSection(Section):
 
 
 class RandomForce(ForceSection):
-    """Random changes of velocities: in steps, without total momentum, or of each disk at times of its own."""
+    """Random kicks: in steps that conserve the total momentum, or of each disk at random times."""
 
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("step", "rate"), ("power", "diffusion"))
 
@@ -363,7 +363,7 @@ class RandomForce(ForceSection):
     step: float | None = field(2e-3, None, gt=0.0)  # type: ignore[assignment]
     """Time between two applications [s]; a part of the mean free time. Errors go with its square."""
     rate: float | None = field(500.0, None, gt=0.0)
-    """Instead of step: kicks of a disk per time, at random times of its own, a Poisson process [1/s]."""
+    """Instead of step: mean number of kicks of a disk per time, at random times (a Poisson process) [1/s]."""
     power: float | None = field(1e-3, None, gt=0.0)
     """Energy that each disk gets per time [W]."""
     diffusion: float | None = field(0.5, None, gt=0.0)

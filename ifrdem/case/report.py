@@ -294,7 +294,7 @@ def _when(case: CaseSections, force: ForceSection) -> str:
     if case.run.device != "cpu":
         return "between windows, as all forces on a GPU"
     if force.at_random_times:
-        return "within windows, on each disk at times of its own"
+        return "within windows, on each disk at random times"
     if force.kind == ENDS_WINDOW:
         return "between windows, because it needs sums over all disks"
     if any(each.kind == ENDS_WINDOW and each.interval == force.interval for each in case.force):

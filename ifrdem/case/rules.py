@@ -184,7 +184,7 @@ def check_forces(case: CaseSections) -> Iterator[Problem]:
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
         if force.at_random_times and case.run.device != "cpu":
-            text = f'on run.device = "{case.run.device}", kicks at random times are not supported: use step, or "cpu"'
+            text = 'requires run.device = "cpu": use step on a GPU'
             yield _at(case, f"{key}.rate", text)
         if force.kind == "random_force" and not force.at_random_times and _disks(case) < 2:
             text = "requires at least 2 disks: random kicks keep the total momentum"

@@ -148,7 +148,7 @@ class FitOptions:
         ),
     ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
-    """ifr-percussion, ifr-contact, ifr-viscoelastic, walton, brach, smooth or all; repeatable (default: first two)"""
+    """ifr-percussion, ifr-contact, ifr-viscoelastic, walton, brach, smooth, all; repeatable (default: the first two)"""
     law: Annotated[str | None, Parameter(metavar="FILE.py:CLASS")] = None
     """a custom law in addition, see own-law in the manual"""
     range: Annotated[list[str] | None, Parameter(metavar="NAME=LOW:HIGH")] = None
@@ -183,7 +183,7 @@ class FileOptions:
     json: Annotated[Path | None, FILE] = None
     """everything that was found"""
     picture: Annotated[str | None, Parameter(metavar="NAME")] = None
-    """NAME.png and NAME.pdf: data, laws, residuals; NAME_corner: coefficients in pairs; NAME_speeds: their trends"""
+    """NAME.png and NAME.pdf: data, laws, residuals; NAME_corner: coefficients in pairs; NAME_speeds: speed trends"""
     draw: Annotated[int, counting(1)] = 0
     """N sets of coefficients drawn with their covariance, into --draws"""
     draws: Annotated[Path | None, FILE] = None
@@ -524,7 +524,7 @@ def collisions(
         Path | None,
         option(
             "FILE",
-            "a CSV file of disks: id, mass, radius, k, material (the last two if wanted); others are --disk",
+            "a CSV file of disks: id, mass, radius, and optionally k, material; others are --disk",
         ),
     ] = None,
     walls: Annotated[

@@ -1,4 +1,4 @@
-"""Walls of a tray, estimated from tracks: straight or round, where disks turn back without another disk near."""
+"""Walls of a tray, estimated from tracks: straight or round, where disks change direction far from other disks."""
 
 from __future__ import annotations
 
@@ -33,9 +33,10 @@ class _Turns:
 
 
 def estimated(tracks: Tracks, radius: Mapping[int, float]) -> list[Wall]:
-    """Straight walls, or one round one, that keep all disks in, from turns away from other disks.
+    """Straight walls, or one round one, that keep all disks in, from turns far from other disks.
 
-    Raises InputError if less than six tenths of these turns lie on such walls.
+    A turn is a change of direction. `radius` has the radii of the disks by id [length]. Raises InputError if less than
+    six tenths of these turns lie on such walls.
     """
     turns = _turns(tracks, radius)
     number = len(turns.radius)
@@ -53,8 +54,8 @@ def estimated(tracks: Tracks, radius: Mapping[int, float]) -> list[Wall]:
     if explained < max(_PART * number, _LEAST):
         how = option_name("--walls CASE or --wall", "walls")
         raise InputError(
-            f"{tracks.source}: {explained} of {number} turns away from other disks lie on straight or round walls: no "
-            f"walls can be estimated; give them by {how}"
+            f"{tracks.source}: {explained} of {number} changes of direction far from other disks lie on straight or "
+            f"round walls: walls cannot be estimated; give them by {how}"
         )
     return walls
 

@@ -180,9 +180,9 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
 def speeds(fit: Fit, paths: Sequence[Path]) -> None:
     """Draw the coefficients of single impacts against g_n, and e_t against the rim speed, of the best law.
 
-    Each is the coefficient that the impact alone would give, with the others as fitted; impacts whose own error is over
-    five times the smallest quarter of them are left out. Lines are the fitted values, dashed lines the trends with 68 %
-    bands.
+    Each value is what the impact alone would give, with the other coefficients as fitted. Impacts whose standard error
+    is above five times its lower quartile are left out. Lines are the fitted values, dashed lines the trends with
+    68 % bands.
 
     Raises InputError if a file cannot be written, or there are too few whole collisions.
     """
@@ -191,7 +191,7 @@ def speeds(fit: Fit, paths: Sequence[Path]) -> None:
     fitted = fit.laws[fit.best]
     trends = fitted.trends
     if trends is None or not trends.each:
-        raise InputError("no picture of speeds: needs whole collisions, 8 more than coefficients")
+        raise InputError("no picture of speeds: requires whole collisions, at least 8 more than coefficients")
     figure = Figure(figsize=(1.2 + 3.6 * len(trends.each), 4.2), dpi=200, layout="constrained")
     grid = figure.subplots(1, len(trends.each), squeeze=False)[0]
     colour = STYLES[0][0]

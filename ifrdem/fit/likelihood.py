@@ -36,10 +36,10 @@ NU = 4.0
 
 _STEP = 1e-6  # of a one-sided difference by a coefficient: error 1e-6, round-off 1e-10
 _MOST_STEPS = 40
-_CLOSE = 1e-10  # gain of a step that counts as none; a step of 1e-5 of an error
+_CLOSE = 1e-10  # gain of a step below which the search ends: a step of 1e-5 standard errors
 _ROUNDING = 1e-13  # the same over the distance
-_SHORTEST = 1e-4  # of a step, over that of Gauss and Newton
-_HOPE = 10.0  # decrease that is possible, over the gain of a step
+_SHORTEST = 1e-4  # length of a step, over that of Gauss-Newton
+_LARGEST_GAIN = 10.0  # decrease that is still possible at most, over the gain of the next step
 _RIDGE = 1e-12  # fixes a direction that no measured value determines
 
 
@@ -91,15 +91,15 @@ class Points:
 
     @property
     def information(self) -> Array:
-        """Half of the second derivatives (p, p) of the loss, by Gauss and Newton."""
+        """Half of the second derivatives (p, p) of the loss, in the Gauss-Newton approximation."""
         return np.asarray(np.einsum("n,nqa,nqb->ab", self.weight, self.jacobian, self.jacobian))
 
     @property
     def scatter(self) -> Array | None:
         """Covariance (p, p) of half the gradient of the loss, from its scatter over the impacts.
 
-        None for a Gaussian likelihood, where it is `information`; a Student-t one only stands in for errors of unknown
-        distribution, so that the covariance of the coefficients is H^-1 V H^-1 with V this scatter (P. J. Huber, Proc.
+        None for a Gaussian likelihood, where it is `information`; a Student-t one only replaces errors of unknown
+        distribution. The covariance of the coefficients is then H^-1 V H^-1, with V this scatter (P. J. Huber, Proc.
         Fifth Berkeley Symp. 1, 221 (1967)).
         """
         if self.robust is None:
@@ -205,16 +205,16 @@ class Likelihood:
     def _descend(
         self, values: Array, rows: NDArray[np.int64], start: Array, low: Array, high: Array, below: Array
     ) -> tuple[Array, Array]:
-        """Nearest points (m, d) with chi from `low` to `high`, and squared distances (m,), by Gauss and Newton.
+        """Nearest points (m, d) with chi from `low` to `high`, and squared distances (m,), by Gauss-Newton steps.
 
-        The search of a row ends early where it would not end at a distance below `below` (m,).
+        The search of a row stops early if it cannot reach a distance below `below` (m,).
         """
         x = start.copy()
         x[:, 0] = np.clip(x[:, 0], low, high)
         distance, step, gain = self._measure(values, rows, x, low, high)
         active, scale, length = np.arange(len(rows)), self._scale[rows], np.ones(len(rows))
         for _ in range(_MOST_STEPS):
-            open_ = (gain > _CLOSE + _ROUNDING * distance) & (distance - _HOPE * gain < below)
+            open_ = (gain > _CLOSE + _ROUNDING * distance) & (distance - _LARGEST_GAIN * gain < below)
             active = active[open_[active] & (length[active] > _SHORTEST)]
             if len(active) == 0:
                 break
@@ -222,9 +222,9 @@ class Likelihood:
             trial[:, 0] = np.clip(trial[:, 0], low[active], high[active])
             measured = self._measure(values, rows[active], trial, low[active], high[active])
             better = measured[0] < distance[active]
-            # Gauss and Newton overshoot or fall short by a constant factor where residuals are large; the next step has
-            # the length that would have been right for the last one (J. Barzilai and J. M. Borwein, IMA J. Numer. Anal.
-            # 8, 141 (1988)).
+            # Gauss-Newton steps overshoot or fall short by a constant factor where residuals are large. The next step
+            # has the length that would have been right for the last one (J. Barzilai and J. M. Borwein, IMA J. Numer.
+            # Anal. 8, 141 (1988)).
             done = (trial - x[active]) / scale[active]
             change = np.sum(done * (step[active] - measured[1]) / scale[active], axis=1)
             fitting = np.sum(done**2, axis=1) / np.where(change > 0.0, change, 1.0)

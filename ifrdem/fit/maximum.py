@@ -41,7 +41,7 @@ SPINNING = ("Rw_1", "Rw_2", "e_t_apparent", "rebound_contact", "spin_1_after", "
 TRANSIT = "psi_transit"
 _STARTS, _DESCENTS = 32, 6  # sampled points; the best of them, where searches start
 _SAME_MINIMA = 2  # descents that end in the lowest minimum are enough
-_MOST_MINIMA = 10  # each lower than the last, whose intervals are begun
+_MOST_MINIMA = 10  # times that a lower minimum is taken, at most, when the search for intervals finds one
 _PRECISE = 3e-4  # of the distance of an end from the best value
 _TOLERANCE = {"held": 1e-6, "robust": 1e-8, "plain": 1e-10}  # of descents; robust ones converge linearly
 _BETTER = 1e-5  # a loss lower by this is another minimum
@@ -101,7 +101,7 @@ def fit(
     seed : int
         Of the bootstrap.
     progress : callable, optional
-        Gets the part that is done, from 0 to 1, after each step; an estimate.
+        Called after each step with the estimated part that is done, from 0 to 1.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def fit(
 
 
 def _expected_descents(law: Law, bootstrap: int, *, profile: bool) -> int:
-    """About as many descents as the fit of a law takes, for its progress."""
+    """Approximate number of descents of the fit of a law, for its progress."""
     return 10 + (10 * (len(law.free) + 1) if profile else 0) + 3 * bootstrap
 
 
@@ -218,7 +218,7 @@ class Search:
         return np.array([(self.transition(values + step) - at) / 1e-6 for step in steps])
 
     def variance_ratios(self, values: Array) -> dict[str, float]:
-        """Factors of the rise of the loss at the ends of intervals, for each quantity.
+        """Factor of the rise of the loss at the ends of the interval of each quantity.
 
         Each is the variance over the one that the curvature alone would give: 1 for a Gaussian likelihood (J. T. Kent,
         Biometrika 69, 19 (1982)).
@@ -532,7 +532,7 @@ def _lower(search: Search, best: Array) -> Array:
 
 
 def rise_of(search: Search, level: float, *, estimated: bool = False) -> float:
-    """Rise of the loss at the ends of an interval of a confidence, before `Search.variance_ratios`.
+    """Rise of the loss at the ends of an interval of confidence `level`, without `Search.variance_ratios`.
 
     Of chi-square; of F where the errors, or the scatter of a robust likelihood, are estimated from the residuals.
     """
@@ -570,7 +570,7 @@ def _end(
 ) -> tuple[float, bool]:
     """One end of an interval, and whether it is the limit, up to which the loss does not rise enough.
 
-    `width` is its distance by the standard error.
+    `width` is the distance that follows from the standard error.
     """
     loss = search.points(best).loss
     z = float(np.sqrt(rise))

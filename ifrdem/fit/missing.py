@@ -1,4 +1,4 @@
-"""Quantities that were not measured, and that would determine coefficients which the data leave open."""
+"""Unmeasured quantities that would determine coefficients that the data do not."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 
 from .laws import Law
 from .likelihood import Array, Likelihood, covariance_of
-from .model import MEASURED, AngleProblem, CollisionProblem, FitProblem, errors_as_matrices
+from .model import MEASURED, AngleProblem, CollisionProblem, FitProblem, whitening
 
-_HELPS = 0.5  # of a standard error that a quantity must at least take away
+_HELPS = 0.5  # least reduction of a standard error by a quantity, as a part of it
 
 
 def helpful(
     problem: FitProblem, law: Law, values: Array, coefficients: Collection[str]
 ) -> list[tuple[str, ...]]:
-    """Quantities not measured each of which would determine these coefficients; all spins together if none does alone.
+    """Unmeasured quantities, each of which would determine these coefficients; if none does alone, all spins together.
 
     Each is tried by the expected information: it is added to every impact as the law gives it at the measured motion
     before, with the error of its kind.
@@ -70,6 +70,6 @@ def _with(problem: FitProblem, law: Law, values: Array, names: Sequence[str]) ->
             float(np.nanmedian(alike)) if np.isfinite(alike).any() else problem.first_guess(problem.groups[i])
         )
         other.y[:, i], other.s[:, i] = exact[:, i], size
-    other.white = errors_as_matrices(other.s, {}, other.names)
+    other.white = whitening(other.s, {}, other.names)
     other.begin()
     return other

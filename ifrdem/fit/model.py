@@ -155,7 +155,7 @@ class FitProblem(ABC):
             least = np.min(positive) if positive.size else 1e-2 * guess
             s[:, members] = np.where(self.known[:, members], _EXACT * least, own)
         self.s: Array = np.where(present, s, np.nan)
-        self.white: Array = errors_as_matrices(self.s, covariance or {}, self.names)
+        self.white: Array = whitening(self.s, covariance or {}, self.names)
         self.rows: Index = np.arange(len(y))
 
     @abstractmethod
@@ -263,7 +263,7 @@ def latent_slope(
     return f[0], np.moveaxis(found, 0, -1)
 
 
-def errors_as_matrices(s: Array, covariance: Mapping[tuple[int, int], Array], names: Sequence[str]) -> Array:
+def whitening(s: Array, covariance: Mapping[tuple[int, int], Array], names: Sequence[str]) -> Array:
     """W (n, q, q) with W^T W the inverse of the covariance, of errors (n, q) and covariances of two columns (n,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(np.isnan(s), 0.0, 1.0 / s)
@@ -465,7 +465,7 @@ class CollisionProblem(FitProblem):
         x[:, 0], x[:, 2] = psi, np.median(self.start[:, 2])
         present = ~np.isnan(other.y)
         other.s = np.where(present, np.nanmedian(self.s, axis=0), np.nan)
-        other.white = errors_as_matrices(other.s, {}, self.names)
+        other.white = whitening(other.s, {}, self.names)
         other.y = np.where(present, other.predict(law, values, x), np.nan)
         other.begin()
         return other

@@ -96,7 +96,7 @@ def _gain(best: Fitted, other: Fitted, angles: Array, number: int) -> Array:
     for angle in np.radians(angles):
         one = best.problem.at(best.law, best.values, np.array([angle]))
         points = Likelihood(one, other.law).at(other.values)
-        # One step of Gauss and Newton on both together: a refit that costs nothing.
+        # One Gauss-Newton step on both together: a refit that costs nothing.
         information = before.information + number * points.information
         gradient = number * np.einsum("nqp,nq->p", points.jacobian, points.residual)
         covariance = covariance_of(information)

@@ -174,11 +174,11 @@ def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
     )
     if counted := fitted.count():
         yield "  impacts: " + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counted.items())
-    for against in ("g_n", "spin"):
+    for against in ("g_n", "rim speed"):
         each_trend = [each for each in fitted.trends.each if each.against == against] if fitted.trends else []
         if each_trend:
             changes = (
-                f"{each.coefficient} {each.change:+.2g} +- {each.error:.1g} (p {each.probability:.2g})"
+                f"{each.coefficient} {each.change:+.2g} +- {each.error:.1g} (p = {each.probability:.2g})"
                 for each in each_trend
             )
             ends = f"{each_trend[0].low:.3g} to {each_trend[0].high:.3g}"
@@ -308,8 +308,8 @@ def material(fit: Fit, name: str) -> str:
         )
     if fitted.law.depends_on_speed:
         raise InputError(
-            f'no material is written: no case has the law {fit.best}; law = "viscoelastic" needs A and Y, of which '
-            f"impacts give a combination only; {option_name('--model', 'model')} chooses another law"
+            f'no material is written: no case has the law {fit.best}; law = "viscoelastic" requires A and Y, and '
+            f"impacts give only a combination of both; {option_name('--model', 'model')} chooses another law"
         )
     verdict = fitted.admissibility
     if verdict is not None and not verdict.admissible:

@@ -156,7 +156,7 @@ class Fitted:
         if self.law.sticking is None or self.admissibility is None:
             raise InputError(f"{self.law.about}: is not an IFR law")
         if self.law.depends_on_speed:
-            raise InputError(f"{self.law.name}: is not an IFR law of one e_n, which depends on speed here")
+            raise InputError(f"{self.law.name}: cannot be an `IFRLaw`, because its e_n depends on speed")
         if not self.admissibility.admissible:
             raise InputError(self.admissibility.message)
         return ifr_law(self.coefficients, self.law.sticking, k)
@@ -346,18 +346,20 @@ def _missing(fitted: Fitted) -> list[str]:
     together = [name for name in free if name in tied]
     if len(together) < 2:
         return []
-    # Where nothing is determined, the fitted values say nothing either: typical ones are taken.
+    # If some coefficient is not determined, fitted values are arbitrary: typical ones are taken.
     values = fitted.values if np.isfinite(errors).all() else fitted.law.start_points(2)[1]
     found = helpful(fitted.problem, fitted.law, values, together)
     if not found:
         return []
     names = [" and ".join(each) for each in found]
-    be = "is" if len(found[0]) == 1 else "are"
-    also = f"; {' or '.join(names[1:])} would do too" * (len(names) > 1)
-    return [f"{names[0]} {be} not measured: {' and '.join(together)} cannot be separated without it{also}"]
+    be, it = ("is", "it") if len(found[0]) == 1 else ("are", "them")
+    others = f" (or {' or '.join(names[1:])})" * (len(names) > 1)
+    return [
+        f"{names[0]} {be} not measured: {' and '.join(together)} cannot be separated; measure {it}{others}"
+    ]
 
 
-_CLEAR = 1e-3  # probability below which a trend is warned of
+_CLEAR = 1e-3  # p-value below which a warning names a trend
 
 
 def _trends(fitted: Fitted) -> list[str]:
@@ -371,13 +373,13 @@ def _trends(fitted: Fitted) -> list[str]:
             fits = f"; {model} fits e_n = 1 - A g_n^(1/5)" * (each.coefficient == "e_n" and each.change < 0.0)
             found.append(
                 f"{each.coefficient} depends on {each.against}: it changes by {each.change:+.3g} +- {each.error:.2g} "
-                f"from {each.low:.3g} to {each.high:.3g} (probability {each.probability:.1g}){fits}"
+                f"from {each.low:.3g} to {each.high:.3g} (p = {each.probability:.1g}){fits}"
             )
     if fitted.trends.clusters is not None:
         (low, below), (high, above) = fitted.trends.clusters
         found.append(
-            f"e_n of single impacts has two clusters, {low:.3g} ({below} impacts) and {high:.3g} ({above}): a mixture "
-            "of materials has columns material_1 and material_2, and one fit for each pair"
+            f"e_n of single impacts has two clusters, {low:.3g} ({below} impacts) and {high:.3g} ({above}); if "
+            "materials are mixed, name them in columns material_1 and material_2: each pair is then fitted separately"
         )
     return found
 

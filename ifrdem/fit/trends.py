@@ -1,9 +1,9 @@
 """Trends of coefficients with speed and spin, and signs of two materials, in the residuals of a fit.
 
 Of each impact alone, with the other coefficients as fitted, a coefficient is its fitted value less (J . r) / (J . J),
-with the residuals r and their derivatives J. A trend is a further coefficient b, theta_k + b (u - mean u): one step of
-Gauss and Newton fits it together with all others. Its variance comes from the scatter of the impacts (H. White,
-Econometrica 48, 817 (1980)), which holds where errors are wrong or are estimated from the residuals, too.
+with the residuals r and their derivatives J. A trend is a further coefficient b, theta_k + b (u - mean u): one
+Gauss-Newton step fits it together with all others. Its variance comes from the scatter of the impacts (H. White,
+Econometrica 48, 817 (1980)). This is also right if errors are wrong, or are estimated from the residuals.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from .likelihood import Array, Points, covariance_of
 from .model import CollisionProblem
 
 LEAST = 8
-"""Impacts that a trend needs at least, beyond the coefficients."""
+"""Least number of impacts for a trend, in addition to the number of coefficients."""
 
 _CLUSTERS = 12.0  # gain in ln L of two values of e_n over one, whose scatter is free: BIC for two parameters needs ln n
 _SHARE = 0.1  # of the impacts, in the smaller cluster
-_APART = 3.0  # of their typical errors between both
+_APART = 3.0  # distance of both, over their median error
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ class Trend:
     """Change of a coefficient between the 5th and the 95th percentile of a speed."""
 
     coefficient: str
-    against: str  # "g_n", or "spin": |R_1 w_1 + R_2 w_2| before the impact
+    against: str  # "g_n", or "rim speed": |R_1 w_1 + R_2 w_2| before the impact
     low: float
     high: float  # low, high: these percentiles [length/time]
     change: float
     error: float  # standard error of the change
     pivot: float  # speed at which the coefficient has its fitted value [length/time]
-    probability: float  # of so large a change without a trend
+    probability: float  # p-value: of so large a change without a trend
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Trends:
 
 
 def trends_of(points: Points, problem: CollisionProblem, law: Law, values: Array) -> Trends | None:
-    """Trends of e_n, e_t, mu with g_n, and of e_t with spin; None for too few impacts."""
+    """Trends of the coefficients with g_n, and of e_t with the rim speed; None for too few impacts."""
     n, _, p = points.jacobian.shape
     if n < p + LEAST:
         return None
@@ -69,8 +69,8 @@ def trends_of(points: Points, problem: CollisionProblem, law: Law, values: Array
     rim = np.abs(motion[3] * motion[7] + motion[9] * motion[13])
     found = []
     for k, name in enumerate(law.free):
-        for against, u in (("g_n", np.log(np.maximum(speed, 1e-300))), ("spin", rim)):
-            if (against == "spin") != (name == "e_t") and against == "spin":
+        for against, u in (("g_n", np.log(np.maximum(speed, 1e-300))), ("rim speed", rim)):
+            if against == "rim speed" and name != "e_t":
                 continue
             if (one := _trend(J, r, w, k, u)) is None:
                 continue

@@ -5,7 +5,8 @@ these times disks fly freely and collide exactly. This splitting is symmetric in
 multiples of the step is off by the square of the step (and between them, where the force of up to half a step is still
 missing or early, by the step itself). Such a force takes its `step` first, the time between two applications [time].
 
-A force at random times acts on each disk by itself, in a Poisson process (`PoissonForce`). It takes its `rate` first.
+A force at random times acts on each disk independently, as a Poisson process (`PoissonForce`). It takes its `rate`
+first.
 
 The module imports Taichi: `act` and `measure` are compiled to run on the device.
 """
@@ -84,9 +85,9 @@ class Force(ReadOnlyAttributes):
         True if the force changes the total momentum by no more than rounding. Where all forces do, temperatures are
         about the mean velocity of a gas that can drift (`observables.Measure`); a force that does not, such as a drag,
         has a frame of its own, in which temperatures are measured.
-    moves_along : bool
-        True if the force is the same in all frames that move at constant velocity, as kicks are that do not look at the
-        velocity. Temperatures are then about the mean velocity too, although the force may change that.
+    galilean_invariant : bool
+        True if the force is the same in all frames that move at constant velocity, such as kicks that do not depend on
+        the velocity. Temperatures are then about the mean velocity, too, although the force may change it.
 
     Notes
     -----
@@ -121,7 +122,7 @@ class Force(ReadOnlyAttributes):
     totals_ahead: ClassVar[bool] = False
     draws_pair: ClassVar[bool] = False
     keeps_rest: ClassVar[bool] = False
-    moves_along: ClassVar[bool] = False
+    galilean_invariant: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -280,13 +281,13 @@ class SpinKicks(Force):
 
 
 class PoissonForce(Force):
-    """A force that acts on each disk by itself, at random times: a Poisson process of each disk, exact in time.
+    """A force that acts on each disk independently, at random times: a Poisson process of each disk, exact in time.
 
-    Subclasses say in `act` what it does to the disk each time. There `step.dt` is the mean time between two actions on
-    a disk, 1 / rate, and `step.time` the time of the action. Times and random numbers depend on the seed, the disk, and
-    the position of the force in the list only.
+    Subclasses define in `act` what it does to the disk each time. There `step.dt` is the mean time between two actions
+    on a disk, 1 / rate, and `step.time` the time of the action. Times and random numbers depend only on the seed, the
+    disk, and the position of the force in the list.
 
-    InputError if the rate is not a positive finite number, or of a class with totals.
+    InputError if the rate is not a positive finite number, or the class has totals.
 
     Parameters
     ----------
@@ -316,7 +317,7 @@ class PoissonForce(Force):
     def __init__(self, rate: Positive, **values: float) -> None:
         if self.totals:
             raise InputError(
-                f"{type(self).__name__}: totals = {self.totals}: must be 0 of a force at random times"
+                f"{type(self).__name__}: totals = {self.totals}: must be 0 for a force at random times"
             )
         super().__init__(1.0 / number("rate", rate, positive=True), **values)
 
@@ -331,15 +332,15 @@ class PoissonForce(Force):
 
 
 class PoissonKicks(PoissonForce):
-    r"""Kicks at random times: each disk gets Gaussian ones at a `rate`, with <dv_x^2> = <dv_y^2> = 2 D / rate.
+    r"""Kicks at random times: each disk gets Gaussian kicks at a `rate`, with <dv_x^2> = <dv_y^2> = 2 D / rate.
 
-    D = power / (2 m), as of `RandomKicks`: for any rate the mean energy of a free disk grows by `power` per time. The
-    sum of the kicks in a time t is white noise but for cumulants of fourth and higher order, which go with 1 / rate:
-    the excess kurtosis of v_x of a free disk is 3 / (rate t). How close to white noise the steady state of a gas is
-    follows from `theory.heated_sonine` with the mean energy of a kick over T, power / (rate T).
+    D = power / (2 m), as in `RandomKicks`: for any rate the mean energy of a free disk grows by `power` per time. The
+    sum of the kicks in a time t is white noise except for cumulants of fourth and higher order, which vanish at high
+    rates: the excess kurtosis of v_x of a free disk is 3 / (rate t). `theory.heated_sonine` gives the difference from
+    white noise in the steady state of a gas, with the mean energy of a kick over T, power / (rate T).
 
-    A kick changes the total momentum. The drift of the whole gas gets the energy power per time, as one disk does, and
-    temperatures are about the mean velocity.
+    A kick changes the total momentum. The drift energy of the whole gas grows by `power` per time, as that of one disk
+    does. Temperatures are about the mean velocity.
 
     Parameters
     ----------
@@ -348,7 +349,7 @@ class PoissonKicks(PoissonForce):
     power : float
         Energy that each disk gets per time, on average [energy/time].
     diffusion : float
-        Instead of it, D [length^2/time^3], the same for all masses.
+        Instead of power: D [length^2/time^3], the same for all masses.
 
     Examples
     --------
@@ -358,7 +359,7 @@ class PoissonKicks(PoissonForce):
     """
 
     parameters = ("power", "diffusion")
-    moves_along = True
+    galilean_invariant = True
 
     @validated
     def __init__(self, rate: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
@@ -371,9 +372,9 @@ class PoissonKicks(PoissonForce):
 
 
 class PoissonSpinKicks(PoissonForce):
-    """Kicks of spins at random times: each disk gets Gaussian ones at a `rate`, with <d omega^2> = 2 D / rate.
+    """Kicks of spins at random times: each disk gets Gaussian kicks at a `rate`, with <d omega^2> = 2 D / rate.
 
-    D = power / I, as of `SpinKicks`.
+    D = power / I, as in `SpinKicks`.
 
     Parameters
     ----------
@@ -382,7 +383,7 @@ class PoissonSpinKicks(PoissonForce):
     power : float
         Energy that each disk gets per time, on average [energy/time].
     diffusion : float
-        Instead of it, D [rad^2/time^3], the same for all disks.
+        Instead of power: D [rad^2/time^3], the same for all disks.
 
     Examples
     --------
@@ -536,8 +537,8 @@ class TableFriction(Force):
     """Disks that lie on a table: Coulomb friction spread evenly over their faces, of velocity and spin together.
 
     The exact solution over a step of dv/dt = -mu g F(eps), d(R omega)/dt = -k mu g T(eps) with eps = v/(R |omega|)
-    (`kernels/forces/table_friction.py`; Farkas et al. 2003, doi:10.1103/PhysRevLett.90.248302): a spinning disk brakes
-    the less, and both motions stop together, after a finite time. A disk at rest stays there exactly, and when all are,
+    (`kernels/forces/table_friction.py`; Farkas et al. 2003, doi:10.1103/PhysRevLett.90.248302): rotation reduces the
+    braking, and both motions stop together, after a finite time. A disk at rest stays there exactly, and when all are,
     the run goes to its end without further steps.
 
     Parameters

@@ -81,7 +81,7 @@ class Measure:
     Temperatures are about the mean velocity u = sum m v / sum m in each direction in which nothing changes the total
     momentum, so that they are the same for a gas that moves as a whole: N T = sum m v^2 / 2 - |P|^2 / (2 M), the last
     term being `drift_energy`; T of a single disk is 0. These are directions without walls (smooth walls along them do
-    not count) in gases without immovable disks, whose forces have no frame of their own (`Force.moves_along`).
+    not count) in gases without immovable disks, whose forces all keep the momentum or are `Force.galilean_invariant`.
     Everywhere else walls, or the medium of a drag or heat bath, are at rest, and so velocities are those in the lab. N
     is the number of disks, as in starts (`initial.maxwellian`). Velocities about their mean have 2 (N - 1) degrees of
     freedom, of which each has T N / (N - 1) / 2 in equilibrium.

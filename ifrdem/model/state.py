@@ -56,7 +56,7 @@ class Disks(Brief):
         Index of each disk's material in the law table; 0 where there is one material.
     species : mapping of str to int
         Names of species and their numbers of disks, in the order of ids: each `Measure` then has their temperatures and
-        collisions. In slices of ranks, how many of each are in the slice, 0 for none. Empty: no species are told apart.
+        collisions. In slices of ranks, how many of each are in the slice, 0 for none. Empty: no species are named.
 
     Examples
     --------

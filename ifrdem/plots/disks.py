@@ -31,8 +31,8 @@ DENSITIES = "cividis"
 DIRECTIONS = (
     "#E0A030", "#F2CF7A", "#E6E2EE", "#8FB8E8", "#3B7DC4", "#343C96", "#5A2D5E", "#A0542F", "#E0A030",
 )  # fmt: skip
-"""Cyclic, from 0 degrees counter-clockwise: yellow or blue says right or left, light or dark up or down, which shows
-with every kind of colour blindness."""
+"""Cyclic, from 0 degrees counter-clockwise: yellow is right and blue left, light up and dark down. This is
+visible with every kind of colour blindness (`tests/plots/test_poster.py`)."""
 POST, HOT, PLAIN = "#999999", "#CC79A7", "#888888"
 
 MOST_DISKS = 100_000
@@ -185,7 +185,7 @@ def limits(scale: str, values: Array) -> tuple[float, float]:
 
 
 def draw(axes: Axes, view: View, color: str = "spin") -> None:
-    """Draw disks and walls into axes, and a bar of the colours unless all are the same; or a map of many disks."""
+    """Draw disks and walls into axes, and a colour bar unless all are the same; or a map of many disks."""
     colour = colour_of(color)
     for field in ("position", *([] if colour is None else [colour.field])):
         if field not in view.stored and isinstance(view.moving, Frame):
@@ -197,7 +197,7 @@ def draw(axes: Axes, view: View, color: str = "spin") -> None:
     if view.disks.n > MOST_DISKS:
         size = with_unit(view, f"{_density_map(axes, view, position):.3g}", "length")
         axes.set_title(
-            f"area fraction at {time}\ncells of {size}; above {MOST_DISKS} disks none is drawn by itself"
+            f"area fraction at {time}\ncells of {size}; above {MOST_DISKS} disks, single disks are not drawn"
         )
     else:
         enlarged = _disks(axes, view, colour)
@@ -263,7 +263,7 @@ def add_disks(axes: Axes, view: View, pixel: float) -> tuple[EllipseCollection, 
 
 
 def _disks(axes: Axes, view: View, colour: Colour | None) -> int:
-    """Draw disks with the bar of their colours, and return how many of them are enlarged to one pixel."""
+    """Draw disks with a colour bar, and return how many of them are enlarged to one pixel."""
     drawn, scale, enlarged = add_colored(axes, view, colour)
     if colour is not None and scale is not None:
         color_bar(axes, drawn, colour.label(view), extend(scale), colour.names(view))

@@ -107,7 +107,7 @@ class Scene:
         self._add_head(figure, axes, size)
 
     def _add_colours(self, axes: Axes) -> None:
-        """Choose the colours of the disks or the map, and draw their bar."""
+        """Choose the colours of the disks or the map, and draw the colour bar."""
         self._style: dict[str, Any] = {"norm": Normalize(self._low, self._high)}
         if self._is_map:
             self._style["cmap"] = colormaps[plot_disks.DENSITIES]

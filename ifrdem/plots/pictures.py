@@ -120,7 +120,7 @@ LONG_LABEL = 22
 
 
 def _tidy(axes: Sequence[Axes], layout: dict[str, Any], *, narrow: bool) -> None:
-    """Leave labels of a shared horizontal axis to the lowest panels; break long labels in narrow figures."""
+    """Label a shared horizontal axis in the lowest panels only; break long labels in narrow figures."""
     columns = layout.get("ncols", 1)
     for column in range(columns if layout.get("sharex") else 0):
         *upper, lowest = [one for one in axes[column::columns] if one.get_visible()]
@@ -250,7 +250,7 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
 
 
 def _turned(trajectory: Trajectory) -> bool:
-    """True if there is a rotational temperature in any frame, or the file does not say."""
+    """True if any frame has a rotational temperature that is not 0, or the file has none."""
     found = trajectory.observables
     return "rotational_temperature" not in found or bool(found["rotational_temperature"].any())
 

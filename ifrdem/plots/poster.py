@@ -1,4 +1,4 @@
-"""Pictures to look at, in the style "poster": no titles and axes, the disks on black, and a bar of the scale."""
+"""Figures in the style "poster": disks on black, with a scale bar instead of titles and axes."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from .disks import Colour, View
 
 PICTURES = ("disks", "fields")
-"""Pictures of places, which have this style."""
+"""Pictures that have this style: maps of the disks."""
 STRIP = 0.055
-"""Height of the strip below a map, for the bar, as part of the width of the map."""
+"""Height of the strip below a map, for the scale bar, as part of the width of the map."""
 CELL = 1.8
 """Side of the cells of a map of many disks, in mean diameters."""
 FULL = 0.6
@@ -36,7 +36,7 @@ def sides(gas: Gas, position: Array, panels: int = 1) -> tuple[float, float]:
 
 
 def frame(axes: Axes, view: View, color: str) -> None:
-    """The disks of a frame with its walls; of many disks a map, whose cells are as bright as they are full."""
+    """Draw the disks of a frame with its walls; of many disks a map, brighter with area fraction."""
     colour = disks.colour_of(color)
     region = disks.shown_region(view, view.moving.position)
     axes.set(xlim=region[0], ylim=region[1], aspect="equal")
@@ -51,7 +51,7 @@ def frame(axes: Axes, view: View, color: str) -> None:
 
 
 def finish(axes: Axes, gas: Gas, region: Array) -> None:
-    """Take away titles, axes and bars of colours, and add the bar of the scale below the map."""
+    """Remove titles, axes and colour bars, and add the scale bar below the map."""
     axes.set(title="", xlabel="", ylabel="", xticks=[], yticks=[])
     for each in (*axes.child_axes,):
         each.remove()
@@ -72,7 +72,7 @@ def finish(axes: Axes, gas: Gas, region: Array) -> None:
 
 
 def scale_length(width: float) -> float:
-    """A length of 1, 2 or 5 times a power of ten, an eighth of a width or somewhat less."""
+    """The largest length of 1, 2 or 5 times a power of ten that is at most an eighth of a width."""
     power = 10.0 ** math.floor(math.log10(width / 8.0))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= width / 8.0 * (1.0 + 1e-9))
 

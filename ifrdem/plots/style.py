@@ -142,9 +142,9 @@ POSTER: Any = {
     "axes.labelcolor": "white", "text.color": "white", "xtick.color": "white", "ytick.color": "white",
     "font.size": 10.0,
 }  # fmt: skip
-"""Settings of the style "poster": on black."""
+"""Settings of the style "poster": white on black."""
 is_poster: ContextVar[bool] = ContextVar("is_poster", default=False)
-"""True within the style "poster", whose pictures have a bar of the scale instead of titles and axes."""
+"""True within the style "poster", whose pictures have a scale bar instead of titles and axes."""
 
 
 def is_narrow(axes: Axes) -> bool:

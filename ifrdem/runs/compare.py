@@ -216,7 +216,7 @@ class Comparison:
     def draw(self, paths: Sequence[Path]) -> None:
         """Draw the run with its paths and walls, measured positions on top, and ellipses of 95 % of the drawn runs.
 
-        A measured position has the number of its disk, and its time if that is not the end.
+        Each measured position is labelled by the id of its disk, and by its time unless that is the end.
         """
         from matplotlib.collections import EllipseCollection
         from matplotlib.figure import Figure

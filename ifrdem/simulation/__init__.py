@@ -5,7 +5,7 @@ A module imports only from its own row and rows below it:
 =============  =============================================================
 `simulation`   `Simulation`, the object users run
 `dsmc`         `DSMC`, a homogeneous gas without positions
-`checkpoints`  a gas in a file, and in memory, to go on from
+`checkpoints`  complete states, in files and in memory, to resume from
 `engine`       the engine, seen from the host
 `windows`      arrays on the device, tiles, ranks
 `steps`        what happens at given times: output, forces, rotating gravity

@@ -668,7 +668,7 @@ class Engine:
 
     @property
     def n_kernels(self) -> int:
-        """Number of kernels that a first window, its forces, and its output need, about."""
+        """Approximate number of kernels that a first window, its forces and its output need."""
         a = self.arrays
         # Two of the readout, for rows and for sums; a survey, a plan and the window; then its verification.
         found = 5 + (not a.single_tile) + a.uses.shared + bool(self.kinds.species)

@@ -445,7 +445,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @property
     def n_kernels(self) -> int:
-        """Number of kernels that the first window of a run, its forces and its output need, about."""
+        """Approximate number of kernels that the first window of a run, its forces and its output need."""
         return self._engine.n_kernels
 
     @property

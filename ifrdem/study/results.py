@@ -254,8 +254,8 @@ def theory_between(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Values between those of the swept key `x`, and kinetic theory for a quantity at the last row; None without it.
 
-    `fixed` are the positions on the other swept dimensions. Only for a key that varies alone and is a number; and for
-    cases whose theory needs no other file than those that are still at their places.
+    `fixed` are the positions on the other swept dimensions. Only for a numeric key that varies
+    alone, and only if all files that the case needs still exist.
     """
     swept, keys, path = (
         results.values(x),
@@ -300,7 +300,7 @@ def _assigned(value: Any) -> str:
 
 
 def _at(curves: tuple[NDArray[np.float64], ...], row_axis: str, position: float) -> tuple[float, float]:
-    """T and T_rot of curves at a place of a row."""
+    """T and T_rot of curves at the position of a row."""
     when, tau, T, T_rot = curves
     base = when if row_axis == "time" else tau
     inside = position <= base[-1]

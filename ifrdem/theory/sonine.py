@@ -13,10 +13,10 @@ makes up for what collisions take, it adds to <v^4> in proportion to <v^2>: mu_4
 equation for a_2; both have e^2 - 1/2 on the right.
 
 Kicks w at random times (a Poisson process of rate lambda, Gaussian components of variance s^2 = 2 D / lambda) are white
-noise but for their higher moments: one changes <v^4> by 2 <w^2> <v^2> + 4 <(v.w)^2> + <w^4> = 2 (d + 2) s^2 <v^2>
+noise except for their higher moments: one changes <v^4> by 2 <w^2> <v^2> + 4 <(v.w)^2> + <w^4> = 2 (d + 2) s^2 <v^2>
 + d (d + 2) s^4 on average, of which white noise has the first part. If q T = d m s^2 / 2 is the mean energy of a kick,
-and <v^2> = d T / m, that is mu_4 = (d + 2) (1 + q / 2) mu_2: one more equation, whose distance from white noise goes
-with 1 / lambda. On Poisson white noise: M. Grigoriu, Nonlinear Dyn. 36, 255 (2004).
+and <v^2> = d T / m, that is mu_4 = (d + 2) (1 + q / 2) mu_2: one more equation, whose difference from white noise is
+proportional to 1 / lambda. On Poisson white noise: M. Grigoriu, Nonlinear Dyn. 36, 255 (2004).
 
 Polynomials of higher order change a_2 by a tenth and more: with S_2 to S_5, and brackets of a Monte Carlo of the law,
 a_2 of the cooling gas is -0.0303 at e = 0.9 and -0.0260 at 0.8, here -0.0269 and -0.0219. DSMC of 10^6 disks had

@@ -39,8 +39,8 @@ class Progress:
     The run of n disks ends at the simulated time `t_end` [time] or at `collisions_per_disk`; exactly one is given
     (ValueError). `begin` is the time [time] and the number of collisions at its start. The time left (ETA) follows from
     the pace during at least the latest half of the real time, because a gas that comes to rest slows down. The time
-    before the first call, which compiles the kernels, does not count: `compiling` shows that. `interval` are the
-    seconds between plain lines, `clock` gives those of real time. `kernels` is about how many kernels are compiled.
+    before the first call, which compiles the kernels, does not count: `compiling` shows that. `interval` is the
+    time between plain lines [s], `clock` gives the real time [s]. `kernels` is the approximate number of kernels.
     With `brief` the bar appears after half a second, and goes at the end unless a notebook shows it.
     """
 
@@ -182,7 +182,7 @@ class Progress:
 
 
 class Compilation:
-    """Texts on kernels that are compiled, of about `expected` (0 if unknown); `clock` gives seconds of real time."""
+    """Texts on the compilation of about `expected` kernels (0 if unknown); `clock` gives the real time [s]."""
 
     def __init__(self, expected: int = 0, *, clock: Callable[[], float] = time.perf_counter) -> None:
         self._expected, self._clock, self._started, self._count = expected, clock, clock(), 0
@@ -191,7 +191,7 @@ class Compilation:
     def next(self, kernel: str) -> tuple[str, bool]:
         """The text on the next kernel; True if half a second passed since the latest such text or the beginning.
 
-        Kernels that are in the cache take less, but for the largest, which is the last.
+        Kernels in the cache are loaded faster than that, except the largest, which is the last.
         """
         self._count += 1
         now = self._clock()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 class Brief:
-    """A dataclass (with repr=False) whose repr gives each array by its shape and range, but for empty dicts."""
+    """A dataclass (with repr=False) whose repr gives each array by its shape and range, and omits empty dicts."""
 
     def __repr__(self) -> str:
         """On one line, in the order of the fields."""

@@ -1,4 +1,4 @@
-"""Description and unit of each dataset of a trajectory, in the words of its attributes."""
+"""Description and unit of each dataset of a trajectory, as its attributes have them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 
 REDUCED = "reduced"
-"""Unit of every quantity where there are none."""
+"""Unit of every quantity in reduced units."""
 NUMBER = "1"
 """Unit of pure numbers and counts."""
 NOT_STATED = "not stated"

@@ -19,7 +19,7 @@ def named_species(parameters: Mapping[str, object], n: int) -> dict[str, int] | 
         numbers = {printable(str(one["name"])): int(one["number"]) for one in found}
         if len(numbers) == len(found) and min(numbers.values()) >= 0 and sum(numbers.values()) == n:
             return numbers
-    except FAULTS:  # parameters may be anybody's
+    except FAULTS:  # the file may come from another program
         pass
     return None
 

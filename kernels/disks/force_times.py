@@ -1,7 +1,7 @@
 """Times at which forces act on single disks: a Poisson process of each disk, exact in time.
 
 Time is divided into slices, each as long as the mean time between two actions of a force on a disk. The number of
-actions in a slice has Poisson's distribution with mean 1, and each has a time of uniform distribution in the slice.
+actions in a slice has a Poisson distribution with mean 1, and the time of each is uniformly distributed in the slice.
 Both follow from random numbers by counter, of the disk, the force and the slice. So nothing is stored between windows,
 and tiles, threads, ranks and restarts find the same times.
 
@@ -15,12 +15,12 @@ from ..random import DRAWS, unit, words
 
 E_TO_MINUS_1 = 0.36787944117144233
 MOST_ACTIONS = 40  # in a slice: more have a probability of 1e-48, below that of any random number of 53 bits
-ACTION_BITS = 24  # of the high word of the number of a slice: what is above has the number of an action in it
+ACTION_BITS = 24  # of the high word of the number of a slice; bits above have the number of an action in it
 
 
 @ti.func
 def n_actions(u):
-    """A random number of Poisson's distribution with mean 1, of one that is uniform in (0, 1]."""
+    """Random number of a Poisson distribution with mean 1, from a uniform one in (0, 1]."""
     n = 0
     part = ti.f64(E_TO_MINUS_1)
     below = part

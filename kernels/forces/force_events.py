@@ -2,7 +2,7 @@
 
 They are for forces that look at one disk only, so that copies of a disk in the halos of other tiles move as the disk
 itself. Positions are rounded to the grid there, as at a collision. A force in steps acts on all disks of a region at
-one time, and all look around themselves again. A force at random times acts on one disk, which then looks around.
+one time, and all search for their next events again. A force at random times acts on one disk, which then does so.
 
 Rows of `kicks` are steps of forces, in order; those that act at one time have the very same `time`. All their numbers
 are given before the window: totals too, of forces whose totals do not depend on the motion.
@@ -134,8 +134,9 @@ def act_on_all(n, first, end, t, tile, region: ti.template(), gas: ti.template()
 def draw_pairs(offset, n, row, gas: ti.template()):
     """Draw the first pair of normal random numbers of each disk for a row of `kicks`.
 
-    A loop of its own takes half of the time that draws in the loop with the force take: a processor works on several
-    disks at a time. The numbers lie in the times of events, which all disks predict again after the force.
+    A separate loop takes half of the time of draws within the loop of the force, because a processor works on several
+    disks at a time (`validation/results/forces.md`). The numbers are stored in the times of events, which all disks
+    predict again after the force.
     """
     for i in range(offset, offset + n):
         pair = normals(stream_of_row(i, row, gas), 0)

@@ -57,8 +57,8 @@ def free_of(gas: ti.template()):
 
 
 class ForceKernels(NamedTuple):
-    """Kernels of a class of forces: sum totals, at a moment and of steps ahead; apply it; try it on one disk; on disks
-    at rest."""
+    """Kernels of a class of forces: they sum totals, at a moment and of steps ahead; apply it; sample it on one disk,
+    and on disks at rest."""
 
     sum_totals: Any
     sum_ahead: Any

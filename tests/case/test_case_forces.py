@@ -91,7 +91,7 @@ def test_the_case_is_in_order() -> None:
         (
             ["force[0].step=", "force[0].rate=1.0", "run.device=cuda"],
             "force[0].rate = 1",
-            "kicks at random times are not supported: use step",
+            'requires run.device = "cpu": use step on a GPU',
         ),
         (
             ["force[0].quadratic=1.0"],
@@ -216,7 +216,7 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(["check", str(case), *at_random]) == 0
     assert re.search(
         r"force 0 +random_force \(power = 3\)\n +force 0: mean time between two kicks of a disk +0\.05\n"
-        r" +force 0: acts +within windows, on each disk at times of its own\n",
+        r" +force 0: acts +within windows, on each disk at random times\n",
         capsys.readouterr().out,
     )
     T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Driving(power=3.0)) or (

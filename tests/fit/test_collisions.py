@@ -171,7 +171,7 @@ def test_student_loss_is_that_of_the_density() -> None:
 
 
 def test_curvature_and_scatter_are_those_of_the_loss() -> None:
-    """By differences of the losses of single impacts; Gauss and Newton leave out the curvature of the law itself."""
+    """By differences of the losses of single impacts; Gauss-Newton leaves out the curvature of the law itself."""
     likelihood = Likelihood(observed(20, 0.01, seed=3).problem(), LAWS["ifr-percussion"], robust=4.0)
     at, h = np.array([0.87, -0.88, 0.21]), 1e-4 * np.eye(3)
     points = likelihood.at(at)

@@ -73,7 +73,7 @@ def test_a_round_tray_is_found_as_one() -> None:
 def test_tracks_without_walls_give_none() -> None:
     t = np.arange(200) / 240.0
     free = np.stack([0.3 * t, 0.1 * t], axis=-1) + 3e-4 * np.random.default_rng(1).standard_normal((200, 2))
-    with pytest.raises(InputError, match="0 of 0 turns away from other disks lie on straight or round walls"):
+    with pytest.raises(InputError, match="0 of 0 changes of direction far from other disks lie on straight"):
         estimated(tracks.Tracks({0: t}, {0: free}, {}, "free"), {0: 0.02})
 
 

@@ -286,7 +286,7 @@ def test_very_many_disks_become_a_density_map_with_a_note(
     write(tmp_path / "a.h5", n=5000)
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert not drawn[0].findobj(EllipseCollection)
-    assert "above 1000 disks none is drawn by itself" in texts(drawn[0])
+    assert "above 1000 disks, single disks are not drawn" in texts(drawn[0])
     image = next(image for axes in drawn[0].axes for image in axes.images)
     # All the disks' area is in the map: its mean is the packing fraction, but for rounding.
     assert float(np.mean(image.get_array())) == pytest.approx(PHI, rel=1e-12)

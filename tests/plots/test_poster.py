@@ -1,4 +1,4 @@
-"""Pictures to look at: no titles, no axes, a bar of the scale; and directions that all eyes tell apart."""
+"""The style "poster": a scale bar instead of titles and axes; colours of directions for all kinds of colour vision."""
 
 from __future__ import annotations
 

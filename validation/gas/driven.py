@@ -4,8 +4,9 @@ r"""Steady states: coins that kicks heat, disks that a flow heats, and a column 
 there is. Of smooth disks it is known how much more a gas that is not Gaussian takes: 1 + (3/16) a_2 times as much, so
 that T, whose power 3/2 the loss goes with, is less by 2/3 of that; a_2 = -0.020 at e_n = 0.9, and its next orders a
 tenth of it. Rough coins are compared with DSMC only, because that number is not known. Kicks feed waves too: see
-`waves.driven_streams`. Kicks at random times are compared where they are no white noise yet: each gives half of T
-on average, five collisions of it apart. They move a_2 from -0.020 to 0.045 (`theory.heated_sonine`), and T by -0.8 %.
+`waves.driven_streams`. Kicks at random times are compared where they differ from white noise: each gives half of T
+on average, five collisions of a disk apart. They move a_2 from -0.020 to 0.045 (`theory.heated_sonine`), and T by
+-0.8 %.
 
 *Flow.* Lees and Edwards' sides, against `sheared_gas`: velocities that are Gaussian but not isotropic. That they are
 not quite Gaussian is worth up to 3 % of T at e_n = 0.8, phi = 0.1 and below, by Monte Carlo of Enskog's equation.

@@ -2,8 +2,8 @@
 
 Callgrind counts them, in one process and on one thread, while gases run that have reached their equilibrium: what
 Python does around the kernels is in them, starts and compilers are not. They are the same within 0.2 % from run to run
-(two runs, 2026-11-26) and whatever else the machine does, unlike times. They say nothing of caches and of branches that
-are mispredicted.
+(two runs, 2026-11-26) and whatever else the machine does, unlike times. They do not show cache misses and
+mispredicted branches.
 
 Exit status 1 if a gas needs more than the margin allows. `--store` replaces the stored numbers by those found: do that
 in the commit of a change that is meant, and say why there.
@@ -83,7 +83,7 @@ class Callgrind:
 def count(folder: str) -> None:
     """Run each gas, with a dump before and after what is counted of it; write down its collisions.
 
-    In a process that callgrind runs; in another one only the kernels are compiled.
+    It runs twice: alone, which compiles the kernels, and in a process of callgrind.
     """
     callgrind, collisions = Callgrind(), {}
     for name, (case, per_disk) in gases().items():
@@ -133,7 +133,9 @@ def counted() -> dict[str, float]:
             )  # fmt: skip
             if done.returncode != 0:
                 last = (done.stderr.strip().splitlines() or ["without a message"])[-1]
-                raise EngineError(f"{' '.join(command[:1])} python ended with {done.returncode}: {last}")
+                raise EngineError(
+                    f"{' '.join([*command[:1], 'python'])} ended with {done.returncode}: {last}"
+                )
         collisions = json.loads((Path(folder) / "collisions.json").read_text(encoding="utf-8"))
         return {
             name: instructions_in(Path(folder) / f"dump.{2 * number}") / collisions[name]

@@ -1,8 +1,8 @@
-"""A gas in a file, and in memory, to go on from.
+"""Complete states, in files and in memory, to resume from.
 
 ============  ================================================
 `checkpoint`  files of checkpoints
-`gas_record`  arguments of a simulation as JSON has them
+`gas_record`  arguments of a simulation in JSON
 `snapshot`    the complete state of an engine, to the last bit
 ============  ================================================
 """

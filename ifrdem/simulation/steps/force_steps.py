@@ -6,8 +6,8 @@ Forces that act at one and the same time do so in the order given at every other
 those between. Forces that do not commute would else make an error of first order in the step: drag before kicks is
 a colder gas than kicks before drag. Alternating makes two steps together symmetric in time, hence second order.
 
-A force at random times (`PoissonForce`) acts on each disk alone, at times that kernels find
-(`kernels/disks/force_times.py`): it is always within windows, and nothing of it is planned here.
+A force at random times (`PoissonForce`) acts on each disk independently, at times that kernels find
+(`kernels/disks/force_times.py`). It always acts within windows, and its times are not planned here.
 
 A force *within windows* looks at one disk only, and its totals, if it has some, do not depend on the motion. It acts as
 an event of the window (`kernels/forces/force_events.py`), in steps that are planned up to a time at which a window ends
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 AHEAD = 256
 """Steps of the shortest length that are planned together: windows end after so many."""
 MOST_SHARES = 12_000_000
-"""Numbers for which there is room, so that random numbers of steps that are summed ahead are drawn once: 96 MB."""
+"""Largest number of stored shares of disks in totals of steps ahead (96 MB): each random number is then drawn once."""
 HEADROOM = 24
 """Binary digits by which energies that forces give may exceed those at the window's beginning, with exact sums."""
 _kernels = functools.cache(kernels_of)  # compiled once for all objects of a class
@@ -95,11 +95,9 @@ class ForceSteps:
                 )
             force.check(disks)
             if isinstance(force, PoissonForce) and not acts_within(force, arrays):
-                where = (
-                    "on a GPU: use device = 'cpu'" if arrays.on_gpu else "in a sheared box, as a custom force"
-                )
+                where = "on a GPU" if arrays.on_gpu else "for a custom force in a sheared box"
                 raise InputError(
-                    f"forces[{i}] = {force!r}: random times are not supported {where}, or a force in steps"
+                    f"forces[{i}] = {force!r}: random times are not supported {where}: use a force in steps"
                 )
             _check_compiles(i, force)
         self.arrays = arrays
@@ -195,8 +193,8 @@ class ForceSteps:
 
     @property
     def allow_drift(self) -> bool:
-        """True if no force has a frame of its own: temperatures are then about the mean velocity of a free gas."""
-        return all(force.keeps_momentum or force.moves_along for force in self.forces)
+        """True if all forces keep the momentum or are Galilean invariant: temperatures are about the mean velocity."""
+        return all(force.keeps_momentum or force.galilean_invariant for force in self.forces)
 
     def skip_to(self, time: float) -> None:
         """Skip the steps until `time` [time], in which the forces have no effect, between two windows."""
@@ -247,7 +245,7 @@ class ForceSteps:
 
     @property
     def any_alone(self) -> bool:
-        """True if forces act on single disks, each at times of its own, which only windows know."""
+        """True if forces act on single disks at random times, which are found within windows."""
         return len(self._in_steps) < len(self.forces)
 
     def begin_window(self, moment: float | None) -> None:
@@ -383,7 +381,7 @@ class ForceSteps:
             self._sizes[index] = size
 
     def name_of(self, mark: int) -> tuple[str, str]:
-        """When a force acted [time], as text, and its name, by a mark in `counter.stalled` (`layout.NOT_FINITE`)."""
+        """Time of the action of a force, as text, and its name, from a mark in `counter.stalled`."""
         if mark >= k.NOT_FINITE_ALONE:
             index = self._within[mark - k.NOT_FINITE_ALONE]
             clock = self.arrays.clock

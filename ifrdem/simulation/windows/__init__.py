@@ -6,6 +6,6 @@
 `arrays`   arrays on the device, and how kernels get them
 `tiling`   sizes of tiles and cells, lengths of windows
 `domain`   the part of a gas that a process has
-`ranks`    the same of one of several ranks of MPI
+`ranks`    the part that one of several MPI ranks has
 =========  ========================================================================
 """
