@@ -180,7 +180,7 @@ MIXTURE = f"""### A study: temperatures and stresses of a driven mixture
 
 ![Temperatures of two species, their ratio, and the pressure tensor over e_n](gallery/mixture_study.png)
 
-36 gases of 400 heavy and 400 light coins. Bars: two standard errors over six seeds. Dashed: kinetic theory of a
+36 gases of 400 heavy and 400 light coins. Bars: two standard errors over six seeds. Ticks: kinetic theory of a
 homogeneous mixture. [Studies](studies.md#species-and-stresses) has the numbers. The study file:
 
 ```toml
