@@ -458,7 +458,8 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
     result = None
     if not is_stationary(T):
         warnings.append(
-            f"{stationarity_warning(trajectory, T)}, and the pressure with it: pressures are means over that time. "
+            f"{stationarity_warning(trajectory, T)}, and the pressure with it: pressures are means over that time, "
+            "whose errors do not include that change. "
             "Z is that mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. "
             "For a pressure at one temperature choose frames over which T changes by less than a tenth"
         )

@@ -145,6 +145,7 @@ def pressure_from_impulses(
         of_kinetic, of_collisional, of_total = (
             mean_with_error(one)[1] for one in (carried, series, carried + series)
         )
+        of_kinetic = of_kinetic if of_kinetic > 1e-12 * kinetic else 0.0  # rounding of a constant T
     return Pressure(
         kinetic, collisional, total, of_kinetic, of_collisional, of_total, Z,
         at_T / (kinetic or math.nan), tensor,

@@ -13,7 +13,7 @@ from ..model.observables import Stress
 from ..tools.checked import Array, Column, Numbers, Real, validated
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
-from .common import mean_with_error
+from .common import standard_errors
 
 BLOCKS = 20
 Components = Annotated[ArrayLike, Numbers(("rows", 4))]
@@ -85,7 +85,7 @@ def mean_stress(
     found = Stress(of_disks, mean - of_disks)
 
     def error(values: Array) -> float:
-        return mean_with_error(values)[1]
+        return float(standard_errors(values))  # nan of ratios in a gas at rest
 
     def errors(tensors: Array) -> Array:
         return np.array([[error(tensors[:, a, b]) for b in (0, 1)] for a in (0, 1)])

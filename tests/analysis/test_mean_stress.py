@@ -55,6 +55,12 @@ def test_errors_are_those_of_many_independent_series() -> None:
     np.testing.assert_allclose(error, scatter, rtol=0.2)
 
 
+def test_a_gas_at_rest_has_no_stress_and_no_ratios() -> None:
+    found = analysis.mean_stress(np.arange(11.0), np.zeros((10, 4)), np.zeros((10, 4)))
+    assert found.stress.pressure == found.pressure_error == 0.0
+    assert np.isnan([found.friction_error, found.normal_difference_error]).all()
+
+
 @pytest.mark.parametrize(
     ("time", "rows", "span", "message"),
     [

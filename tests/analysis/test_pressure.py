@@ -48,3 +48,8 @@ def test_the_kinetic_part_of_a_gas_that_cools_has_no_error() -> None:
     assert np.isnan(found.kinetic_error)
     assert found.error == found.collisional_error
     assert found.error == pytest.approx(0.0075 * found.collisional, rel=0.6)
+
+
+def test_rounding_of_a_constant_temperature_is_no_error() -> None:
+    found = series(np.random.default_rng(2), 0.7 + 1e-15 * np.arange(BLOCKS))
+    assert found.kinetic_error == 0.0
