@@ -528,8 +528,9 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     series = trajectory.series
     if "stress" not in series:
         raise InputError(
-            f"{trajectory.path} holds no stress: set output.stress = true in the case and run it again (in Python "
-            'record=["stress"])'
+            f"{trajectory.path} holds no stress: set output.stress = true in the case and run it again; from Python, "
+            'Simulation(..., record=["stress"]), ledger = ifrdem.Ledger(area=box.area), and gas.run(..., series=100, '
+            "series_callbacks=[lambda measure: file.write_series(measure.time, ledger.row(measure))])"
         )
     rising = np.concatenate(([True], np.diff(series.time) > 0.0))
     when, rows_of = series.time[rising], {name: series[name][rising] for name in STRESS_SERIES}
