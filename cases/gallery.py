@@ -180,7 +180,7 @@ MIXTURE = f"""### A study: temperatures and stresses of a driven mixture
 
 ![Temperatures of two species, their ratio, and the pressure tensor over e_n](gallery/mixture_study.png)
 
-36 gases of 400 heavy and 400 light coins. Bars: two standard errors over six seeds. Dashed: kinetic theory of a
+36 gases of 400 heavy and 400 light coins. Bars: two standard errors over six seeds. Ticks: kinetic theory of a
 homogeneous mixture. [Studies](studies.md#species-and-stresses) has the numbers. The study file:
 
 ```toml
@@ -223,7 +223,8 @@ ifrdem {HERO_PICTURE}
 ```
 
 The style `poster` has a scale bar instead of titles and axes. The pictures below take one command each, after
-`ifrdem run CASE`. `--color` takes spin, speed, direction, temperature, radius, material, species and collisions.
+`ifrdem run CASE`. `--color` takes spin, speed, direction, temperature, radius, material, species, collisions, asleep
+and dissipated.
 `ifrdem movie` has the same colours and the same style, and makes MP4, WebP or GIF.
 
 ![Clusters form in a gas that cools](gallery/clusters.webp)
@@ -267,7 +268,7 @@ def mixture_study(runs: Path) -> None:
         (runs / "mixture_study.toml").write_text(MIXTURE_STUDY)
         ifrdem("study", "mixture_study.toml", cwd=runs)
     pictures = []
-    for what in ("species_temperature", "species_T_of_light_T_of_heavy", "stress"):
+    for what in ("species_temperature", "species_T_of_light_over_T_of_heavy", "stress"):
         words = ["--over", "e_n", "--size", "4in", "--no-title", "--force"]
         ifrdem("plot", "mixture_study.nc", what, *words, cwd=runs)
         with Image.open(runs / f"mixture_study-{what}.png") as image:

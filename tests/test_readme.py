@@ -269,7 +269,7 @@ def test_a_case_is_an_object_as_the_tutorial_says(
     exec(compile(small, "tutorial.md", "exec"), {})
     frames, temperature = capsys.readouterr().out.splitlines()[-1].split()
     assert frames == "3"
-    with Trajectory("small.h5") as run:
+    with Trajectory("from_python.h5") as run:
         assert float(temperature) == run.observables["temperature"][-1]
         assert run.n == 200
 

@@ -205,7 +205,8 @@ Color = Annotated[
     str | None,
     option(
         "BY",
-        "of disks: spin, speed, direction, temperature, radius, material, species, collisions, asleep or none "
+        "of disks: spin, speed, direction, temperature, radius, material, species, collisions, asleep, "
+        "dissipated or none "
         "(default: spin)",
         "--color"
     ),

@@ -232,7 +232,9 @@ def _legend(axes: Axes, theory: bool, error: bool, rows: bool, *, several: bool)
     elif error:
         axes.errorbar([], [], [], fmt="none", color="black", capsize=2, label=label)
     if theory:
-        axes.plot([], [], "--", color="black", lw=1.1, label="kinetic theory (homogeneous)")
+        at_points = any(line.get_marker() == "_" for line in axes.lines)
+        style: Any = {"marker": "_", "ms": 12, "mew": 1.5, "ls": ""} if at_points else {"ls": "--", "lw": 1.1}
+        axes.plot([], [], color="black", label="kinetic theory (homogeneous)", **style)
     if several:
         legend_of_figure(axes.get_figure(), axes, 4 if not is_narrow(axes) else 2)
     else:

@@ -250,7 +250,8 @@ def grown(values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
 
 def _named(*parts: str) -> str:
     """A name valid in NetCDF and Python."""
-    name = re.sub(r"\W+", "_", "_".join(part for part in parts if part)).strip("_")
+    text = "_".join(part.replace(" / ", " over ") for part in parts if part)
+    name = re.sub(r"\W+", "_", text).strip("_")
     return re.sub("_error$", "_uncertainty", name)  # errors are those of means over seeds
 
 

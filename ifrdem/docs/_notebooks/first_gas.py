@@ -23,8 +23,8 @@ gas.run(collisions_per_disk=30)
 gas.collisions, gas.dissipated_energy, gas.measure().temperature
 
 # %% [markdown]
-# `plot` returns axes of Matplotlib. Colours are spin, speed, direction, temperature, radius, material and collisions:
-# coins that move together are of one colour here.
+# `plot` returns axes of Matplotlib. Colours are spin, speed, direction, temperature, radius, material, species and
+# collisions: disks that move together are of one colour here.
 
 # %%
 axes = gas.plot(color="direction")
