@@ -55,7 +55,7 @@ class PairLaws:
         """
         of_walls = set(of_walls)
         table = _table(law, max(int(disks.material.max()) if disks.n else 0, *of_walls, 0) + 1)
-        kind = _kind(table)
+        kind = _kind(table, table_given=not isinstance(law, CollisionLaw))
         check_symmetric(table)
         _check_energy(table, disks, of_walls)
         coefficients = np.array([[one.table_row() or (0.0,) for one in row] for row in table])
@@ -106,7 +106,7 @@ def _table(law: Any, materials: int) -> Laws:
     return table
 
 
-def _kind(table: Laws, table_given: bool = True) -> type[CollisionLaw]:
+def _kind(table: Laws, table_given: bool) -> type[CollisionLaw]:
     """The one class of all laws of a table.
 
     InputError if one is no law, or says not how disks collide, or there are several classes.
