@@ -480,12 +480,12 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
             tracked=len(found.tracked),
             temperature=np.array([_span_mean(when, T, part) for part in pressure.blocks(span)]),
         )  # fmt: skip
-        force, of_Z = unit(trajectory, "energy/length^2"), result.error / (result.kinetic or math.nan)
+        force = unit(trajectory, "energy/length^2")
         rows += [
             Reading("pressure", result.total, result.error, force),
-            Reading("kinetic part", result.kinetic, unit=force),
-            Reading("collisional part", result.collisional, result.error, force),
-            Reading("Z = p A / (N T)", result.Z, of_Z),
+            Reading("kinetic part", result.kinetic, result.kinetic_error, force),
+            Reading("collisional part", result.collisional, result.collisional_error, force),
+            Reading("Z = p A / (N T)", result.Z, result.Z_error),
         ]
         notes.append(f"impulses of {len(found.tracked)} tracked disks")
     rows += _pressure_by_rate(trajectory, when, T, count, notes)
@@ -528,8 +528,9 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     series = trajectory.series
     if "stress" not in series:
         raise InputError(
-            f"{trajectory.path} holds no stress: set output.stress = true in the case and run it again (in Python "
-            'record=["stress"])'
+            f"{trajectory.path} holds no stress: set output.stress = true in the case and run it again; from Python, "
+            'Simulation(..., record=["stress"]), ledger = ifrdem.Ledger(area=box.area), and gas.run(..., series=100, '
+            "series_callbacks=[lambda measure: file.write_series(measure.time, ledger.row(measure))])"
         )
     rising = np.concatenate(([True], np.diff(series.time) > 0.0))
     when, rows_of = series.time[rising], {name: series[name][rising] for name in STRESS_SERIES}
@@ -547,7 +548,8 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     for name, at in pairs.items():
         rows.append(Reading(f"P_{name}", float(mean.total[at]), float(found.error[at]), force))
     for name, at in pairs.items():
-        rows.append(Reading(f"kinetic part of P_{name}", float(mean.kinetic[at]), unit=force))
+        part, error = float(mean.kinetic[at]), float(found.kinetic_error[at])
+        rows.append(Reading(f"kinetic part of P_{name}", part, error, force))
     rows.append(Reading("N_1 = (P_xx - P_yy) / p", mean.normal_difference, found.normal_difference_error))
     if rate := trajectory.box.shear_rate:
         rows.append(Reading("friction -P_xy / P_yy", mean.friction, found.friction_error))

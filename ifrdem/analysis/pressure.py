@@ -36,6 +36,7 @@ from ..tools.checked import (
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import mean_with_error
+from .steadiness import is_stationary
 
 BLOCKS = 20
 
@@ -52,12 +53,16 @@ class Pressure(Brief, ResultPlot):
 
     kinetic: float
     collisional: float
-    error: float
     total: float
-    """kinetic, collisional, error, total: n T / A; what collisions pass on, and its standard error, from blocks of
-    time; the sum."""
+    """kinetic, collisional, total: n T / A; what collisions pass on; the sum."""
+    kinetic_error: float
+    collisional_error: float
+    error: float
+    """kinetic_error, collisional_error, error: standard errors of these, from blocks of time. Both parts follow T, so
+    that of the sum is larger than that of either."""
     Z: float
-    """Compressibility factor p A / (N T)."""
+    Z_error: float
+    """Z, Z_error: compressibility factor p A / (N T), from blocks in which each part is that at its T."""
     collisional_tensor: Array
     """P_ab of collisions, as in `observables.Stress`: first the component of the impulse; shape (2, 2)."""
 
@@ -95,8 +100,9 @@ def pressure_from_impulses(
     area, disks, tracked : float, int, int
         Area of the box [length^2], number of all disks and of tracked ones.
     temperature : float or array (BLOCKS,)
-        T of the gas, mean over that time, or over each of `blocks(span)` [energy]. The latter shows what a gas that
-        cools has from what scatters: the error is then that of the collisional part over T in the blocks, times T.
+        T of the gas, mean over that time, or over each of `blocks(span)` [energy]. Errors
+        include the scatter of T only in the latter form. If T changes there by more than a tenth, that is no scatter:
+        `collisional_error` and `error` are then those at the given T, and `kinetic_error` is nan.
 
     Examples
     --------
@@ -132,8 +138,17 @@ def pressure_from_impulses(
     collisional = 0.5 * float(np.trace(tensor))
     total = kinetic + collisional
     Z = total / kinetic if kinetic > 0.0 else math.nan
-    error = mean_with_error(series / T)[1] * float(T.mean()) if np.all(T > 0.0) else math.nan
-    return Pressure(kinetic, collisional, error, total, Z, tensor)
+    at_T = mean_with_error(series / T)[1] * float(T.mean())
+    of_kinetic, of_collisional, of_total = math.nan, at_T, at_T
+    if is_stationary(T):
+        carried = disks * T / area
+        of_kinetic, of_collisional, of_total = (
+            mean_with_error(one)[1] for one in (carried, series, carried + series)
+        )
+    return Pressure(
+        kinetic, collisional, total, of_kinetic, of_collisional, of_total, Z,
+        at_T / (kinetic or math.nan), tensor,
+    )  # fmt: skip
 
 
 @validated

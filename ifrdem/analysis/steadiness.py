@@ -17,6 +17,7 @@ none had a mark.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -38,11 +39,19 @@ ROUNDING = 1e-6
 
 
 def is_stationary(T: Array) -> bool:
-    """True if the mean temperatures of both halves differ by less than a tenth."""
-    if len(T) < 2:
+    """True if T changes by at most a tenth from first to last, or by no more than its noise explains.
+
+    The ends are those of the straight line of least squares through the rows, the tenth is of the higher one. Noise is
+    3 standard errors of that change, from the second differences of T, in which a slow change does not show.
+    """
+    n = len(T)
+    if n < 2:
         return True
-    early, late = (float(np.mean(part)) for part in np.array_split(T, 2))
-    return abs(late - early) <= 0.1 * max(early, late)
+    middle, place = float(np.mean(T)), np.arange(n) - 0.5 * (n - 1)
+    change = (n - 1) * float(place @ T) / float(place @ place)
+    noise = float(np.mean(np.diff(T, 2) ** 2)) / 6.0 if n > 2 else 0.0
+    error = math.sqrt(12.0 * noise * (n - 1) / (n * (n + 1)))
+    return abs(change) <= max(0.1 * (middle + 0.5 * abs(change)), 3.0 * error)
 
 
 def stationarity_warning(trajectory: Trajectory, T: Array) -> str:

@@ -26,7 +26,8 @@ class MeanStress(Brief, ResultPlot):
     stress: Stress
     """Kinetic and collisional part."""
     error: Array
-    """Standard error of their sum, from blocks of time, shape (2, 2)."""
+    kinetic_error: Array
+    """error, kinetic_error: standard errors of their sum and of the kinetic part, from blocks of time, shape (2, 2)."""
     pressure_error: float
     friction_error: float
     normal_difference_error: float
@@ -86,14 +87,17 @@ def mean_stress(
     def error(values: Array) -> float:
         return mean_with_error(values)[1]
 
+    def errors(tensors: Array) -> Array:
+        return np.array([[error(tensors[:, a, b]) for b in (0, 1)] for a in (0, 1)])
+
     xx, xy, yy = whole[:, 0, 0], whole[:, 0, 1], whole[:, 1, 1]
     pressure = 0.5 * (xx + yy)
     # Of ratios, to first order in what blocks differ by.
     friction = (-xy - found.friction * yy) / (yy.mean() or np.nan)
     normal = (xx - yy - found.normal_difference * pressure) / (found.pressure or np.nan)
     return MeanStress(
-        found, np.array([[error(whole[:, a, b]) for b in (0, 1)] for a in (0, 1)]), error(pressure),
-        error(friction), error(normal), 0.5 * (edges[1:] + edges[:-1]), whole,
+        found, errors(whole), errors(carried), error(pressure), error(friction), error(normal),
+        0.5 * (edges[1:] + edges[:-1]), whole,
     )  # fmt: skip
 
 

@@ -82,6 +82,7 @@ def velocity(left: Axes, *rest: Any) -> None:
     grid(left)
     if right is not None:
         right.set_ylim(left.get_ylim())
+        right.set_ylabel("probability density")
         right.set_xlabel(r"$w = \omega / \sqrt{2 T_\mathrm{rot} / I}$")
         grid(right)
 
@@ -473,9 +474,9 @@ def _ratio(axes: Axes, found: analysis.RatioFit) -> None:
 
 def _pressure(axes: Axes, found: analysis.Pressure) -> None:
     """The kinetic and the collisional part, and their sum."""
-    error = found.error if np.isfinite(found.error) else 0.0
+    error = np.nan_to_num([found.kinetic_error, found.collisional_error, found.error])
     parts = ("kinetic", "collisional", "total")
-    axes.bar(parts, [getattr(found, one) for one in parts], yerr=[0.0, error, error], **BARS)
+    axes.bar(parts, [getattr(found, one) for one in parts], yerr=error, **BARS)
     axes.set(xlabel="part, bars: standard error", ylabel="pressure $p$")
     axes.set_title(f"$p A / (N T)$ = {found.Z:.4g}", fontsize="medium")
     grid(axes)
@@ -491,7 +492,7 @@ def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: E
         left.plot(found.time, found.blocks[:, a, b], f"{marker}{line}", label=f"$P_{{{name}}}$", **style)
         left.axhline(found.stress.total[a, b], color=color, ls=":", lw=0.8)
     left.set(xlabel=label(trajectory, "time $t$", "time"))
-    left.set_ylabel(label(trajectory, "mean over a block of time", "energy/length^2"))
+    left.set_ylabel(label(trajectory, "$P_{ab}$, mean over a block of time", "energy/length^2"))
     left.axhline(0.0, color="0.7", lw=0.8, zorder=0)
     legend_above(left, 4)
     labels, place = [f"$P_{{{name}}}$" for name in names], np.arange(4.0)

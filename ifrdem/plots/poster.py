@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..tools.checked import Array
 from . import disks
-from .style import Gas, with_unit
+from .style import Gas, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,7 +56,10 @@ def finish(axes: Axes, gas: Gas, region: Array) -> None:
     for each in (*axes.child_axes,):
         each.remove()
     width = float(np.ptp(region[0]))
-    length = scale_length(width)
+    # A round number of what the label counts: units of the file, or mean diameters.
+    one = 1.0 if unit_of(gas, "length") else 2.0 * float(gas.disks.radius.mean())
+    count = scale_length(width / one)
+    length = count * one
     for name, spine in axes.spines.items():
         axis = 0 if name in ("left", "right") else 1
         spine.set_visible(not gas.box.periodic[axis] and not gas.box.is_open)
@@ -64,10 +67,8 @@ def finish(axes: Axes, gas: Gas, region: Array) -> None:
     down = -0.4 * STRIP * width / float(np.ptp(region[1]))
     left = float(region[0, 0]) + 0.01 * width
     axes.plot([left, left + length], [down, down], color="white", lw=2.0, solid_capstyle="butt", **style)
-    text = with_unit(gas, f"{length:g}", "length")
-    if text == f"{length:g}":
-        diameters = length / (2.0 * float(gas.disks.radius.mean()))
-        text = f"{diameters:.3g} mean diameters"
+    unit = unit_of(gas, "length") or ("mean diameter" if count == 1.0 else "mean diameters")
+    text = f"{count:g} {unit}"
     axes.text(left + length + 0.012 * width, down, text, color="white", va="center", **style)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..analysis.result import Evaluation
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .series import AXES
 from .style import KINDS, foreground, from_zero, grid, label, legend, legend_above, positive
@@ -18,6 +19,7 @@ def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: E
     found = evaluation.result
     tau = found.collisions_per_disk
     x = found.time if tau is None else tau
+    thetas: list[tuple[Array, str, dict[str, Any]]] = []
     for i, name in enumerate(found.names):
         style: dict[str, Any] = {"color": KINDS[i % len(KINDS)], "lw": 1.2}
         T, T_rot = found.temperature[:, i], found.rotational_temperature[:, i]
@@ -35,7 +37,10 @@ def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: E
                     lower.plot(x, one / first, line, label=text if shown else None, **style)
                 if np.any(spin > 0.0):
                     kept = {**style, "lw": 0.8, "alpha": 0.7}
-                    lower.plot(x, spin / one, line, label=rf"$\theta$ of {name}" if shown else None, **kept)
+                    text = rf"$\theta$ of {name}"
+                    thetas.append((spin / one, line, {**kept, "label": text if shown else None}))
+    for theta, line, kept in thetas:  # in the legend after all ratios
+        lower.plot(x, theta, line, **kept)
     if found.theory is not None:
         upper.plot([], [], "--", color=foreground(upper), label="kinetic theory")
     T = found.temperature

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -96,9 +96,15 @@ def _describe_fields(trajectory: Trajectory) -> list[str]:
         if len(dataset) > len(trajectory):
             lines[-1] += f", {len(dataset) - len(trajectory)} uncommitted"
     lines.append("observables (per frame)")
+    width = _width(trajectory.observables)
     for name, values in trajectory.observables.items():
-        lines.append(f"  {name:<24}{values.dtype}{_shape(values.shape[1:])}")
+        lines.append(f"  {name:<{width}}{values.dtype}{_shape(values.shape[1:])}")
     return lines
+
+
+def _width(names: Iterable[str]) -> int:
+    """Width of a column of names, with a space at its end at least."""
+    return max(24, *(len(name) + 1 for name in names))
 
 
 def _describe_series(trajectory: Trajectory) -> list[str]:
@@ -107,10 +113,11 @@ def _describe_series(trajectory: Trajectory) -> list[str]:
         rows = len(series.time)
         span = f", time {series.time[0]:.6g} to {series.time[-1]:.6g}" if rows else ""
         lines.append(f"series ({rows} rows{span})")
+        width = _width(series)
         for name in series:
             value, columns = series[name], series.columns(name)
             named = f": {', '.join(columns)}" if columns else ""
-            lines.append(f"  {name:<24}{value.dtype}{_shape(value.shape[1:])}{named}")
+            lines.append(f"  {name:<{width}}{value.dtype}{_shape(value.shape[1:])}{named}")
     if "ledger_residual" in series and len(series.time):
         # What was there at the start and was put in since, less what was dissipated and what is there.
         worst, *parts = (

@@ -69,7 +69,7 @@ WHOLE_GAS = {
     "collisions_by_regime": Described("collisions of two disks since the start, by regime"),
     "ledger_residual": Described("initial energy + input - dissipated - present energy: rounding", "energy"),
     "stress": Described("pressure tensor, mean since the row before", "energy length-2"),
-    "stress_kinetic": Described("kinetic part of the pressure tensor, mean since the row before", "energy length-2"),
+    "stress_kinetic": Described("kinetic part of stress, mean of this row and the row before", "energy length-2"),
     "species_temperature": Described("translational temperature of each species", "energy"),
     "species_rotational_temperature": Described("rotational temperature of each species", "energy"),
     "species_collisions": Described("collisions since the start, counted at each disk of a species"),

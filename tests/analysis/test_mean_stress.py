@@ -37,11 +37,21 @@ def test_errors_are_those_of_many_independent_series() -> None:
     results, errors = [], []
     for _ in range(300):
         rows = np.array([4.0, -1.0, -1.0, 2.0]) + rng.normal(size=(400, 4))
-        found = analysis.mean_stress(t, rows, rows)
-        results.append((found.stress.total[0, 1], found.stress.friction, found.stress.normal_difference))
-        errors.append((found.error[0, 1], found.friction_error, found.normal_difference_error))
+        kinetic = rows - 1.0 + 0.5 * rng.normal(size=(400, 4))
+        found = analysis.mean_stress(t, rows, kinetic)
+        mean = found.stress
+        results.append((mean.total[0, 1], mean.friction, mean.normal_difference, mean.kinetic[1, 1]))
+        errors.append(
+            (
+                found.error[0, 1],
+                found.friction_error,
+                found.normal_difference_error,
+                found.kinetic_error[1, 1],
+            )
+        )
     scatter, error = np.std(results, axis=0), np.sqrt(np.mean(np.square(errors), axis=0))
     assert scatter[0] == pytest.approx(0.05, rel=0.15)  # 1 / sqrt(400)
+    assert scatter[3] == pytest.approx(0.05 * np.sqrt(1.25), rel=0.15)
     np.testing.assert_allclose(error, scatter, rtol=0.2)
 
 

@@ -238,3 +238,23 @@ def test_a_kind_with_one_disk_has_no_distribution_and_the_others_have(tmp_path: 
     assert any("no distribution of material 0, R = 0.4: velocity has 1 disks" in note for note in found.notes)
     with Trajectory(tmp_path / "1.h5") as file, pytest.raises(InputError, match="velocity has 1 disks"):
         catalogue.ANALYSES["velocity"].of(file, None)
+
+
+@pytest.mark.parametrize(
+    ("last", "stationary"),
+    [(0.764, False), (0.795, False), (0.89, False), (0.91, True), (1.09, True), (1.2, False)],
+)
+def test_a_temperature_is_steady_if_it_changes_by_less_than_a_tenth(last: float, stationary: bool) -> None:
+    """Haff's law, 1 / (1 + a t)^2, from 1 to `last` over 40 frames."""
+    T = (1.0 + (last**-0.5 - 1.0) * np.linspace(0.0, 1.0, 41)) ** -2
+    assert steadiness.is_stationary(T) is stationary
+
+
+def test_noise_of_a_temperature_is_no_change() -> None:
+    rng = np.random.default_rng(6)
+    steady = [steadiness.is_stationary(1.0 + 0.3 * rng.normal(size=41)) for _ in range(300)]
+    falling = [
+        steadiness.is_stationary(np.linspace(1.0, 0.8, 41) + 0.03 * rng.normal(size=41)) for _ in range(300)
+    ]
+    assert np.mean(steady) > 0.98
+    assert not any(falling)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import ifrdem
+from ifrdem.runs.info import describe
 
 
 def written(path: Path) -> ifrdem.Trajectory:
@@ -51,3 +52,12 @@ def test_unknown_quantities_are_refused(tmp_path: Path) -> None:
         assert run.observables.derived == ()
         with pytest.raises(ifrdem.InputError, match="no observable 'theta'"):
             run.observables["theta"]
+
+
+def test_info_separates_long_names_from_their_types(tmp_path: Path) -> None:
+    with written(tmp_path / "c.h5") as run:
+        path = run.path
+    lines = describe(path).splitlines()
+    for name in ("species_temperature", "species_rotational_temperature"):
+        (line,) = (one for one in lines if one.startswith(f"  {name} "))
+        assert line.split()[1].startswith("float64")
