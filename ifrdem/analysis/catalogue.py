@@ -519,7 +519,7 @@ def _pressure_by_rate(
         law = trajectory.laws[material][material]
         if isinstance(law, IFRLaw | Walton):
             Z = pressure.compressibility(phi, chi, law.e_n)
-            rows.append(Reading("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
+            rows.append(Reading("Z, from the collision rate", Z, (Z - 1.0) / np.sqrt(collisions)))
     notes.append("g at contact from the rate assumes Maxwellian, uncorrelated velocities")
     return rows
 
