@@ -109,14 +109,21 @@ def printable(text: str) -> str:
     )
 
 
-_AS_WIDE = {"f32": "f4", "f64": "f8", "f4": "f32", "f8": "f64", "single": "f4", "double": "f8"}
-"""Names of numbers as wide, in bits (of a computation) and in bytes (of a file)."""
+_SYNONYMS = {"gpu": "cuda"} | {
+    "f32": "f4",
+    "f64": "f8",
+    "f4": "f32",
+    "f8": "f64",
+    "single": "f4",
+    "double": "f8",
+}
+"""Other words for a value: names of numbers as wide, in bits (of a computation) and in bytes (of a file)."""
 
 
 def nearest(word: str, allowed: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the nearest allowed spelling, or an empty string."""
     names = list(allowed)
-    same = _AS_WIDE.get(word)
+    same = _SYNONYMS.get(word)
     found = [same] if same in names else difflib.get_close_matches(word, names, n=1, cutoff=0.6)
     return f" (did you mean '{found[0]}'?)" if found else ""
 

@@ -28,6 +28,7 @@ from typing_extensions import TypeAliasType
 
 import ifrdem
 from ifrdem import Device, InputError, analysis, bullet, theory
+from ifrdem.model.laws.pairs import PairLaws
 from ifrdem.plots import impact_angles
 from ifrdem.theory.driven_gas import Driving
 from ifrdem.tools import checked
@@ -38,6 +39,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 LAW = ifrdem.IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2)
 SMOOTH = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
 DISKS = ifrdem.Disks(4, mass=1.0, radius=0.5)
+TWO_MATERIALS = ifrdem.Disks(2, mass=1.0, radius=0.5, material=[0, 1])
 RNG = np.random.default_rng(1)
 TIMES = np.linspace(0.0, 4.0, 9)
 PATHS = np.cumsum(RNG.normal(size=(9, 5, 2)), axis=0)
@@ -816,3 +818,25 @@ def _misspelt(value: Positiv) -> None:  # type: ignore[name-defined]  # noqa: F8
 
 def test_an_annotation_that_names_nothing_is_found() -> None:
     assert unknown_names(_misspelt) == {"Positiv"}
+
+
+@pytest.mark.parametrize(
+    ("call", "named"),
+    [
+        (lambda: ifrdem.Disks(3, mas=1.0, radius=1.0), r"^Disks: unknown argument 'mas' \(did you mean 'mass'"),
+        (lambda: ifrdem.IFRLaw(en=0.9, e_t=0.0, mu=1.0), r"^IFRLaw: unknown argument 'en' \(did you mean 'e_n'"),
+        (lambda: ifrdem.initial.maxwellian(np.ones(3), temperatur=1.0, seed=1),
+         r"^maxwellian: unknown argument 'temperatur' \(did you mean 'temperature'"),
+        (lambda: ifrdem.Device("gpu"), "name = 'gpu': .*did you mean 'cuda'"),
+        (lambda: ifrdem.forces.PoissonKicks(10.0), "PoissonKicks: .* power and diffusion; given: none"),
+        (lambda: ifrdem.forces.SpinKicks(1.0, power=1.0, diffusion=1.0),
+         "SpinKicks: .* power and diffusion; given: both"),
+        (lambda: PairLaws.of([[LAW, None], [None, LAW]], DISKS), r"law\[0\]\[1\] = None"),
+        (lambda: PairLaws.of([[LAW]], TWO_MATERIALS), r"law = table of shape \(1, 1\): .*at least 2 materials"),
+        (lambda: PairLaws.of(None, DISKS), "law = None: must be"),
+        (lambda: ifrdem.Ledger().row(STRESSED), "area = None: must be given"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named_with_its_place(call: Callable[[], Any], named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        call()

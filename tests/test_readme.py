@@ -564,3 +564,21 @@ def test_help_of_the_package_is_a_page() -> None:
     assert len(shown) < 90
     text = "\n".join(shown)
     assert [name for name in dir(ifrdem) if name not in text and name != "__version__"] == []
+
+
+def test_mixture_script_stores_stress_and_named_species(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block("mixture series"), "shear.md", "exec"), {})
+    with Trajectory("mixture.h5") as run:
+        stress, T = run.series["stress"], run.series["species_temperature"]
+        assert T.shape == (len(stress), 2)
+        # An ideal gas has p A = N T; at a packing fraction of 0.3 collisions give more than that.
+        ideal = 400 * run.series["temperature"][1] / run.box.area
+        assert ideal < 0.5 * (stress[1, 0] + stress[1, 3]) < 4.0 * ideal
+    for one in ("stress", "species", "velocity"):
+        assert cli.main(["analyse", "mixture.h5", one]) == 0
+    out = capsys.readouterr().out
+    assert "T of heavy / T of light" in out
+    assert "a20 of light" in out

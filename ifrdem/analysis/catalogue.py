@@ -520,7 +520,7 @@ def _pressure_by_rate(
         law = trajectory.laws[material][material]
         if isinstance(law, IFRLaw | Walton):
             Z = pressure.compressibility(phi, chi, law.e_n)
-            rows.append(Reading("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
+            rows.append(Reading("Z, from the collision rate", Z, (Z - 1.0) / np.sqrt(collisions)))
     notes.append("g at contact from the rate assumes Maxwellian, uncorrelated velocities")
     return rows
 
@@ -529,8 +529,9 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     series = trajectory.series
     if "stress" not in series:
         raise InputError(
-            f"{trajectory.path} holds no stress: set output.stress = true in the case and run it again (in Python "
-            'record=["stress"])'
+            f"{trajectory.path} holds no stress: set output.stress = true in the case and run it again; from Python, "
+            'Simulation(..., record=["stress"]), ledger = ifrdem.Ledger(area=box.area), and gas.run(..., series=100, '
+            "series_callbacks=[lambda measure: file.write_series(measure.time, ledger.row(measure))])"
         )
     rising = np.concatenate(([True], np.diff(series.time) > 0.0))
     when, rows_of = series.time[rising], {name: series[name][rising] for name in STRESS_SERIES}

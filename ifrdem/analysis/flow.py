@@ -49,7 +49,7 @@ class VelocityCorrelation(Brief, ResultPlot):
 
     @property
     def length(self) -> float:
-        """Size of vortices [length]: where the correlation across r first falls below 0; nan if none is seen.
+        """Correlation length: the r at which the correlation across r first falls below 0; nan if none is seen.
 
         It is nan, too, if no bin before that is above 0 by 3 standard errors. In a plane shear wave of wave number k
         it is 1.841 / k.

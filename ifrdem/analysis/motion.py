@@ -81,7 +81,7 @@ def _plan(trajectory: Trajectory, frames: Sequence[int] | None, consequence: str
         if tau is not None and T[-1] < T[0]:
             even = _even(tau)
             text = "all origins" if even else "the first frame only: frames are not evenly spaced in tau"
-            notes = [f"in the gas's own time, tau = collisions per disk: over {text}"]
+            notes = [f"against tau, the collisions per disk: over {text}"]
             return _Plan(used, "all" if even else "first", notes, [], tau)
         warnings = [f"{stationarity_warning(trajectory, T)}{consequence}less than a tenth, or drive the gas"]
     if not _even(trajectory.times[used]):

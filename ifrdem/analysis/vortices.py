@@ -1,4 +1,4 @@
-"""Velocity correlations and spectra of files, with the size of vortices against collisions per disk."""
+"""Velocity correlations and spectra of files, with the correlation length against collisions per disk."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def of_correlation(trajectory: Trajectory, frames: Sequence[int] | None) -> Eval
     found = flow.mean_correlation(singles)
     lengths = [one.length for one in singles]
     of_length = unit(trajectory, "length")
-    rows = [Reading("size of vortices", found.length, unit=of_length)]
+    rows = [Reading("correlation length", found.length, unit=of_length)]
     rows += [
-        Reading(f"size of vortices, {name} frame", length, unit=of_length)
+        Reading(f"correlation length, {name} frame", length, unit=of_length)
         for name, length in (("first", lengths[0]), ("last", lengths[-1]))
     ]
     # The first whole bin beyond contact of the smallest disks.
@@ -63,7 +63,7 @@ def of_correlation(trajectory: Trajectory, frames: Sequence[int] | None) -> Eval
     table = {name: getattr(found, name)[near:] for name in names}
     notes = [
         "over <v^2> / 2: 0 for independent velocities, 1 for equal ones",
-        "size of vortices: where the correlation across r falls below 0; none if it is not clearly above 0 before",
+        "correlation length: where the correlation across r falls below 0; none if it is not clearly above 0 before",
     ]
     tables = {"": table, "frames": _by_frame(trajectory, used, length=lengths)}
     return Evaluation(

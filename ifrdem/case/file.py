@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..errors import InputError, listed, option_name
+from ..errors import InputError, listed, nearest, option_name
 from ..mpi import Communicator
 from ..tools import text_file
 from .case import IMPACT_SCAN, CaseSections
@@ -207,6 +207,9 @@ def override(raw: dict[str, Any], assignment: str) -> None:
             kind = "a list: give a number" if isinstance(node, list) else "no table that holds keys"
             if node == {} and isinstance(step, int):
                 kind = f"not there{_coins_in(raw) if where == 'material' else ''}"
+                kind += (
+                    "" if where in CaseSections.model_fields else nearest(where, CaseSections.model_fields)
+                )
             raise InputError(f"{option_name('--set', 'set:')} {assignment}: {where} is {kind}")
         elif not last and step not in node:
             node[step] = {}

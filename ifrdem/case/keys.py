@@ -54,7 +54,7 @@ def _section(models: list[type[Section]], path: str) -> Iterator[str]:
             yield _first_line(model)
             yield ""
         for key in keys:
-            yield _key(model, key)
+            yield _key(model, key, models if model is common else [model])
             if inside := models_in(model.model_fields[key].annotation):
                 tables[key] = inside
         if model is common:
@@ -79,8 +79,8 @@ def _first_line(model: type[Section]) -> str:
     return (model.__doc__ or "").strip().splitlines()[0]
 
 
-def _key(model: type[Section], key: str) -> str:
-    """The line on a key: name, type, unit, default, range, description."""
+def _key(model: type[Section], key: str, models: list[type[Section]]) -> str:
+    """The line on a key of these kinds of a section: name, type, unit, default, range, description."""
     found, text = model.model_fields[key], model.about(key)[0]
     kind = "table" if models_in(found.annotation) else _type(found.annotation)
     unit = _UNIT.search(text) if "number" in kind else None
@@ -88,13 +88,30 @@ def _key(model: type[Section], key: str) -> str:
         text = text.replace(unit[0], "", 1)
     text = _TYPE.sub("", text)
     facts = [kind + (f" [{unit[1]}]" if unit else "")]
-    if found.is_required():
+    alternatives = _alternatives(key, models)
+    if alternatives:
+        facts.append(alternatives)
+    elif found.is_required():
         facts.append("required")
     else:
         default = found.get_default(call_default_factory=True)
         facts.append("optional" if default is None or kind == "table" else f"default {toml(default)}")
     facts += dict.fromkeys(_limits(found))
     return f"- `{key}`: {'; '.join(facts)}. {text[:1].upper()}{text[1:]}."
+
+
+def _alternatives(key: str, models: list[type[Section]]) -> str:
+    """The keys that may stand instead of one, and in which of several kinds; empty if there are none."""
+    kinds: dict[str, list[str]] = {}
+    for model in models:
+        for group in (each for each in model.one_of if key in each):
+            others = " or ".join(f"`{each}`" for each in group if each != key)
+            kinds.setdefault(others, []).append(str(kind_of(model)))
+    texts = (
+        f"{others} is given" + (f" ({', '.join(names)})" if len(names) < len(models) else "")
+        for others, names in kinds.items()
+    )
+    return f"required unless {' or '.join(texts)}" if kinds else ""
 
 
 def _type(annotation: Any) -> str:

@@ -32,9 +32,16 @@ def problems(error: ValidationError, root: type[Section] = CaseSections) -> list
     return [_translated(each, location_of(each["loc"], root)) for each in error.errors(include_url=False)]
 
 
-def of_attribute(model: type[Section], name: str, error: ValidationError) -> str:
-    """The message on an attribute of a section that cannot have a value."""
-    heading = next((f"{key}." for key, kinds in _sections() if model in kinds), "")
+def of_attribute(section: Section, name: str, error: ValidationError) -> str:
+    """The message on an attribute of a section that cannot have a value.
+
+    A section does not know its place in a list: it is named by its name.
+    """
+    model = type(section)
+    heading = next((key for key, kinds in _sections() if model in kinds), "")
+    one_of_list = heading and get_origin(CaseSections.model_fields[heading].annotation) is list
+    own = getattr(section, "name", None) if one_of_list else None
+    heading = f"{heading}{'' if own is None else f'[{own!r}]'}." if heading else ""
     lines = []
     for each in error.errors(include_url=False):
         location = location_of(each["loc"] or (name,), model)

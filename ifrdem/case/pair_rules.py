@@ -67,6 +67,11 @@ def _coefficients(case: CaseSections, a: str, b: str, from_files: FromFiles) -> 
     return _of_coin(f"coin '{a}'", coins[a].law) if a in coins and _coin_of(case, a) == a else None
 
 
+def _is_defined(case: CaseSections, material: str) -> bool:
+    """True unless the name of a species' material is one that nothing defines, which is reported by itself."""
+    return any(each.name == material for each in case.material) or _coin_of(case, material) is not None
+
+
 def _coin_of(case: CaseSections, material: str) -> str | None:
     """The coin whose coefficients a material has, if it has a coin's."""
     for each in case.material:
@@ -86,6 +91,7 @@ def verdicts(
 
     `from_files` has the custom laws of sections, by keys such as "material[0]".
     """
+    species = [each for each in species if _is_defined(case, each.material)]
     order = list(dict.fromkeys(each.material for each in species))
     for one, other in itertools.combinations_with_replacement(species, 2):
         # In one order, so that a pair that is missing is named once.
@@ -105,6 +111,8 @@ def wall_verdicts(
     for material in case.materials_of_walls:
         wall = f"wall ({material})"
         for each in species:
+            if not _is_defined(case, each.material):
+                continue
             made_of = _coefficients(case, each.material, material, from_files)
             if isinstance(made_of, str):
                 text = made_of + ("" if material in names else nearest(material, names))

@@ -116,7 +116,7 @@ class Section(BaseModel):
         except ValidationError as error:
             from .messages import of_attribute
 
-            raise InputError(of_attribute(type(self), name, error)) from None
+            raise InputError(of_attribute(self, name, error)) from None
 
     @classmethod
     def about(cls, key: str) -> tuple[str, Any]:

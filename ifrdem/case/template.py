@@ -75,12 +75,13 @@ point = [0.0, 0.01]
 normal = [0.0, 1.0]
 motion = {{ kind = "sine", amplitude = 0.01, frequency = 20.0 }}""",
     ),
-    "mixture": Template(
+    "two_species": Template(
         "Two kinds of coins in one box, with the paper's coefficients for each of the three kinds of pairs.",
         """
-run = { name = "mixture", seed = 1, collisions_per_disk = 20.0, device = "cpu", units = "SI" }
+run = { name = "two_species", seed = 1, collisions_per_disk = 20.0, device = "cpu", units = "SI" }
 box = { packing_fraction = 0.2 }
 material = [{ name = "small", coin = "100 pts" }, { name = "large", coin = "500 pts" }]
+pair = [{ materials = ["small", "large"], e_n = 0.9, e_t = -0.9, mu = 0.15 }]
 species = [
     { name = "100 pts", number = 5000, material = "small", coin = "100 pts", speed_rms = 1.0 },
     { name = "500 pts", number = 5000, material = "large", coin = "500 pts", speed_rms = 1.0 },

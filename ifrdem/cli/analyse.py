@@ -104,7 +104,7 @@ def analyse(
       pressure          from impulses and from the rate of collisions
       stress            pressure tensor, its parts, friction and N_1 (output.stress)
       cooling           fits of Haff's law and of T_rot / T
-      velocity-correlation  of two disks along and across r, size of vortices
+      velocity-correlation  of two disks along and across r, correlation length
       vorticity         spectrum of the velocity field, across and along k
       species           temperatures of each species, their ratios, kinetic theory
       impact            angles of impact and regimes

@@ -287,8 +287,8 @@ def check(case: Case, /, *, set: Set = None) -> None:
 
 
 KIND = (
-    "cooling (one kind of coins), driven (random kicks), mixture (two), walls (a shaken floor), study (many gases at "
-    "once), or cases/NAME.toml"
+    "cooling (one kind of coins), driven (random kicks), two_species (two kinds and their pair), walls (a shaken "
+    "floor), study (many gases at once), or cases/NAME.toml"
 )
 
 

@@ -228,7 +228,7 @@ class RandomKicks(Force):
 
     @validated
     def __init__(self, step: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
-        super().__init__(step, **_strength(power, diffusion))
+        super().__init__(step, **_strength(self, power, diffusion))
 
     def check(self, disks: Disks) -> None:
         if disks.n < 2:
@@ -273,7 +273,7 @@ class SpinKicks(Force):
 
     @validated
     def __init__(self, step: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
-        super().__init__(step, **_strength(power, diffusion))
+        super().__init__(step, **_strength(self, power, diffusion))
 
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
@@ -363,7 +363,7 @@ class PoissonKicks(PoissonForce):
 
     @validated
     def __init__(self, rate: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
-        super().__init__(rate, **_strength(power, diffusion))
+        super().__init__(rate, **_strength(self, power, diffusion))
 
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
@@ -397,7 +397,7 @@ class PoissonSpinKicks(PoissonForce):
 
     @validated
     def __init__(self, rate: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
-        super().__init__(rate, **_strength(power, diffusion))
+        super().__init__(rate, **_strength(self, power, diffusion))
 
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
@@ -677,10 +677,13 @@ def number(name: str, value: float | None, *, positive: bool = False, negative: 
     return check(name, value)
 
 
-def _strength(power: float | None, diffusion: float | None) -> dict[str, float]:
+def _strength(kicks: object, power: float | None, diffusion: float | None) -> dict[str, float]:
     """Parameters of kicks, of which one is 0."""
     if (power is None) == (diffusion is None):
-        raise InputError("kicks: exactly one of power and diffusion must be given")
+        given = "none" if power is None else "both"
+        raise InputError(
+            f"{type(kicks).__name__}: must have exactly one of power and diffusion; given: {given}"
+        )
     if power is not None:
         return {"power": number("power", power, positive=True), "diffusion": 0.0}
     return {"power": 0.0, "diffusion": number("diffusion", diffusion, positive=True)}

@@ -19,7 +19,7 @@ PICTURES = {
     "clusters": "the largest cluster in time, and cluster sizes",
     "psi6": "hexatic order of the disks",
     "stress": "pressure tensor against time, and its kinetic and collisional part (output.stress)",
-    "velocity-correlation": "correlation of velocities along and across r, and the size of vortices",
+    "velocity-correlation": "correlation of velocities along and across r, and the correlation length",
     "vorticity": "spectrum of the velocity field across and along k, and the wavelength of its maximum",
     "species": "temperatures of each species, their ratios and theta, with kinetic theory",
     "cooling": "Haff's law, and the approach of T_rot / T to its end",

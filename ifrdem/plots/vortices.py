@@ -1,4 +1,4 @@
-"""Panels of velocity correlations and spectra, and the size of vortices against collisions per disk."""
+"""Panels of velocity correlations and spectra, and the correlation length against collisions per disk."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def correlation_alone(axes: Axes, trajectory: Trajectory | None, found: Velocity
     axes.axhline(0.0, color=RATIO, ls=":", lw=1.2)
     if np.isfinite(found.length):
         axes.axvline(
-            found.length, color=RATIO, ls="--", lw=1.2, label=f"size of vortices: {found.length:.3g}"
+            found.length, color=RATIO, ls="--", lw=1.2, label=f"correlation length: {found.length:.3g}"
         )
     axes.set_xlabel(label(trajectory, "distance $r$", "length"))
     axes.set_ylabel(r"$\langle v_i v_j \rangle \,/\, (\langle v^2 \rangle / 2)$")
@@ -35,9 +35,9 @@ def correlation_alone(axes: Axes, trajectory: Trajectory | None, found: Velocity
 
 
 def correlation(left: Axes, right: Axes, trajectory: Trajectory, evaluation: Evaluation) -> None:
-    """Velocity correlations, and the size of vortices in each frame."""
+    """Velocity correlations, and the correlation length in each frame."""
     correlation_alone(left, trajectory, evaluation.result)
-    _over_frames(right, trajectory, evaluation.tables["frames"], "length", "size of vortices")
+    _over_frames(right, trajectory, evaluation.tables["frames"], "length", "correlation length")
 
 
 def spectrum_alone(axes: Axes, trajectory: Trajectory | None, found: VelocitySpectrum) -> None:

@@ -17,7 +17,7 @@ from ..analysis import motion
 from ..case import file as case_file
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
-from ..errors import InputError, refuse
+from ..errors import InputError, option_name, refuse
 from ..fit import tabular
 from ..fit.figure import save
 from ..fit.tabular import TableFormat
@@ -71,7 +71,8 @@ def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Me
     missing = [name for name in ("id", "x", "y") if name not in columns]
     if missing:
         have = ", ".join((*columns, *table.unused))
-        raise InputError(f"{source}: missing column {', '.join(missing)}; there are {have}")
+        name = f"; name one with {option_name('--column id=NAME', 'TableFormat(columns=...)')}"
+        raise InputError(f"{source}: missing column {', '.join(missing)}; there are {have}{name}")
     keep = np.all([~np.isnan(columns[name]) for name in ("id", "x", "y")], axis=0)
     ids = columns["id"]
     problems = [

@@ -65,7 +65,7 @@ class Ledger:
     frames: Annotated[int, Integer(0)] = 0
     """Their number."""
     area: Positive | None = None
-    """Area that stresses refer to [length^2]; None for none of them."""
+    """Area that stresses refer to [length^2]; needed where measures have a virial (record=["stress"])."""
     latest_row: Measure | None = None
     """That of the latest row of the time series, from which stresses are means."""
 
@@ -109,7 +109,8 @@ class Ledger:
     def row(self, measure: Measure) -> dict[str, Any]:
         """Quantities of a row of the time series (with `estimate.LEDGER`).
 
-        Stresses are means since the row before, nan in the first one (`observables.stress`).
+        Stresses are means since the row before, nan in the first one (`observables.stress`); InputError if the measure
+        has a virial and the ledger no area.
         """
         row = self.observables(measure)
         if measure.dissipated is not None and measure.regimes is not None:
@@ -118,7 +119,9 @@ class Ledger:
                 "collisions_by_regime": measure.regimes,
                 "ledger_residual": self.residual(measure),
             }
-        if self.area is not None and measure.virial is not None:
+        if measure.virial is not None:
+            if self.area is None:
+                raise InputError("area = None: must be given for a stress: ifrdem.Ledger(area=box.area)")
             row |= dict(zip(STRESS_SERIES, self._stresses(measure, self.area), strict=True))
         if measure.species_temperature is not None:
             row |= {name: getattr(measure, name) for name in SPECIES_SERIES}

@@ -116,7 +116,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         In a sheared box there can be no walls and no immovable disks; forces act on peculiar velocities, relative to
         the flow, and see places in the lab.
     law : CollisionLaw or sequence of sequences of CollisionLaw
-        One law for all pairs, or a symmetric table `[material][material]`: an `IFRLaw`, or a custom law.
+        One law for all pairs, whatever their materials, or a symmetric table `[material][material]`: an `IFRLaw`, or a
+        custom law.
     state : State
         Start: positions [length], velocities [length/time], spins [rad/time]. In a sheared box velocities are those
         in the lab, such as `initial.maxwellian(...) + box.flow(position)`, and its `time` determines how far the images

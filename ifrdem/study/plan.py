@@ -22,6 +22,7 @@ from ..case import file as case_file
 from ..case import shipped
 from ..case.case import CaseSections
 from ..case.estimate import LEDGER, OBSERVABLES
+from ..case.messages import spelled
 from ..errors import InputError, listed, nearest, option_name
 from ..tools.versions import __version__
 from .task import OverTime, PerFrame, Task
@@ -455,7 +456,7 @@ def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterat
         name: type(StudyFile.model_fields[name].default) for name in ("ensemble", "output", "cluster")
     }
     for each in error.errors(include_url=False):
-        location = ".".join(str(step) for step in each["loc"] if step not in ("int", "float"))
+        location = spelled([step for step in each["loc"] if step not in ("int", "float")])
         text = str(each["msg"]).replace("Input should", "must").replace("be a valid", "be a")
         text = text.replace("integer", "whole number")
         if each["type"] == "extra_forbidden":
@@ -469,6 +470,9 @@ def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterat
             )
         elif each["type"] == "literal_error" and isinstance(each["input"], str):
             text += nearest(each["input"], re.findall(r"'([^']+)'", each["ctx"]["expected"]))
+        value = each["input"]
+        if each["type"] not in ("extra_forbidden", "missing") and isinstance(value, str | int | float):
+            location += f" = {json.dumps(value)}" * bool(location)
         yield f"{location}: {text}" if location else text
 
 

@@ -28,6 +28,7 @@ from ..theory.mixtures import Mixture
 from ..tools import files
 from ..tools.files import NO_VALUES
 from ..tools.versions import __version__
+from ..trajectory.descriptions import WHOLE_GAS
 from ..trajectory.tables import optional_import
 from . import reading
 from .plan import Plan
@@ -41,6 +42,13 @@ ENDING, RUNS = ".nc", ".runs"
 """Endings of the file of results, and of the folder of runs next to it."""
 THEORY = ("temperature", "rotational_temperature", "theta")
 """Predictions of kinetic theory for a gas."""
+STATISTICS = {
+    "_theory": ": kinetic theory",
+    "_error": ": standard error of the mean over seeds",
+    "_mean": ": mean over seeds",
+    "": "",
+}
+"""Text on each ending of a quantity's name."""
 BEYOND = 10.0
 """Times the end of the runs, to which theory is followed: it may need longer for as many collisions."""
 
@@ -113,11 +121,11 @@ class Results:
         return cls({name: Variable(*each) for name, each in variables.items()}, attributes)
 
     def to_xarray(self) -> xarray.Dataset:
-        """The results as an xarray data set (extra `analysis`), units in `attrs["units"]`."""
+        """The results as an xarray data set (extra `analysis`), with `units` and `long_name` in `attrs`."""
         xarray = optional_import("xarray", "analysis")
         swept = {name for names in self.axes.values() for name in names}
         made = {
-            name: xarray.Variable(one.dims, one.values, {"units": one.unit} if one.unit else {})
+            name: xarray.Variable(one.dims, one.values, _texts(name, one))
             for name, one in self.variables.items()
         }
         coordinates = {name: one for name, one in made.items() if (name,) == one.dims or name in swept}
@@ -131,8 +139,18 @@ def _dataset(file: h5py.File, name: str, one: Variable) -> h5py.Dataset:
     else:
         big = {"compression": "gzip", "shuffle": True} if one.values.nbytes > 100_000 else {}
         found = file.create_dataset(name, data=one.values, **big)
-    if one.unit:
-        found.attrs["units"] = one.unit
+    for attribute, text in _texts(name, one).items():
+        found.attrs[attribute] = text
+    return found
+
+
+def _texts(name: str, one: Variable) -> dict[str, str]:
+    """The attributes of a variable: its unit, and what a quantity of the whole gas is."""
+    found = {"units": one.unit} if one.unit else {}
+    for suffix, text in STATISTICS.items():
+        described = WHOLE_GAS.get(name.removesuffix(suffix)) if name.endswith(suffix) else None
+        if described is not None:
+            found["long_name"] = described.text + text
     return found
 
 

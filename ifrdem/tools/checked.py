@@ -29,7 +29,7 @@ from typing import Annotated, Any, Literal, Protocol, TypeVar, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, there_are
 from ..mpi import Communicator, current
 
 Array = NDArray[np.float64]
@@ -526,7 +526,7 @@ def validated(function: F) -> F:
     others: list[Check] = []  # of **options
     made: dict[str, tuple[int, Any]] = {}  # defaults that a check converts, and their positions
     known: set[str] = set()
-    is_read = False
+    is_read = takes_others = False
     collective = hasattr(function, "collective")
 
     def read() -> None:
@@ -534,11 +534,12 @@ def validated(function: F) -> F:
         # Classes that only type checkers import are not checked here, but by the function itself. That all other names
         # are there is a test.
         only_types = collections.defaultdict(lambda: Any)  # type: ignore[var-annotated]
-        nonlocal is_read
+        nonlocal is_read, takes_others
         is_read = True
         names = collections.ChainMap(function.__globals__, vars(builtins), only_types)
         parameters = inspect.signature(function).parameters
         known.update(parameters)
+        takes_others = any(one.kind is one.VAR_KEYWORD for one in parameters.values())
         for i, one in enumerate(parameters.values()):
             hint = one.annotation
             if hint is one.empty or one.kind is one.VAR_POSITIONAL:
@@ -561,6 +562,9 @@ def validated(function: F) -> F:
                 break
             values[i] = check(name, values[i])
         for name in options:
+            if name not in known and not takes_others:
+                of, names = function.__qualname__.removesuffix(".__init__"), known - {"self", "cls"}
+                raise InputError(f"{of}: unknown argument {name!r}{there_are(name, sorted(names))}")
             for check in [by_name[name]] if name in by_name else others if name not in known else []:
                 options[name] = check(name, options[name])
 

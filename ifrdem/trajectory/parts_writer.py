@@ -24,7 +24,7 @@ from . import layout
 from . import parts as part_files
 from .background import AsyncWriter
 from .parts import Parts
-from .species import named_species
+from .species import named_species, with_species
 from .writer import DEFAULT_FIELDS, TrajectoryWriter
 
 
@@ -98,7 +98,7 @@ class PartsWriter:
         Raises InputError, on all ranks, as `TrajectoryWriter`, or if a rank has no disk; nothing is left behind then.
         """
         ranks = Communicator.of(comm)
-        species = named_species(parameters or {}, disks.n) or {}
+        species = named_species(with_species(parameters, disks.species), disks.n) or {}
         given: Any = ranks.bcast(
             None if path is None else (Path(path), box, fields, options, tuple(species.values()))
         )

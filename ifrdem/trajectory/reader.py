@@ -202,6 +202,13 @@ DERIVED: dict[str, tuple[str, ...]] = {
 """Name of a computed quantity -> the quantities that it is computed from."""
 
 
+_WRITING = {
+    "observable": "file.write(state, ledger.observables(measure))",
+    "series": "file.write_series(measure.time, ledger.row(measure))",
+}
+"""How a script writes the quantities of a kind."""
+
+
 class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
     """Quantities by name: arrays over separate times, shape (rows, ...), read on access.
 
@@ -278,7 +285,12 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
         if name in self.derived:
             return self._columns[DERIVED[name][-1]]
         if name not in self._columns:
-            raise NameMissing(f"the file holds no {self._kind} {name!r}{there_are(str(name), self)}")
+            how = (
+                ""
+                if len(self)
+                else f"; a script writes them with {_WRITING[self._kind]}, ledger = ifrdem.Ledger()"
+            )
+            raise NameMissing(f"the file holds no {self._kind} {name!r}{there_are(str(name), self)}{how}")
         return self._columns[name]
 
     @property

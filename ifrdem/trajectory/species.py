@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,14 @@ def named_species(parameters: Mapping[str, object], n: int) -> dict[str, int] | 
     except FAULTS:  # the file may come from another program
         pass
     return None
+
+
+def with_species(parameters: Mapping[str, Any] | None, species: Mapping[str, int]) -> dict[str, Any]:
+    """The parameters, with the names and numbers of these species unless they give some themselves."""
+    found = dict(parameters or {})
+    if species:
+        found.setdefault("species", json.dumps([{"name": key, "number": n} for key, n in species.items()]))
+    return found
 
 
 def species_of_disks(numbers: Sequence[int], first: int, n: int) -> NDArray[np.int32]:

@@ -28,6 +28,7 @@ from .file import OutputFile
 from .parts import Part, Parts
 from .rows import CommitLog, HistoryWriter, SeriesWriter, check_name, samples, stored
 from .rows import checked as checked_row
+from .species import with_species
 
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")
 
@@ -50,7 +51,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
     path : str or path
         The file to write. Its folder must exist.
     disks : Disks
-        The constant properties of the n disks [mass, length].
+        The constant properties of the n disks [mass, length]; their species are the parameter "species", as JSON.
     box : Box
         The box [length]; its boundary is "none" where it is not periodic.
     fields : sequence of str
@@ -123,7 +124,8 @@ class TrajectoryWriter(ReadOnlyAttributes):
         for name, given in (("parameters", parameters), ("units", units)):
             if not isinstance(given, Mapping | None):
                 raise InputError(f"{name} = {given!r}: must be a mapping by name")
-        parameters = dict(parameters or {}, **({"walls": to_json(walls)} if walls else {}))
+        parameters = with_species(parameters, {} if isinstance(within, Part) else disks.species)
+        parameters |= {"walls": to_json(walls)} if walls else {}
         units = units or {}
         fields = [fields] if isinstance(fields, str) else list(fields)
         for name in fields:

@@ -504,9 +504,10 @@ def test_coin_brings_mass_size_and_law() -> None:
 
 
 def test_coins_of_two_kinds_take_the_papers_pair_and_no_other() -> None:
-    case = CaseSections.model_validate(template.TEMPLATES["mixture"].values)
+    case = CaseSections.model_validate(template.TEMPLATES["two_species"].values)
     assert CaseGas.from_case(case).laws[0][1] == coins.pair("500 pts", "100 pts")
-    other = copy.deepcopy(dict(template.TEMPLATES["mixture"].values))
+    other = copy.deepcopy(dict(template.TEMPLATES["two_species"].values))
+    del other["pair"]
     other["material"] = [{"name": "small", "coin": "1 pta"}, other["material"][1]]
     (found,) = [str(each) for each in case_file.validate_parsed(other, Path())[-1]]
     assert "missing for the materials 'small' and 'large'" in found

@@ -12,6 +12,7 @@ import pytest
 
 from ifrdem import IFRLaw, InputError, Simulation, State
 from ifrdem.case import file as case_file
+from ifrdem.case import keys
 from ifrdem.case.case import CaseSections
 from ifrdem.case.gas import CaseGas
 from ifrdem.model.box import Box
@@ -75,6 +76,18 @@ def test_every_missing_pair_is_named_once() -> None:
         f"pair: missing for the materials '{a}' and '{b}': give their e_n, e_t and mu in a [[pair]]"
         for a, b in (("a", "c"), ("d", "e"))
     ]
+
+
+def test_reference_names_the_keys_that_may_stand_instead() -> None:
+    lines = [line for line in keys.reference().splitlines() if line.startswith("- `step`")]
+    assert any("required unless `rate` is given (random_force, random_torque)" in line for line in lines)
+
+
+def test_a_material_that_is_not_defined_is_reported_once() -> None:
+    raw = case(EVERY)
+    raw["species"][1]["material"] = "unknown"
+    (found,) = problems(raw)
+    assert found.startswith('species[1].material = "unknown": no such material')
 
 
 def test_a_pair_given_twice_is_a_conflict_in_either_order() -> None:

@@ -374,7 +374,7 @@ def test_histories_give_angles_of_impact_once_each_and_a_pressure(tmp_path: Path
     root = np.sqrt(1.5) * np.log(3.0) / 2.0
     chi = next(row.value for row in pressure.rows if row.name == "g at contact, from the collision rate")
     assert chi == pytest.approx(100.0 * 0.4 * np.sqrt(np.pi) / (8.0 * phi * root), rel=0.01)
-    Z = next(row.value for row in pressure.rows if row.name == "Z by it")
+    Z = next(row.value for row in pressure.rows if row.name == "Z, from the collision rate")
     assert pytest.approx(1.0 + 1.9 * phi * chi) == Z
 
 

@@ -178,11 +178,11 @@ def test_new_writes_a_template_that_check_likes(folder: Path, capsys: pytest.Cap
     assert main(["new", "cooling"]) == 0
     assert names(folder) == ["cooling.toml", "tiny.toml"]
     assert main(["check", "cooling.toml"]) == 0
-    assert main(["new", "mixture", "-o", "-"]) == 0
+    assert main(["new", "two_species", "-o", "-"]) == 0
     printed = capsys.readouterr().out
-    assert tomllib.loads(printed[printed.index("# Two kinds") :])["run"]["name"] == "mixture"
-    assert main(["new", "mixture", "-o", "cooling.toml", "--force"]) == 0
-    assert "mixture" in (folder / "cooling.toml").read_text(encoding="utf-8")
+    assert tomllib.loads(printed[printed.index("# Two kinds") :])["run"]["name"] == "two_species"
+    assert main(["new", "two_species", "-o", "cooling.toml", "--force"]) == 0
+    assert "two_species" in (folder / "cooling.toml").read_text(encoding="utf-8")
 
 
 def test_check_prints_estimates(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -268,3 +269,12 @@ def test_invalid_changes_are_refused() -> None:
             ifrdem.Case.read("cooling", set=wrong)
     with pytest.raises(ifrdem.InputError, match="set: cannot be combined with a Case"):
         ifrdem.run(ifrdem.Case.read("cooling"), set={"run.seed": 3})
+
+
+def test_a_wrong_attribute_of_a_species_says_of_which() -> None:
+    case = ifrdem.Case.read("cooling")
+    name = case.species[0].name
+    with pytest.raises(ifrdem.InputError, match=re.escape(f"species[{name!r}].radius = -1")):
+        case.species[0].radius = -1
+    with pytest.raises(ifrdem.InputError, match=r"^run\.seed = -1"):
+        case.run.seed = -1

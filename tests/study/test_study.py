@@ -223,6 +223,7 @@ def bad(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
         (["--vary", "material[0].mu=0.1,0.1"], "0.1 is given twice"),
         (["--vary", "material[0].mu=0.1,0.2;material[0].e_n=0.7"], "as many values each"),
         (["--vary", "nonsense"], "must be KEY=VALUES"),
+        (["--vary", "forces[0].rate=1,2"], "forces is not there (did you mean 'force'?)"),
         (["--seeds", "0"], "a number of seeds"),
         (["--part", "3/2"], "must be K/M"),
         (["--workers", "1", "--scheduler", "tcp://a:1"], "--workers: cannot be combined with --scheduler"),

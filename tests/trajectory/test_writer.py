@@ -17,7 +17,9 @@ from ifrdem.model.box import Box
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.runs.info import describe
+from ifrdem.trajectory.export import species
 from ifrdem.trajectory.layout import EVENT_COLUMNS
+from ifrdem.trajectory.parts_writer import PartsWriter
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
@@ -368,3 +370,25 @@ def test_frames_written_in_batches_equal_those_written_one_by_one(tmp_path):
                 )
             )
     assert found[0] == found[1]
+
+
+def test_species_of_the_disks_are_those_of_the_file(tmp_path):
+    disks = Disks(3, mass=1.0, radius=0.5, species={"light": 2, "heavy": 1})
+    state = State([[1.0, 1.0], [3.0, 1.0], [5.0, 1.0]], np.zeros((3, 2)), np.zeros(3))
+    own = '[{"name": "a", "number": 1}, {"name": "b", "number": 2}]'
+    for name, parameters, names, numbers in (
+        ("disks.h5", None, {"light": 2, "heavy": 1}, [0, 0, 1]),
+        ("given.h5", {"species": own}, {"a": 1, "b": 2}, [0, 1, 1]),
+    ):
+        with TrajectoryWriter(tmp_path / name, disks, Box((10.0, 10.0)), parameters=parameters) as file:
+            file.write(state)
+        with Trajectory(tmp_path / name) as run:
+            assert species(run) == names
+        with h5py.File(tmp_path / name) as raw:
+            assert raw["particles/all/species"][()].tolist() == numbers
+    path = tmp_path / "parts.h5"
+    with PartsWriter.create(path, disks, disks, Box((10.0, 10.0)), number=2) as file:
+        file.write(state)
+    with Trajectory(path) as run, h5py.File(path) as raw:
+        assert species(run) == {"light": 2, "heavy": 1}
+        assert raw["particles/all/species"][()].tolist() == [0, 0, 1]

@@ -55,7 +55,7 @@ class PairLaws:
         """
         of_walls = set(of_walls)
         table = _table(law, max(int(disks.material.max()) if disks.n else 0, *of_walls, 0) + 1)
-        kind = _kind(table)
+        kind = _kind(table, table_given=not isinstance(law, CollisionLaw))
         check_symmetric(table)
         _check_energy(table, disks, of_walls)
         coefficients = np.array([[one.table_row() or (0.0,) for one in row] for row in table])
@@ -91,27 +91,35 @@ def _table(law: Any, materials: int) -> Laws:
         return [[law] * materials for _ in range(materials)]
     if not isinstance(law, Sequence) or isinstance(law, str):
         unknown: Any = law
-        _kind([[unknown]])  # refuses it by name
+        _kind([[unknown]], table_given=False)  # refuses it by name
     if not all(isinstance(row, Sequence) for row in law):
         raise InputError("law table: must be a list of lists of laws, [[law]], or one law for all")
     table = [list(row) for row in law]
     if len(table) < materials or any(len(row) != len(table) for row in table):
-        raise InputError(f"law table: must be a square table of at least {materials} materials")
+        lengths = {len(row) for row in table}
+        shape = (
+            f"of shape ({len(table)}, {lengths.pop()})"
+            if len(lengths) == 1
+            else f"of {len(table)} unequal rows"
+        )
+        raise InputError(f"law = table {shape}: must be a square table of at least {materials} materials")
     return table
 
 
-def _kind(table: Laws) -> type[CollisionLaw]:
+def _kind(table: Laws, table_given: bool) -> type[CollisionLaw]:
     """The one class of all laws of a table.
 
     InputError if one is no law, or says not how disks collide, or there are several classes.
     """
     kinds: list[type[CollisionLaw]] = []
-    for law in (law for row in table for law in row):
+    for a, b in ((a, b) for a, row in enumerate(table) for b in range(len(row))):
+        law = table[a][b]
         kind: Any = type(law)
         if not isinstance(law, CollisionLaw) or kind.collide is CollisionLaw.collide:
+            place = f"law[{a}][{b}]" if table_given else "law"
             raise InputError(
-                f"law = {law!r}: must be an IFRLaw, or an object of a class derived from ifrdem.CollisionLaw with a "
-                "method collide"
+                f"{place} = {law!r}: must be an IFRLaw, or an object of a class derived from ifrdem.CollisionLaw with "
+                "a method collide"
             )
         if kind not in kinds:
             kinds.append(kind)

@@ -46,7 +46,7 @@ def any_law(name: str, law: Any) -> CollisionLaw:
     kind = checked.choice(f"{name}['law']", given.pop("law", "ifr"), NAMES)
     try:
         return NAMES[kind](**given)
-    except TypeError as error:  # a coefficient that is missing, or unknown
+    except TypeError as error:  # a coefficient that is missing
         raise InputError(f"{name} = {law!r}: {error}") from None
 
 
