@@ -104,7 +104,7 @@ def _describe_fields(trajectory: Trajectory) -> list[str]:
 
 def _width(names: Iterable[str]) -> int:
     """Width of a column of names, with a space at its end at least."""
-    return max(24, *(len(name) + 1 for name in names))
+    return max([24, *(len(name) + 1 for name in names)])
 
 
 def _describe_series(trajectory: Trajectory) -> list[str]:
