@@ -83,6 +83,8 @@ class Disks(Brief):
         material.flags.writeable = False
         set_(self, "material", material)
         set_(self, "species", dict(self.species))
+        if unnamed := [name for name in self.species if not isinstance(name, str) or not name]:
+            raise InputError(f"species: a name is {unnamed[0]!r}: must be a text, not empty")
         if self.species and sum(self.species.values()) != self.n:
             raise InputError(f"species = {self.species}: must add up to {self.n} disks")
 
