@@ -133,7 +133,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "disks of DSMC that are none": (lambda: DSMC(5, LAW, 0.1, [[1, 0]]), "disks = 5: must be a Disks"),
     "text for a law": (lambda: Simulation(*gases_of_three(), "x", state_of_three()), "law = 'x': must be an IFRLaw"),
     "list for a table": (lambda: Simulation(*gases_of_three(), [LAW], state_of_three()), "a list of lists of laws"),
-    "None for a law": (lambda: Simulation(*gases_of_three(), [[None]], state_of_three()), "law = None: must be"),
+    "None for a law": (lambda: Simulation(*gases_of_three(), [[None]], state_of_three()), r"law\[0\]\[0\] = None"),
     "class for a force": (
         lambda: gas(forces=[forces.Langevin]), r"forces\[0\] = <class '.*Langevin'>: must be an object of a class",
     ),
