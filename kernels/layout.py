@@ -124,7 +124,7 @@ class CompiledForce:
         self.measure, self.draws_pair = measure, draws_pair
 
     def values(self) -> tuple[Any, ...]:
-        """What it consists of."""
+        """The attributes, by which two forces are compared."""
         return tuple(vars(self).values())
 
     def __eq__(self, other: object) -> bool:

@@ -17,7 +17,7 @@ NOT_STATED = "not stated"
 
 
 class Described(NamedTuple):
-    """What a dataset holds, and its quantity: names and powers such as "energy length-2", "1" or "radian"."""
+    """The description of a dataset, and its dimension: names and powers such as "energy length-2", "1" or "radian"."""
 
     text: str
     quantity: str = NUMBER

@@ -206,7 +206,7 @@ _WRITING = {
     "observable": "file.write(state, ledger.observables(measure))",
     "series": "file.write_series(measure.time, ledger.row(measure))",
 }
-"""How a script writes the quantities of a kind."""
+"""Call of a script that writes observables, and the call that writes a row of series; for messages."""
 
 
 class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):

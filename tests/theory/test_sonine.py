@@ -38,7 +38,7 @@ def test_elastic_disks_are_gaussian() -> None:
 
 @pytest.mark.parametrize(("e", "kick_energy"), [(0.9, 0.5), (0.6, 0.2)])
 def test_kicks_at_random_times_add_their_fourth_moment(e: float, kick_energy: float) -> None:
-    """What a kick adds to <v^4>, over what it adds to <v^2> and <v^2>, by random numbers; T_1 and T_2 as published."""
+    """a_2 from the fourth moment of a kick, averaged over random velocities; T_1 and T_2 as published."""
     rng = np.random.default_rng(5)
     n, squares = 4_000_000, 2.0  # T = m = 1
     v, w = (

@@ -1,4 +1,4 @@
-"""What is read from a running gas.
+"""Measurements of a running gas: its state, tracked disks, rows of windows, and sums.
 
 =============  =============================================
 `readout`      its present state

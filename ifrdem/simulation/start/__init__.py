@@ -1,4 +1,4 @@
-"""What a gas starts from.
+"""Initial arrays of a gas, from checked input.
 
 ==========  =====================================================
 `checks`    input that the engine refuses

@@ -1,4 +1,4 @@
-"""What happens at given times.
+"""Actions at given times: output, forces in steps, rotation of gravity.
 
 =============  ===================================================
 `schedule`     times of output of a run

@@ -226,7 +226,7 @@ class ForceSteps:
         return changed
 
     def _numbers_of(self, index: int) -> list[float]:
-        """What kernels get of a force within windows (`columns.FORCE_VALUES`)."""
+        """Values of a force within windows, in the order of `columns.FORCE_VALUES`."""
         force = self.forces[index]
         alone = [force.step, float(index)] if isinstance(force, PoissonForce) else []
         return [*alone, *force.values.values(), *force.derived()]
