@@ -331,10 +331,10 @@ def test_species_of_a_quantity_are_curves_or_panels_beside_their_theory() -> Non
     results = Results(variables, {"axes": json.dumps({"e_n": ["e_n"]}), "title": "", "keys": "{}"})
     (axes,) = draw(results, "heat", over="e_n").axes
     drawn = {line.get_label(): line.get_ydata() for line in axes.lines}
-    np.testing.assert_array_equal(drawn["species = heavy"], [4.0, 10.0])  # at the last row
-    np.testing.assert_array_equal(drawn["species = light"], [5.0, 11.0])
+    np.testing.assert_array_equal(drawn["heavy"], [4.0, 10.0])  # at the last row
+    np.testing.assert_array_equal(drawn["light"], [5.0, 11.0])
     panels = draw(results, "heat").axes
-    assert [each.get_title() for each in panels] == ["species = heavy", "species = light"]
+    assert [each.get_title() for each in panels] == ["heavy", "light"]
     np.testing.assert_array_equal(panels[1].lines[1].get_ydata(), [7.0, 9.0, 11.0])
     (axes,) = draw(results, "heat", over="e_n", by="species").axes
     assert len(axes.lines) == 2
