@@ -87,7 +87,8 @@ def written(unit: str) -> str:
     if unit == REDUCED:
         return "reduced units"
     factors = [re.fullmatch(r"([^\W\d]+)(-?)(\d*)", each) for each in unit.split()]
-    above, below = [], []
+    above: list[str] = []
+    below: list[str] = []
     for one in factors:
         if one is None:
             return unit
@@ -199,8 +200,9 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
         return
     place, room = axes.get_subplotspec(), figure.get_figwidth()
     if place is not None:
-        widths = place.get_gridspec().get_width_ratios() or [1.0] * place.get_gridspec().ncols
-        room *= sum(widths[i] for i in place.colspan) / sum(widths)
+        ratios, count = place.get_gridspec().get_width_ratios(), place.get_gridspec().ncols
+        widths = np.ones(count) if ratios is None else np.asarray(ratios, dtype=float)
+        room *= float(widths[list(place.colspan)].sum() / widths.sum())
     style: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "fontsize": "small"}
     _fitting(
         lambda count: axes.legend(ncols=count, **style, **COMPACT), min(columns, len(labels)), room - BESIDE
