@@ -94,7 +94,7 @@ def written(unit: str) -> str:
             return unit
         power = one[3].translate(POWERS) if one[3] != "1" else ""
         (below if one[2] else above).append(one[1] + power)
-    return "/".join([" ".join(above) or "1", *below])
+    return "/".join([" ".join(above) or "1" * bool(below), *below])
 
 
 def with_unit(gas: Gas | None, text: str, quantity: str) -> str:
