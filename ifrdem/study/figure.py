@@ -252,7 +252,7 @@ def _legend(axes: Axes, theory: bool, error: bool, rows: bool, *, several: bool)
         label = "kinetic theory" if is_narrow(axes) else "kinetic theory (homogeneous)"
         axes.plot([], [], color="black", label=label, **style)
     if several:
-        legend_of_figure(axes.get_figure(), axes, 4 if not is_narrow(axes) else 2)
+        legend_of_figure(axes.get_figure(), axes, 6 if not is_narrow(axes) else 2)
     else:
         legend(axes)
 

@@ -72,15 +72,15 @@ def test_labels_of_narrow_figures_break_before_units_only() -> None:
 
 
 def test_units_are_written_with_fractions_and_powers() -> None:
-    given = ("kg m2 s-2", "J m-2", "s-1", "m s-1", "1/s", "reduced")
-    assert [style.written(each) for each in given] == [
-        "kg m²/s²",
-        "J/m²",
-        "1/s",
-        "m/s",
-        "1/s",
-        "reduced units",
-    ]
+    shown = {
+        "kg m2 s-2": "kg m²/s²",
+        "s-1": "1/s",
+        "m s-1": "m/s",
+        "1/s": "1/s",
+        "": "",
+        "reduced": "reduced units",
+    }
+    assert {each: style.written(each) for each in shown} == shown
 
 
 def test_disks_without_spins_have_no_panel_of_spins(tmp_path: Path) -> None:
