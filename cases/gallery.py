@@ -193,7 +193,7 @@ LAWS = """### Two laws that agree on single impacts
 ![Single impacts, cooling, clusters and a driven gas under two laws, with bands over ten seeds](gallery/laws.png)
 
 Coins of one peseta under the IFR law, and under Walton's law fitted to the same impacts. Bands: two standard errors
-over ten seeds. Dashed: kinetic theory of a homogeneous gas. [Collision laws](own-law.md#which-law-does-a-gas-see) has
+over ten seeds. Dashed: kinetic theory of a homogeneous gas. [Collision laws](own-law.md#compare-two-laws-in-a-gas) has
 the numbers.
 
 ```sh
