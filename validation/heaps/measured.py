@@ -41,8 +41,8 @@ By `python -m ifrdem.validation.heaps.measured`, {date}, on one thread of a virt
 mean diameter d, its mass per area and g are 1. In brackets: standard errors of the last digits, from the scatter of
 pieces or heaps.
 
-- LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5 and starts (`validation/heaps/soft_grains.py`).
-  Contacts last 0.03 unless another duration is given.
+- LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5 and starts
+  (`validation/heaps/soft_grains.py`). Contacts last 0.03 unless another duration is given.
 - Chipmunk: rigid disks in time steps (`validation/heaps/rigid_grains.py`).
 
 ## {drum.NUMBER} disks in a drum of {diameter:g} diameters, resting speed {drum.RESTING_SPEED:g}
@@ -123,8 +123,8 @@ def write_tables() -> None:
             lines.append(row([*cells, asleep]))
     lines += [
         "", f"## {heap.NUMBER} disks that rain onto a plate of {heap.RIGHT - heap.LEFT:g} diameters", "",
-        "Angle of repose [degrees], and packing fraction inside (region: `validation/heaps/heap.py`). In the other codes",
-        "a disk is awake if it moved by more than 0.001 in the last 8 of 80 units of time.", "",
+        "Angle of repose [degrees], and packing fraction inside (region: `validation/heaps/heap.py`). In the other",
+        "codes a disk is awake if it moved by more than 0.001 in the last 8 of 80 units of time.", "",
         "| | heaps | angle | packing fraction | disks awake at the end |", "|---|---|---|---|---|",
     ]  # fmt: skip
     for name, heaps_of in measured_heaps().items():
