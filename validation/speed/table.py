@@ -96,7 +96,9 @@ class Memory:
     def row(self, found: Benchmark) -> str:
         size = found.bytes_per_disk
         name = f"memory at N = {_power(self.n, 0)}, ledger included"
-        return _row(name, f"{size:.4g} bytes per disk", f"{self.target:g} bytes per disk", size <= self.target)
+        return _row(
+            name, f"{size:.4g} bytes per disk", f"{self.target:g} bytes per disk", size <= self.target
+        )
 
 
 def coins(n: int, phi: float, *, device: str, threads: int | None, **run: Any) -> CaseSections:
