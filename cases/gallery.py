@@ -268,7 +268,7 @@ def mixture_study(runs: Path) -> None:
         (runs / "mixture_study.toml").write_text(MIXTURE_STUDY)
         ifrdem("study", "mixture_study.toml", cwd=runs)
     pictures = []
-    for what in ("species_temperature", "species_T_of_light_over_T_of_heavy", "stress"):
+    for what in ("species_temperature", "species_T_ratio_light", "stress"):
         words = ["--over", "e_n", "--size", "4in", "--no-title", "--force"]
         ifrdem("plot", "mixture_study.nc", what, *words, cwd=runs)
         with Image.open(runs / f"mixture_study-{what}.png") as image:
