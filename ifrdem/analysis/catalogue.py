@@ -481,6 +481,10 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
     when, (T, count) = stored.series(trajectory, "temperature", "collisions")
     inside = (when >= span[0]) & (when <= span[1])
     when, T, count = when[inside], T[inside], count[inside]
+    if len(T) and not np.any(T > 0.0):
+        raise InputError(
+            f"{trajectory.path}: T = 0: must be above 0 for a pressure; in these frames no disk moves"
+        )
     rows: list[Reading] = []
     notes, warnings = _drift_remarks(trajectory)
     result = None
