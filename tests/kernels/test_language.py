@@ -60,7 +60,7 @@ def test_a_runtime_that_cannot_be_loaded_is_one_message_with_its_remedy(tmp_path
     done = subprocess.run(
         [sys.executable, "-c", line],
         cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (tmp_path, ROOT, *sys.path)))},
         capture_output=True,
         text=True,
         check=False,
