@@ -117,10 +117,10 @@ def read(
 
 def _fps_problems(times: Array, fps: float) -> list[str]:
     """A line if the times of frames (n,) are not those of a video of `fps` frames per time."""
-    seen = np.unique(times[~np.isnan(times)])
-    if len(seen) < 3:
+    frames = np.unique(times[~np.isnan(times)])
+    if len(frames) < 3:
         return []
-    step = float(np.median(np.diff(seen)))
+    step = float(np.median(np.diff(frames)))
     if abs(step * fps - 1.0) < 0.1:
         return []
     fits = option_name(f"--fps {1.0 / step:.4g}", f"fps = {1.0 / step:.4g}")

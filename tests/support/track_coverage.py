@@ -58,7 +58,7 @@ def tables(fps: float, seconds: float, seed: int, folder: Path) -> Iterator[tupl
 TRUTH = {"AA": (0, 0), "AB": (0, 1), "BB": (1, 1)}
 
 
-def judged(data: fit.Collisions, truth: Sequence[float], robust: float | None) -> dict[str, object]:
+def comparison(data: fit.Collisions, truth: Sequence[float], robust: float | None) -> dict[str, object]:
     """Pulls of the coefficients, and the rises of the loss at the truth over those at the ends of the intervals."""
     law = LAWS[LAW]
     search = Search(Likelihood(data.problem(), law, robust))
@@ -83,7 +83,7 @@ def of_set(fps: float, seconds: float, seed: int, *, with_robust: bool) -> dict[
         for pair, data in tables(fps, seconds, seed, Path(folder)):
             truth = simulator.WALL if pair == "wall" else simulator.PAIR[TRUTH[pair]]
             for name, nu in (("plain", None), ("robust", NU)) if with_robust else (("plain", None),):
-                found[f"{pair} {name}"] = judged(data, truth, nu)
+                found[f"{pair} {name}"] = comparison(data, truth, nu)
     return found
 
 
