@@ -274,9 +274,13 @@ def mixture_study(runs: Path) -> None:
         ifrdem("plot", "mixture_study.nc", what, *words, cwd=runs)
         with Image.open(runs / f"mixture_study-{what}.png") as image:
             pictures.append(image.convert("RGB"))
-    all_of_them = Image.new("RGB", (sum(each.width for each in pictures), pictures[0].height))
-    for i, each in enumerate(pictures):
-        all_of_them.paste(each, (i * each.width, 0))
+    all_of_them = Image.new(
+        "RGB", (sum(each.width for each in pictures), max(each.height for each in pictures)), "white"
+    )
+    left = 0
+    for each in pictures:  # their axes are as high as each other; legends differ
+        all_of_them.paste(each, (left, all_of_them.height - each.height))
+        left += each.width
     all_of_them.save(runs / "mixture_study.png")
     shrink(runs / "mixture_study.png", DOCS / "gallery" / "mixture_study.png", 1200)
 

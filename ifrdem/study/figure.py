@@ -54,6 +54,8 @@ BAND = 2.0
 """Standard errors that a band reaches to both sides: 95 % of a normal distribution."""
 AT_POINTS = "theory at points"
 """Mark of the markers of theory that stand at swept values only."""
+RATIO = "species_T_ratio_"
+"""Beginning of the names of ratios of temperatures to that of the first species."""
 SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
 FILE = "file"
@@ -276,14 +278,17 @@ def _label(results: Results, name: str) -> str:
     key = json.loads(results.attributes["keys"]).get(name)
     one = results.variables.get(name) or results.variables.get(f"{name}_mean")
     unit = f" ({written(one.unit)})" if one is not None and one.unit else ""
+    if name.startswith(RATIO) and "species" in results.variables:
+        first = results.values("species")[0]
+        return f"$T$ of {name.removeprefix(RATIO).replace('_', ' ')} / $T$ of {first}"
     return (_symbol(results, name) if key else _quantity(name)) + unit
 
 
 def _quantity(name: str) -> str:
-    """A quantity of the results in words and symbols: species_T_of_a_over_T_of_b as T of a / T of b."""
+    """A quantity of the results in words and symbols: species_T_heavy as $T$ heavy."""
     if name in SYMBOLS:
         return SYMBOLS[name]
-    text = name.replace("_over_", " / ").replace("_", " ")
+    text = name.replace("_", " ")
     for words, symbol in (
         ("T rot", r"$T_\mathrm{rot}$"),
         ("T", "$T$"),
