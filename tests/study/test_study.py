@@ -373,7 +373,11 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
         assert np.max(np.abs(y / straight - 1.0)) > 1e-3  # it is bent, which a line of two points is not
     assert isinstance(ends[names.index(r"$\pm 2$ standard errors")], ErrorbarContainer)
     solid = next(line for line in panels[0].lines if line.get_label() == "$e_n$ = 0.9")
-    mean = study.dataset().temperature_mean
+    found = study.dataset()
+    assert all("long_name" in each.attrs for each in found.variables.values())
+    units = {"time": "reduced", "temperature_mean": "reduced", "theta": "1", "e_n": "1"}
+    assert {name: found[name].units for name in units} == units
+    mean = found.temperature_mean
     assert np.array_equal(solid.get_ydata(), mean.sel(e_n=0.9, mu=0.1))
     assert cli.main(["plot", str(study.output), "theta", "--by", "foo"]) == 2
 
