@@ -201,7 +201,7 @@ def test_check_prints_estimates(folder: Path, capsys: pytest.CaptureFixture[str]
     assert rows["coins: mean free path at the start"][0].startswith("0.0204")
     assert "strictly admissible" in rows["law of coins, coins"][0]
     assert "202 collisions" in rows["run"][0]  # 101 x 4 / 2
-    content = rows["its content"][0]
+    content = rows["content of the trajectory file"][0]
     assert content.startswith("9 frames x (101 disks x 32 bytes")
     assert "up to 81 rows of series" in content
     assert re.search(r"101 disks x \d+ bytes", rows["memory (engine only, without Python and libraries)"][0])
