@@ -63,5 +63,7 @@ def test_blocks_have_the_bits_of_the_cpu(
     assert found["collisions"] >= 500
     assert found["wall collisions"] >= 20
     assert found["differing"] == []
+    assert found["energy inputs"]
+    assert found["least energy input"] > 10.0
     assert found["regimes"]
     assert found["losses"]
