@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
-from ..tools.checked import LEAST, Array, Numbers, Real, check_of, must_be, validated
+from ..tools.checked import LEAST, Array, Numbers, Real, check_of, is_masked, must_be, validated
 
 PACKAGES = {"freud": "freud-analysis", "finufft": "finufft"}
 """Name to import -> name to install."""
@@ -39,7 +39,7 @@ def _frames(shape: tuple[int | str, ...]) -> Callable[[str, Any], Iterable[Array
     def check(name: str, value: Any) -> Iterable[Array]:
         if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping | type):
             raise must_be(name, value, f"{one.needed}, or frames of them")
-        single = isinstance(value, np.ndarray) and (value.ndim <= len(shape) or np.ma.isMaskedArray(value))
+        single = isinstance(value, np.ndarray) and (value.ndim <= len(shape) or is_masked(value))
         if not single and isinstance(value, Sequence) and len(value):
             first = value[0]
             if len(shape) == 2 and isinstance(first, Sequence) and len(first):
@@ -77,7 +77,7 @@ def _times(name: str, time: Any) -> Iterable[float]:
     assert of_frame is not None
     if not isinstance(time, Iterable) or (isinstance(time, np.ndarray) and not time.ndim):
         return itertools.repeat(of_frame(name, time))
-    if isinstance(time, str | bytes | Mapping | type) or np.ma.isMaskedArray(time):
+    if isinstance(time, str | bytes | Mapping | type) or is_masked(time):
         raise must_be(name, time, f"{of_frame.needed}, or one for each frame")
 
     def each() -> Iterator[float]:

@@ -69,12 +69,18 @@ class Check(Protocol):
         """The value as the function needs it; InputError if it is something else."""
 
 
+def is_masked(value: Any) -> bool:
+    """True if a value is a masked array. `numpy.ma` is not imported for lists and plain arrays."""
+    derived = isinstance(value, np.ndarray) and type(value) is not np.ndarray
+    return derived and np.ma.isMaskedArray(value)
+
+
 def _number_in(value: Any) -> Any:
     """The number in an array without axes or of a type of NumPy, as one of Python; anything else unchanged.
 
     NumPy rounds bounds to the type of its own numbers: 1e100 is infinite as a float32.
     """
-    if isinstance(value, np.ndarray) and value.shape == () and not np.ma.isMaskedArray(value):
+    if isinstance(value, np.ndarray) and value.shape == () and not is_masked(value):
         value = value[()]
     if isinstance(value, np.floating):
         return float(value)
@@ -180,7 +186,7 @@ class Numbers:
         return found
 
     def _as_array(self, name: str, value: Any) -> NDArray[Any]:
-        if np.ma.isMaskedArray(value):
+        if is_masked(value):
             raise InputError(f"{name} is a masked array: must be without mask (fill it, or leave values out)")
         if isinstance(value, str | bytes | Mapping | type(None)):
             raise must_be(name, value, self.needed)
@@ -282,7 +288,7 @@ class Each:
         return f"a {self.what}{size}{f', each {self.one.needed}' if self.one else ''}"
 
     def __call__(self, name: str, value: Any) -> tuple[Any, ...]:
-        if np.ma.isMaskedArray(value):
+        if is_masked(value):
             raise InputError(f"{name} is a masked array: must be without mask (fill it, or leave values out)")
         plain = isinstance(value, Sequence | np.ndarray if self.what == "sequence" else Iterable)
         if (

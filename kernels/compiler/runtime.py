@@ -10,6 +10,7 @@ import functools
 import importlib
 import importlib.metadata
 import os
+import sys
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
@@ -19,6 +20,7 @@ from . import start_patches
 NAMES = ("taichi", "quadrants")
 VARIABLE = "IFRDEM_RUNTIME"
 _PREFIXES = {"taichi": "TI", "quadrants": "QD"}  # of variables of the environment, and of the caches' names
+_FIRST_WITHOUT_TAICHI = (3, 14)
 
 SAME_BITS = {("taichi", "1.7.4"), ("quadrants", "1.3.3"), ("quadrants", "1.4.0")}
 """Names and versions of runtimes that gave equal bits on a CPU (`tests/support/same_kernels.py`)."""
@@ -41,18 +43,20 @@ def version(name: str) -> str | None:
 
 def _check(name: str, key: str) -> None:
     """Raise InputError unless this is the name of a runtime that is installed."""
+    given = f"{key} {name}" if key.startswith("--") else f"{key} = '{name}'"
     if name not in NAMES:
-        raise InputError(f"{key} = '{name}': must be {' or '.join(NAMES)}{nearest(name, NAMES)}")
+        raise InputError(f"{given}: must be {' or '.join(NAMES)}{nearest(name, NAMES)}")
     if version(name) is None:
-        raise InputError(
-            f"{key} = '{name}': {name} is not installed: `pip install {name}`, or {_others(name)}"
-        )
+        raise InputError(f"{given}: {name} is not installed: {_remedy(name)}")
 
 
-def _others(name: str) -> str:
-    """Remedy where a runtime is not installed: another one that is, or the command that installs one."""
-    present = [other for other in NAMES if other != name and version(other) is not None]
-    return f"use {present[0]}" if present else f"`pip install {' or '.join(set(NAMES) - {name})}`"
+def _remedy(name: str) -> str:
+    """Remedy where a runtime is not installed: the command that installs it, or the other one."""
+    other = next(each for each in NAMES if each != name)
+    instead = f"use {other}" if version(other) is not None else f"`pip install {other}`"
+    if name == "taichi" and sys.version_info >= _FIRST_WITHOUT_TAICHI:
+        return f"there is none for this Python: {instead}"
+    return f"`pip install {name}`, or {instead}"
 
 
 def chosen() -> str:
@@ -68,6 +72,7 @@ def chosen() -> str:
 def check(name: str | None, key: str = "runtime") -> None:
     """Raise InputError, which names the `key`, if `choose` would."""
     if name is None:
+        chosen()
         return
     _check(name, key)
     if _loaded not in (None, name):
@@ -78,10 +83,10 @@ def check(name: str | None, key: str = "runtime") -> None:
 
 
 def choose(name: str | None, key: str = "runtime") -> None:
-    """Choose the runtime of this process and of those that it starts; None leaves the choice as it is.
+    """Choose the runtime of this process and of those that it starts; None leaves the choice to the environment.
 
-    InputError, which names the `key`, if there is no such runtime, it is not installed, or kernels were imported with
-    the other one.
+    InputError, which names the `key` or the variable, if there is no such runtime, it is not installed, or kernels were
+    imported with the other one.
     """
     check(name, key)
     if name is not None:
@@ -155,7 +160,7 @@ def load() -> Any:
         if "X11" in str(error):
             why += ": it needs libX11, which small images of Linux lack: apt install libx11-6, or dnf install libX11"
         elif version(name) is None:
-            why += f": `pip install {name}`, or {_others(name)}"
+            why += f": {_remedy(name)}"
         raise EngineError(why) from error
     if is_known():
         start_patches.apply(module)

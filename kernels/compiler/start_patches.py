@@ -5,13 +5,14 @@ They are applied only to versions that they were tested with; for others `apply`
 
 import ast
 import functools
+import importlib
 import inspect
 import linecache
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType
+from types import FrameType, ModuleType
 from typing import Any
 
 
@@ -19,14 +20,30 @@ from typing import Any
 def short_import() -> Iterator[None]:
     """Import the runtime without its search for the module of each frame that declares a function.
 
-    The runtime needs a line of source; to find it, `inspect` searches all of `sys.modules` each time.
+    The runtime needs a line of source; to find it, `inspect` searches all of `sys.modules` each time. quadrants also
+    imports `dill`, which it uses only for functions that are typed at a prompt.
     """
     whole = inspect.getframeinfo
     inspect.getframeinfo = _frame_info  # type: ignore[assignment]
     try:
-        yield
+        with _postponed("dill"):
+            yield
     finally:
         inspect.getframeinfo = whole
+
+
+@contextmanager
+def _postponed(name: str) -> Iterator[None]:
+    """Let modules import a module that is loaded when one of them uses it."""
+    if name in sys.modules:
+        yield
+        return
+    sys.modules[name] = stand_in = ModuleType(name)
+    stand_in.__getattr__ = lambda attribute: getattr(importlib.import_module(name), attribute)  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        del sys.modules[name]
 
 
 def _frame_info(frame: FrameType, context: int = 1) -> inspect.Traceback:
@@ -44,17 +61,44 @@ def apply(runtime: Any) -> None:
     kernel_impl = runtime.lang.kernel_impl
     patterns = kernel_impl._KERNEL_CLASS_STACKFRAME_STMT_RES
     kernel_impl._inside_class = functools.partial(_inside_class, patterns)
+    # With each array a runtime notes all calls that led to where it was made, half a millisecond each.
+    # Only its own report of leaks reads them.
+    runtime.lang._ndarray.get_traceback = runtime.lang.matrix.get_traceback = lambda *_: ""
     if runtime.__name__ == "taichi":
         _patch_taichi(kernel_impl)
+    else:
+        _patch_quadrants()
+
+
+def _patch_quadrants() -> None:
+    from quadrants.lang import _func_base
+
+    # quadrants reads the signature of each declared function by `inspect` and checks all annotations.
+    base = _func_base.FuncBase
+    base.check_parameter_annotations = functools.partialmethod(
+        _note_parameters, base.check_parameter_annotations, _func_base.ArgMetadata, _func_base.template
+    )
+
+
+def _note_parameters(declared: Any, whole: Callable[[Any], None], parameter: Any, template: type) -> None:
+    """Note the parameters of a declared function: quickly, if they are plain ones or templates, as nearly all are."""
+    function, code = declared.func, declared.func.__code__
+    given = function.__annotations__
+    special = declared.is_kernel or declared.is_real_function or declared.is_classfunc
+    variadic = code.co_kwonlyargcount or code.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS)
+    others = function.__defaults__ or function.__dict__ or {*map(type, given.values())} - {template}
+    if special or variadic or others or "return" in given:
+        whole(declared)
+        return
+    names = code.co_varnames[: code.co_argcount]
+    for parameters in (declared.arg_metas, declared.orig_arguments):
+        parameters += [parameter(given.get(name, inspect.Parameter.empty), name) for name in names]
+    declared.template_slot_locations = [i for i, name in enumerate(names) if name in given]
 
 
 def _patch_taichi(kernel_impl: Any) -> None:
-    from taichi.lang import _ndarray, matrix
     from taichi.lang.ast import ast_transformer_utils
 
-    # With each array Taichi notes all calls that led to where it was made, half a millisecond each.
-    # Only its own report of leaks reads them.
-    _ndarray.get_traceback = matrix.get_traceback = lambda *_: ""
     # The source of a function is read and parsed once instead of at each call of it.
     # Taichi goes through one tree several times anyway, in static loops, and no function calls itself.
     kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from ifrdem import Device
-from ifrdem.kernels.compiler import language, runtime
+from ifrdem.kernels.compiler import language, runtime, start_patches
 from ifrdem.kernels.compiler.language import from_numpy, ti, to_numpy
 from ifrdem.simulation import backend
 
@@ -60,7 +63,7 @@ def test_a_runtime_that_cannot_be_loaded_is_one_message_with_its_remedy(tmp_path
     done = subprocess.run(
         [sys.executable, "-c", line],
         cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (tmp_path, ROOT, *sys.path)))},
         capture_output=True,
         text=True,
         check=False,
@@ -102,3 +105,40 @@ def test_another_version_of_a_runtime_gets_no_patches_and_the_same_bits() -> Non
         assert kind == ("partial" if version == "this" else "function")
     assert found["this"] == found["other"]
     assert int(found["this"][0]) > 10
+
+
+def test_plain_parameters_and_templates_are_noted_without_inspect() -> None:
+    """All others are read by quadrants' own method: what it does not take has its messages."""
+    template = type("Template", (), {})
+    gas = template()
+
+    def noted(function: Callable[..., Any], **kind: bool) -> list[tuple[str, Any]] | None:
+        kinds = {"is_kernel": False, "is_real_function": False, "is_classfunc": False, **kind}
+        one = SimpleNamespace(func=function, arg_metas=[], orig_arguments=[], **kinds)
+        left: list[Any] = []
+        start_patches._note_parameters(one, left.append, lambda kind, name: (name, kind), template)
+        if left:
+            assert one.arg_metas == []
+            return None
+        assert one.orig_arguments == one.arg_metas
+        assert one.template_slot_locations == [i for i, (_, kind) in enumerate(one.arg_metas) if kind is gas]
+        return list(one.arg_metas)
+
+    def plain(i, gas, x):  # type: ignore[no-untyped-def]
+        y = x
+        return y
+
+    plain.__annotations__ = {"gas": gas}
+
+    empty = inspect.Parameter.empty
+    assert noted(plain) == [("i", empty), ("gas", gas), ("x", empty)]
+    assert noted(lambda: 0) == []
+    for kind in ("is_kernel", "is_real_function", "is_classfunc"):
+        assert noted(plain, **{kind: True}) is None
+
+    def typed(x: int): ...  # type: ignore[no-untyped-def]
+    def returns(x): ...  # type: ignore[no-untyped-def]
+
+    returns.__annotations__ = {"return": gas}
+    for function in (returns, typed, lambda x=1: x, lambda *x: x, lambda **x: x, lambda *, x: x):
+        assert noted(function) is None

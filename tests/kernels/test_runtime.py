@@ -48,17 +48,22 @@ def test_the_environment_chooses_and_an_option_goes_before_it(monkeypatch: pytes
 def test_without_taichi_it_is_quadrants(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runtime, "version", {"quadrants": "1.4.0"}.get)
     assert runtime.chosen() == "quadrants"
-    with pytest.raises(InputError, match=r"run.runtime = 'taichi': .*pip install taichi.*quadrants"):
-        runtime.check("taichi", "run.runtime")
+    for first, remedy in (
+        ((9, 0), "`pip install taichi`, or use quadrants"),
+        ((3, 0), "Python: use quadrants"),
+    ):
+        monkeypatch.setattr(runtime, "_FIRST_WITHOUT_TAICHI", first)
+        with pytest.raises(InputError, match=rf"run.runtime = 'taichi': .*{remedy}"):
+            runtime.check("taichi", "run.runtime")
 
 
 @pytest.mark.usefixtures("unloaded")
 def test_an_unknown_name_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match=r"--runtime = 'quadrant': must be .*did you mean 'quadrants'"):
+    with pytest.raises(InputError, match=r"--runtime quadrant: must be .*did you mean 'quadrants'"):
         runtime.choose("quadrant", "--runtime")
     monkeypatch.setenv(runtime.VARIABLE, "taichy")
     with pytest.raises(InputError, match=r"IFRDEM_RUNTIME = 'taichy': must be .*did you mean 'taichi'"):
-        runtime.chosen()
+        runtime.choose(None)  # before any work, as a run does
 
 
 @pytest.mark.usefixtures("unloaded")
