@@ -663,7 +663,8 @@ def _velocity_kick(disk, step, p):
     """Independent kick of one disk, before the mean of all is taken off."""
     spread = ti.sqrt((p.power / disk.mass + 2.0 * p.diffusion) * step.dt)
     pair = normals(step.random, 0)
-    return ti.Vector([spread * pair[0], spread * pair[1]])  # products of numbers are rounded by themselves on a GPU
+    # On a GPU, products of numbers are rounded by themselves, those of vectors are not.
+    return ti.Vector([spread * pair[0], spread * pair[1]])
 
 
 @ti.func

@@ -80,7 +80,7 @@ def engine_of(gas: Gas, device: Literal["cpu", "cuda"], **options: Any) -> Engin
 
 
 def looked_at(engine: Engine, points: Sequence[RunPoint]) -> list[tuple[State, Any, Any, Any]]:
-    """States, what has been dissipated and what forces gave, at points of a run in the order in which it comes there."""
+    """States, dissipated energies and what forces gave, at points of a run in the order in which it comes to them."""
     due, found = list(points), []
     while due:
         stop = functools.reduce(RunPoint.earlier, due)

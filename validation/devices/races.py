@@ -33,7 +33,14 @@ def run(quick: bool) -> Result:
     for tool in TOOLS[:1] if quick else TOOLS:
         program = [sys.executable, "-m", __name__]
         done = subprocess.run([checker, "--tool", tool, f"--error-exitcode={FOUND}", *program], check=False)
-        result.near(f"exit status of {tool}, which is {FOUND} after a hazard", done.returncode, 0, 0.0, "none", CHECKER)
+        result.near(
+            f"exit status of {tool}, which is {FOUND} after a hazard",
+            done.returncode,
+            0,
+            0.0,
+            "none",
+            CHECKER,
+        )
     return result
 
 
