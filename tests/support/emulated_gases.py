@@ -14,7 +14,7 @@ import numpy as np
 
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, Langevin, PoissonKicks, RandomKicks
+from ifrdem.model.forces import Drag, PoissonKicks, RandomKicks
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.device import Device
@@ -67,13 +67,8 @@ def engine_of(gas: Gas, device: Literal["cpu", "cuda"], **options: Any) -> Engin
         device=Device(device, window_collisions=WINDOW),
         walls=[Wall.post((middle[0], middle[1]), 2.0)],
         gravity=(0.0, -0.1),
-        # Two in the same steps, one in others, of which no window has all, and one at random times.
-        forces=[
-            Drag(0.04, rate=0.1, quadratic=0.01),
-            RandomKicks(0.04, power=0.2),
-            Langevin(0.11, temperature=0.5, spin_rate=0.3),
-            PoissonKicks(2.0, power=0.1),
-        ],
+        # Two in the same steps, and one at random times.
+        forces=[Drag(0.04, rate=0.1), RandomKicks(0.04, power=0.2), PoissonKicks(2.0, power=0.1)],
         record=["energy"],
         **options,
     )

@@ -38,7 +38,7 @@ def gases(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str
         env=os.environ | SETTINGS | own,
         capture_output=True,
         text=True,
-        timeout=600,
+        timeout=1200,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1]), done.stderr
