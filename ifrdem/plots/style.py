@@ -205,11 +205,13 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
         room *= float(widths[list(place.colspan)].sum() / widths.sum())
     style: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "fontsize": "small"}
     _fitting(
-        lambda count: axes.legend(ncols=count, **style, **COMPACT), min(columns, len(labels)), room - BESIDE
+        lambda count: axes.legend(ncols=count, **style, **COMPACT),
+        min(columns, len(labels)),
+        room - OF_LABELS,
     )
 
 
-BESIDE = 0.55
+OF_LABELS = 0.55
 """Width of the labels next to axes [inches]: a legend is centred over axes, and ends where they do."""
 COMPACT: Any = {"frameon": False, "handlelength": 1.7, "columnspacing": 1.2}
 
