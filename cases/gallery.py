@@ -49,7 +49,7 @@ WALL = {
     ),
     "cold": (
         "cooling", f"disks --color speed {POSTER}",
-        "50,000 coins: the dense filaments are slow, coins between them fly on.",
+        "50,000 coins: the dense filaments are slow; coins between them fly on.",
     ),
     "banks": (
         "wake", f"disks --frames 70 {POSTER}",
@@ -206,8 +206,8 @@ def page() -> str:
     """Markdown of the gallery."""
     head = f"""# Gallery
 
-Made by `python -m ifrdem.cases.gallery RUNS`, which runs the shipped cases at their own settings and shrinks their
-pictures.
+This page shows every shipped case with its picture and its command. `python -m ifrdem.cases.gallery RUNS` makes the
+page: it runs the cases with their own settings and shrinks their pictures.
 
 ## Posters
 
