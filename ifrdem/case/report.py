@@ -291,8 +291,6 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
 
 def _when(case: CaseSections, force: ForceSection) -> str:
     """Text that says whether a force acts within windows, and why not (`simulation/steps/force_steps.py`)."""
-    if case.run.device != "cpu":
-        return "between windows, as all forces on a GPU"
     if force.at_random_times:
         return "within windows, on each disk at random times"
     if force.kind == ENDS_WINDOW:
