@@ -49,7 +49,7 @@ WALL = {
     ),
     "cold": (
         "cooling", f"disks --color speed {POSTER}",
-        "50,000 coins: the dense filaments are slow, coins between them fly on.",
+        "50,000 coins: the dense filaments are slow; coins between them fly on.",
     ),
     "banks": (
         "wake", f"disks --frames 70 {POSTER}",
@@ -193,7 +193,7 @@ LAWS = """### Two laws that agree on single impacts
 ![Single impacts, cooling, clusters and a driven gas under two laws, with bands over ten seeds](gallery/laws.png)
 
 Coins of one peseta under the IFR law, and under Walton's law fitted to the same impacts. Bands: two standard errors
-over ten seeds. Dashed: kinetic theory of a homogeneous gas. [Collision laws](own-law.md#which-law-does-a-gas-see) has
+over ten seeds. Dashed: kinetic theory of a homogeneous gas. [Collision laws](own-law.md#compare-two-laws-in-a-gas) has
 the numbers.
 
 ```sh
@@ -206,8 +206,8 @@ def page() -> str:
     """Markdown of the gallery."""
     head = f"""# Gallery
 
-Made by `python -m ifrdem.cases.gallery RUNS`, which runs the shipped cases at their own settings and shrinks their
-pictures.
+This page shows every shipped case with its picture and its command. `python -m ifrdem.cases.gallery RUNS` makes the
+page: it runs the cases with their own settings and shrinks their pictures.
 
 ## Posters
 
@@ -268,7 +268,7 @@ def mixture_study(runs: Path) -> None:
         (runs / "mixture_study.toml").write_text(MIXTURE_STUDY)
         ifrdem("study", "mixture_study.toml", cwd=runs)
     pictures = []
-    for what in ("species_temperature", "species_T_of_light_over_T_of_heavy", "stress"):
+    for what in ("species_temperature", "species_T_ratio_light", "stress"):
         words = ["--over", "e_n", "--size", "4in", "--no-title", "--force"]
         ifrdem("plot", "mixture_study.nc", what, *words, cwd=runs)
         with Image.open(runs / f"mixture_study-{what}.png") as image:

@@ -212,7 +212,7 @@ CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
 # The scratch space of a block of a GPU (`windows/blocks.py`), by types of numbers.
 BLOCK_INTEGERS = Columns(event_info=EVENT_INFO, image_info=IMAGE_INFO, candidates=CANDIDATE)
 BLOCK_REALS = Columns(motion=MOTION, since=None)
-BLOCK_SUMS = Columns(loss=MECHANISM, turn=None)
+BLOCK_SUMS = Columns(loss=MECHANISM, turn=None, action=ACTION)
 # AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick hits of something
 # at rest, one after the other.
 REST = Columns(**columns("asleep", "may_rest", "hits"))

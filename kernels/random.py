@@ -16,6 +16,7 @@ MULTIPLY_0, MULTIPLY_1 = 0xD2511F53, 0xCD9E8D57
 WEYL_0, WEYL_1 = 0x9E3779B9, 0xBB67AE85
 ROUNDS = 10
 DRAWS = 1 << 16  # draws of a stream
+SQRT_HALF = 0.7071067811865476
 
 
 @ti.func
@@ -87,17 +88,42 @@ def cosine_and_sine(turns):
 
 
 @ti.func
+def logarithm(x):
+    """Natural logarithm of a double in (0, 1] that is no subnormal, to one unit in its last place: bits of any device.
+
+    Of x = 2^k (1 + f) with 1 + f between sqrt(1/2) and sqrt(2); constants of FreeBSD's msun, `e_log.c`.
+    """
+    bits = ti.bit_cast(x, ti.i64) - ti.bit_cast(ti.f64(SQRT_HALF), ti.i64)
+    exponent = bits >> ti.i64(52)
+    f = ti.bit_cast(ti.bit_cast(x, ti.i64) - (exponent << ti.i64(52)), ti.f64) - 1.0
+    k = ti.cast(exponent, ti.f64)
+    s = f / (2.0 + f)
+    z = s * s
+    w = z * z
+    even = ti.f64(3.999999999940941908e-01) + w * (
+        ti.f64(2.222219843214978396e-01) + w * ti.f64(1.531383769920937332e-01)
+    )
+    odd = ti.f64(2.857142874366239149e-01) + w * (
+        ti.f64(1.818357216161805012e-01) + w * ti.f64(1.479819860511658591e-01)
+    )
+    series = w * even + z * (ti.f64(6.666666666666735130e-01) + w * odd)
+    half = 0.5 * (f * f)
+    rest = s * (half + series) + k * ti.f64(1.90821492927058770002e-10)
+    return k * ti.f64(6.93147180369123816490e-01) - ((half - rest) - f)
+
+
+@ti.func
 def normals(stream, number):
     """Two independent random numbers, normal with mean 0 and variance 1: draw `number` of a stream (Box-Muller)."""
     w = words(stream, number)
-    radius = ti.sqrt(-2.0 * ti.log(unit(w[0], w[1])))
+    radius = ti.sqrt(-2.0 * logarithm(unit(w[0], w[1])))
     cosine, sine = cosine_and_sine(unit(w[2], w[3]))
     return ti.Vector([ti.cast(radius * cosine, float), ti.cast(radius * sine, float)])
 
 
 @ti.func
 def library_normals(stream, number):
-    """As `normals`, to rounding, with cosine and sine of the library: the bits of gases between thermal walls."""
+    """As `normals`, to rounding, with functions of the library: the bits of gases between thermal walls."""
     w = words(stream, number)
     radius = ti.sqrt(-2.0 * ti.log(unit(w[0], w[1])))
     angle = 6.283185307179586 * unit(w[2], w[3])

@@ -80,9 +80,11 @@ def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         except InputError as error:  # of a kind with a single disk, say: the others have theirs
             left_out.append(f"no distribution{of}: {error}" if of else str(error))
             continue
-        rows += [Reading(f"{label}{of}", *coefficient(found, label)) for label in SONINE]
         rows += [
-            Reading(f"disks with |c| > {c:g} over those of a Gaussian{of}", *part)
+            Reading(f"{label}{of}", *coefficient(found, label), key=f"{label}{mark}") for label in SONINE
+        ]
+        rows += [
+            Reading(f"disks with |c| > {c:g} relative to a Gaussian{of}", *part, key=f"tail_{c:g}{mark}")
             for c, part in found.tail.items()
         ]
         by_frame |= _sonine_over_frames([distribution(which, [i], 1) for i in used], mark)
@@ -101,7 +103,8 @@ def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         motion.own_time(trajectory, used) is not None
         and (e_n := motion.smooth_restitution(trajectory)) is not None
     ):
-        rows.append(Reading("a20 by kinetic theory (homogeneous cooling)", cooling_sonine(e_n)))
+        theory = cooling_sonine(e_n)
+        rows.append(Reading("a20 by kinetic theory (homogeneous cooling)", theory, key="a20_theory"))
     notes = [f"of {name}" for name in results if "together" in name] + left_out
     notes += ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
     notes += stored.drift(trajectory, all_frames(trajectory, None)).notes(
@@ -174,10 +177,14 @@ def of_pairs(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation
                 quality = f"chi^2 = {contact.chi_square:.1f} for {contact.degrees} degrees of freedom"
                 notes.append(f"parabola fitted to ln g{of} up to 1.25 diameters: {quality}")
                 known = contact.error if contact.describes else math.nan
-                rows.append(Reading(f"g at contact{of}", contact.g, known))
+                rows.append(Reading(f"g at contact{of}", contact.g, known, key=f"g_contact{mark}"))
                 poor += [f"g at contact{of}: {quality}"] * (not contact.describes)
         highest = float(found.r[np.argmax(found.g)])
-        rows.append(Reading(f"r of the highest g{of}", highest, unit=unit(trajectory, "length")))
+        rows.append(
+            Reading(
+                f"r of the highest g{of}", highest, unit=unit(trajectory, "length"), key=f"r_highest{mark}"
+            )
+        )
         table |= {"r": found.r, f"g{mark}": found.g, f"error{mark}": found.g_error}
     warnings = stored.part_warnings(trajectory) + _neighbours_change(
         trajectory, used, min(NEAR * diameter, reach)
@@ -201,7 +208,7 @@ def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float
         both = np.concatenate(ends)
         count.append(np.bincount(both, minlength=len(frame.position)).astype(float))
         where.append(frame.position)
-    what = f"the number of others whose centres are nearer to a disk's than {NEAR:g} mean diameters"
+    what = f"the mean number of neighbours within {NEAR:g} mean diameters (centre to centre)"
     return steadiness.warnings([steadiness.between_cells(what, count, where, trajectory.box)])
 
 
@@ -213,10 +220,10 @@ def of_structure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evalua
     high = int(np.argmax(found.S))
     wave = unit(trajectory, "1/length")
     rows = [
-        Reading("S at the smallest k", float(found.S[0]), float(found.S_error[0])),
-        Reading("smallest k", float(found.k[0]), unit=wave),
-        Reading("highest S", float(found.S[high]), float(found.S_error[high])),
-        Reading("its k", float(found.k[high]), unit=wave),
+        Reading("S at the smallest k", float(found.S[0]), float(found.S_error[0]), key="S_smallest_k"),
+        Reading("smallest k", float(found.k[0]), unit=wave, key="smallest_k"),
+        Reading("highest S", float(found.S[high]), float(found.S_error[high]), key="S_max"),
+        Reading("k of the highest S", float(found.k[high]), unit=wave, key="k_of_S_max"),
     ]
     table = {"k": found.k, "S": found.S, "error": found.S_error, "modes": found.modes}
     notes = ["errors from the scatter over modes, each averaged over the frames"]
@@ -239,7 +246,7 @@ def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
     size = np.hypot(modes[0][0][..., 0], modes[0][0][..., 1]).ravel()
     middle = len(size) // 2  # k = 0; of k and -k one
     longest = middle + 1 + np.argsort(size[middle + 1 :], kind="stable")[:most]
-    what = f"S in the mean over the {len(longest)} longest waves"
+    what = f"the mean of S over the {len(longest)} longest waves"
     return steadiness.warnings([steadiness.between_modes(what, [S.ravel()[longest] for _, S in modes])])
 
 
@@ -250,8 +257,8 @@ def of_profiles(
     (edges,) = found.edges
     width = float(edges[1] - edges[0])
     rows = [
-        Reading(f"bins along {found.axes[0]}", len(edges) - 1),
-        Reading("width of a bin", width, unit=unit(trajectory, "length")),
+        Reading(f"bins along {found.axes[0]}", len(edges) - 1, key="bins"),
+        Reading("width of a bin", width, unit=unit(trajectory, "length"), key="bin_width"),
         *_extremes(trajectory, found),
     ]
     return _of_bins(trajectory, found, rows)
@@ -276,9 +283,12 @@ def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[R
             value = np.where(filled, value, np.nan)
         if not np.isfinite(value).any():
             continue
-        for which, place in (("lowest", np.nanargmin(value)), ("highest", np.nanargmax(value))):
+        short = text.replace(", kinetic part", "_kinetic").replace(" ", "_")
+        ends = ("lowest", "min", np.nanargmin(value)), ("highest", "max", np.nanargmax(value))
+        for which, end, place in ends:
             of_unit = unit(trajectory, averages.UNITS.get(key, ""))
-            yield Reading(f"{which} {text}", float(value[place]), float(error[place]), of_unit)
+            at_place = float(value[place]), float(error[place])
+            yield Reading(f"{which} {text}", *at_place, of_unit, key=f"{short}_{end}")
 
 
 def _of_bins(trajectory: Trajectory, found: averages.BinAverages, rows: list[Reading]) -> Evaluation:
@@ -319,8 +329,7 @@ def of_fields(
     if average:
         means = averages.mean_fields(trajectory, cells, frames=frames)
         a, b = means.mean.number_density.shape
-        rows = [Reading("cells along x", a), Reading("cells along y", b), *_extremes(trajectory, means)]
-        return _of_bins(trajectory, means, rows)
+        return _of_bins(trajectory, means, [*_cells(a, b), *_extremes(trajectory, means)])
     used = second_half(trajectory, frames)[-1]
     disks, frame, box = trajectory.disks, trajectory[used], trajectory.box
     movable = np.isfinite(disks.mass)
@@ -340,12 +349,20 @@ def of_fields(
     mean_T = float(T.mean()) if len(T) else float("nan")
     flow = float(np.sqrt(np.nanmean(np.sum(found.velocity**2, axis=-1))))
     rows = [
-        Reading("cells along x", a),
-        Reading("cells along y", b),
-        Reading("packing fraction of cells, mean", float(phi.mean())),
-        Reading("packing fraction of cells, standard deviation", float(phi.std())),
-        Reading("thermal temperature, mean over cells", mean_T, unit=unit(trajectory, "energy")),
-        Reading("flow, root mean square", flow, unit=unit(trajectory, "length/time")),
+        *_cells(a, b),
+        Reading("packing fraction of cells, mean", float(phi.mean()), key="packing_fraction_of_cells"),
+        Reading(
+            "packing fraction of cells, standard deviation",
+            float(phi.std()),
+            key="packing_fraction_deviation",
+        ),
+        Reading(
+            "thermal temperature, mean over cells",
+            mean_T,
+            unit=unit(trajectory, "energy"),
+            key="thermal_temperature",
+        ),
+        Reading("flow, root mean square", flow, unit=unit(trajectory, "length/time"), key="flow_rms"),
     ]
     x, y = np.meshgrid(found.x, found.y, indexing="ij")
     columns = {
@@ -360,6 +377,10 @@ def of_fields(
         notes.append("velocities relative to the imposed flow")
     warnings = stored.part_warnings(trajectory)
     return Evaluation(found, rows, {"": table}, notes, times(trajectory, [used]), warnings, 1)
+
+
+def _cells(a: int, b: int) -> list[Reading]:
+    return [Reading("cells along x", a, key="cells_x"), Reading("cells along y", b, key="cells_y")]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -383,11 +404,18 @@ def of_clusters(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         )
     last = found.clusters[-1]
     rows = [
-        Reading("share of the largest cluster, last frame", last.largest),
-        Reading("disks in it", int(last.sizes[0]) if len(last.sizes) else 0),
-        Reading("its radius of gyration", float(last.radius_of_gyration[0]), unit=unit(trajectory, "length")),
-        Reading("mean size of the cluster of a disk", last.mean_size),
-        Reading("clusters of 2 or more", int(np.count_nonzero(last.sizes > 1))),
+        Reading("share of the largest cluster, last frame", last.largest, key="largest_share"),
+        Reading(
+            "disks in the largest cluster", int(last.sizes[0]) if len(last.sizes) else 0, key="largest_disks"
+        ),
+        Reading(
+            "radius of gyration of the largest cluster",
+            float(last.radius_of_gyration[0]),
+            unit=unit(trajectory, "length"),
+            key="largest_radius",
+        ),
+        Reading("mean size of the cluster of a disk", last.mean_size, key="size_of_disk"),
+        Reading("clusters of 2 or more", int(np.count_nonzero(last.sizes > 1)), key="number"),
     ]
     size, count = np.unique(last.sizes, return_counts=True)
     columns = {
@@ -411,8 +439,8 @@ def of_psi6(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     found = [structure.hexatic(x, box, time=float(t)) for x, t in zip(where, when, strict=True)]
     local, whole = ([getattr(one, name) for one in found] for name in ("local", "whole"))
     rows = [
-        Reading("mean of |psi_6|", *common.mean_with_error(local)),
-        Reading("|mean of psi_6|", *common.mean_with_error(whole)),
+        Reading("mean of |psi_6|", *common.mean_with_error(local), key="mean_abs"),
+        Reading("|mean of psi_6|", *common.mean_with_error(whole), key="abs_mean"),
     ]
     table = {"time": when, "local": np.array(local), "whole": np.array(whole)}
     notes, warnings = ["of the six nearest neighbours"], stored.part_warnings(trajectory)
@@ -453,15 +481,19 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
     when, (T, count) = stored.series(trajectory, "temperature", "collisions")
     inside = (when >= span[0]) & (when <= span[1])
     when, T, count = when[inside], T[inside], count[inside]
+    if len(T) and not np.any(T > 0.0):
+        raise InputError(
+            f"{trajectory.path}: T = 0: must be above 0 for a pressure; in these frames no disk moves"
+        )
     rows: list[Reading] = []
     notes, warnings = _drift_remarks(trajectory)
     result = None
     if not is_stationary(T):
         warnings.append(
-            f"{stationarity_warning(trajectory, T)}, and the pressure with it: pressures are means over that time, "
-            "whose errors do not include that change. "
-            "Z is that mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. "
-            "For a pressure at one temperature choose frames over which T changes by less than a tenth"
+            f"{stationarity_warning(trajectory, T)}. Pressures are means over that time, and their errors do not "
+            "include the change. Z is the mean pressure over the mean of N T / A: it holds at each time if the gas "
+            "stays homogeneous. For a pressure at one temperature choose frames over which T changes by less than a "
+            "tenth"
         )
     try:
         found = stored.collisions(trajectory)
@@ -483,10 +515,12 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         )  # fmt: skip
         force = unit(trajectory, "energy/length^2")
         rows += [
-            Reading("pressure", result.total, result.error, force),
-            Reading("kinetic part", result.kinetic, result.kinetic_error, force),
-            Reading("collisional part", result.collisional, result.collisional_error, force),
-            Reading("Z = p A / (N T)", result.Z, result.Z_error),
+            Reading("pressure", result.total, result.error, force, key="p"),
+            Reading("kinetic part", result.kinetic, result.kinetic_error, force, key="kinetic"),
+            Reading(
+                "collisional part", result.collisional, result.collisional_error, force, key="collisional"
+            ),
+            Reading("Z = p A / (N T)", result.Z, result.Z_error, key="Z"),
         ]
         notes.append(f"impulses of {len(found.tracked)} tracked disks")
     rows += _pressure_by_rate(trajectory, when, T, count, notes)
@@ -514,13 +548,19 @@ def _pressure_by_rate(
     rate = 2.0 * collisions / disks.n / float(when[-1] - when[0])
     mass, radius = float(disks.mass[0]), float(disks.radius[0])
     chi = pressure.contact_from_rate(rate, packing_fraction=phi, temperature=mean, mass=mass, radius=radius)
-    rows = [Reading("g at contact, from the collision rate", chi, chi / np.sqrt(collisions))]
+    rows = [
+        Reading(
+            "g at contact, from the collision rate", chi, chi / np.sqrt(collisions), key="g_contact_from_rate"
+        )
+    ]
     if "laws" in trajectory.parameters and not trajectory.has_custom_laws:
         material = int(disks.material[0])
         law = trajectory.laws[material][material]
         if isinstance(law, IFRLaw | Walton):
             Z = pressure.compressibility(phi, chi, law.e_n)
-            rows.append(Reading("Z, from the collision rate", Z, (Z - 1.0) / np.sqrt(collisions)))
+            rows.append(
+                Reading("Z, from the collision rate", Z, (Z - 1.0) / np.sqrt(collisions), key="Z_from_rate")
+            )
     notes.append("g at contact from the rate assumes Maxwellian, uncorrelated velocities")
     return rows
 
@@ -544,21 +584,26 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
         raise InputError(f"{trajectory.path}: a stress is a mean over time: must be two frames or more")
     found = stresses.mean_stress(when, *(rows_of[name][1:] for name in STRESS_SERIES), span=span)
     mean, force = found.stress, unit(trajectory, "energy/length^2")
-    rows = [Reading("pressure p = (P_xx + P_yy) / 2", mean.pressure, found.pressure_error, force)]
+    rows = [Reading("pressure p = (P_xx + P_yy) / 2", mean.pressure, found.pressure_error, force, key="p")]
     pairs = {"xx": (0, 0), "xy": (0, 1), "yx": (1, 0), "yy": (1, 1)}
     for name, at in pairs.items():
         rows.append(Reading(f"P_{name}", float(mean.total[at]), float(found.error[at]), force))
     for name, at in pairs.items():
         part, error = float(mean.kinetic[at]), float(found.kinetic_error[at])
-        rows.append(Reading(f"kinetic part of P_{name}", part, error, force))
-    rows.append(Reading("N_1 = (P_xx - P_yy) / p", mean.normal_difference, found.normal_difference_error))
+        rows.append(Reading(f"kinetic part of P_{name}", part, error, force, key=f"P_{name}_kinetic"))
+    N_1 = mean.normal_difference, found.normal_difference_error
+    rows.append(Reading("N_1 = (P_xx - P_yy) / p", *N_1, key="N_1"))
     if rate := trajectory.box.shear_rate:
-        rows.append(Reading("friction -P_xy / P_yy", mean.friction, found.friction_error))
+        rows.append(Reading("friction -P_xy / P_yy", mean.friction, found.friction_error, key="friction"))
         viscosity = -float(mean.total[0, 1]) / rate
         error = float(found.error[0, 1]) / abs(rate)
         rows.append(
             Reading(
-                "viscosity -P_xy / shear rate", viscosity, error, unit(trajectory, "energy time/length^2")
+                "viscosity -P_xy / shear rate",
+                viscosity,
+                error,
+                unit(trajectory, "energy time/length^2"),
+                key="viscosity",
             )
         )
     notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
@@ -591,7 +636,7 @@ def of_cooling(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
     rows = [
         Reading("T0", haff.T0, haff.T0_error, energy),
         Reading("t_H", haff.t_H, haff.t_H_error, time),
-        Reading("rms residual of ln T", haff.rms),
+        Reading("rms residual of ln T", haff.rms, key="rms_ln_T"),
     ]
     notes, warnings = _drift_remarks(trajectory)
     notes += [
@@ -610,8 +655,10 @@ def of_cooling(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
         rows += [
             Reading("theta_0", ratio.theta_0, ratio.theta_0_error),
             Reading("theta_end", ratio.theta_end, ratio.theta_end_error),
-            Reading("relaxation of theta, collisions per disk", ratio.lag, ratio.lag_error),
-            Reading("rms residual of theta", ratio.rms),
+            Reading(
+                "relaxation of theta, collisions per disk", ratio.lag, ratio.lag_error, key="theta_relaxation"
+            ),
+            Reading("rms residual of theta", ratio.rms, key="rms_theta"),
         ]
         notes.append("theta = T_rot / T, exponential in collisions per disk")
         if not ratio.describes:
@@ -650,9 +697,9 @@ def of_impact(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
         result = replace(result, regimes=impact.regime_shares(counts), regime_collisions=sum(counts.values()))
     rows = [
         Reading("collisions", result.collisions),
-        Reading("mean of b = sin psi", result.mean_b, result.mean_b_error),
-        Reading("p-value of a uniform b (Kolmogorov-Smirnov)", result.p_value),
-        *(Reading(f"share of {name}", *share) for name, share in result.regimes.items()),
+        Reading("mean of b = sin psi", result.mean_b, result.mean_b_error, key="mean_b"),
+        Reading("p-value of a uniform b (Kolmogorov-Smirnov)", result.p_value, key="p_value"),
+        *(Reading(f"share of {name}", *share, key=f"share_{name}") for name, share in result.regimes.items()),
     ]
     table = {"psi": result.psi, "density": result.density, "error": result.density_error}
     notes = [f"{of_tracked}; in molecular chaos b is uniform and psi has the density cos psi"]

@@ -1,8 +1,8 @@
 """Displacements and velocity autocorrelations of files: over time, or of a cooling gas over collisions per disk.
 
-In a cooling gas a mean over time origins has no meaning: velocities and D decrease as sqrt(T). It has one in the gas's
-own time tau, the collisions per disk. While the gas is homogeneous, the collision rate nu also decreases as sqrt(T):
-the mean free path stays the same, and so does the distribution of velocities over the thermal speed.
+In a cooling gas a mean over time origins has no meaning, because velocities and D decrease as sqrt(T). A mean over
+origins in tau, the accumulated collisions per disk, has one: while the gas is homogeneous, the collision rate nu also
+decreases as sqrt(T), and the mean free path and the distribution of velocities over the thermal speed stay the same.
 
 J. J. Brey, M. J. Ruiz-Montero, D. Cubero and R. Garcia-Rojo, Phys. Fluids 12, 876 (2000), doi:10.1063/1.870342.
 """
@@ -64,8 +64,8 @@ class _Plan(NamedTuple):
 def _plan(trajectory: Trajectory, frames: Sequence[int] | None, consequence: str) -> _Plan:
     """Suitable frames and time origins; a warning that names the `consequence` if the temperature changes.
 
-    All frames of a steady gas, else their second half if the gas is steady there. Otherwise all frames: in its own time
-    for a gas that cools without driving, with the first frame as the only origin for others.
+    All frames of a steady gas, else their second half if the gas is steady there. Otherwise all frames: against
+    collisions per disk for a gas that cools without driving, with the first frame as the only origin for others.
     """
     used = all_frames(trajectory, frames)
     if len(used) < 4:
@@ -236,16 +236,19 @@ def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
         thermal = math.nan
         if plan.tau is None:
             D = (math.nan, math.nan) if plan.warnings else (fit.D, fit.error)
-            rows.append(Reading(f"D{of}", *D, unit(trajectory, "length^2/time")))
+            rows.append(Reading(f"D{of}", *D, unit(trajectory, "length^2/time"), key=f"D{mark}"))
         else:
             speed = _thermal_speeds(trajectory, used, ids, moving.velocity)
             thermal = math.nan if speed is None else thermal_path(when, plan.tau, speed)
-            rows.append(Reading(f"D / nu{of}", fit.D, fit.error, unit(trajectory, "length^2")))
+            area = unit(trajectory, "length^2")
+            rows.append(Reading(f"D / nu{of}", fit.D, fit.error, area, key=f"D_over_nu{mark}"))
             if math.isfinite(thermal):
-                rows.append(Reading(f"D m nu / T{of}", fit.D / thermal**2, fit.error / thermal**2))
+                reduced = fit.D / thermal**2, fit.error / thermal**2
+                rows.append(Reading(f"D m nu / T{of}", *reduced, key=f"D_reduced{mark}"))
             if e_n is not None:
-                rows.append(Reading("D m nu / T by kinetic theory", self_diffusion(e_n)))
-        rows.append(Reading(f"exponent{of}", fit.exponent))
+                theory = self_diffusion(e_n)
+                rows.append(Reading("D m nu / T by kinetic theory", theory, key="D_reduced_theory"))
+        rows.append(Reading(f"exponent{of}", fit.exponent, key=f"exponent{mark}"))
         if not plan.warnings and abs(fit.exponent - 1.0) > 0.2:
             warnings.append(
                 f"exponent{of} = {fit.exponent:.3g}: must be 1 in diffusion; D{of} is no diffusion coefficient"
@@ -318,13 +321,16 @@ def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
         lag_unit = unit(trajectory, "time") if plan.tau is None else ""
         if plan.tau is None:
             square = unit(trajectory, "length^2/time^2")
-            rows.append(Reading(f"<v^2>{of}", float(found.value[0]), float(found.error[0]), square))
+            start = float(found.value[0]), float(found.error[0])
+            rows.append(Reading(f"<v^2>{of}", *start, square, key=f"v_squared{mark}"))
         if len(below):
-            rows.append(Reading(f"first lag below 1/e{of}", float(found.lag[below[0]]), unit=lag_unit))
+            lag = float(found.lag[below[0]])
+            rows.append(Reading(f"first lag below 1/e{of}", lag, unit=lag_unit, key=f"decay_lag{mark}"))
         results[name] = found
         table |= {plan.column: found.lag, f"vacf{mark}": found.value, f"error{mark}": found.error}
     if plan.tau is not None:
         notes.append("velocities over sqrt(<v^2>) of each frame; lags in collisions per disk")
         if (e_n := smooth_restitution(trajectory)) is not None:
-            rows.append(Reading("decay by kinetic theory, collisions per disk", self_diffusion(e_n)))
+            theory = self_diffusion(e_n)
+            rows.append(Reading("decay by kinetic theory, collisions per disk", theory, key="decay_theory"))
     return Evaluation(results, rows, {"": table}, notes, times(trajectory, used), plan.warnings, len(used))

@@ -157,12 +157,13 @@ Groups = dict[str, NDArray[np.intp]]
 
 
 class Reading(NamedTuple):
-    """A named number with its standard error (nan for none) and unit ("" for none)."""
+    """A named number with its standard error (nan for none) and unit ("" for none), and its key in studies."""
 
-    name: str
+    name: str  # as it is printed
     value: float
     error: float = float("nan")
     unit: str = ""
+    key: str = ""  # short and fixed; without it, the name
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -68,19 +68,21 @@ def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
     readings: list[Reading] = []
     changes: list[steadiness.Change] = []
 
-    def add(name: str, measured: tuple[Array, Array], predicted: tuple[Array, Array] | None) -> None:
+    def add(
+        name: str, key: str, measured: tuple[Array, Array], predicted: tuple[Array, Array] | None
+    ) -> None:
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = (measured[0] / measured[1])[late]
         if not np.isfinite(ratio).all():
             return
-        readings.append(Reading(name, *mean_with_error(ratio)))
+        readings.append(Reading(name, *mean_with_error(ratio), key=key))
         if len(ratio) >= 4:
             early, later = np.array_split(ratio, 2)
             parts = mean_with_error(early), mean_with_error(later)
             changes.append(steadiness.between(name, *parts, len(ratio) // 2 - 1))
         if predicted is not None:
             value = float(np.mean((predicted[0] / predicted[1])[late]))
-            readings.append(Reading(f"{name} by kinetic theory", value))
+            readings.append(Reading(f"{name} by kinetic theory", value, key=f"{key}_theory"))
 
     def of(
         values: tuple[Array, Array] | None, i: int, j: int, upper: int, lower: int
@@ -89,9 +91,10 @@ def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
 
     both = (rows.T, rows.T_rot)
     for i in range(1, len(names)):
-        add(f"T of {names[i]} / T of {names[0]}", (both[0][:, i], both[0][:, 0]), of(theory, i, 0, 0, 0))
+        text, key = f"T of {names[i]} / T of {names[0]}", f"T_ratio_{names[i]}"
+        add(text, key, (both[0][:, i], both[0][:, 0]), of(theory, i, 0, 0, 0))
     for i, name in enumerate(names if np.any(rows.T_rot) else ()):
-        add(f"theta of {name}", (both[1][:, i], both[0][:, i]), of(theory, i, i, 1, 0))
+        add(f"theta of {name}", f"theta_of_{name}", (both[1][:, i], both[0][:, i]), of(theory, i, i, 1, 0))
     if not readings:
         raise InputError(f"{trajectory.path}: no ratio of temperatures: a species is at rest")
     notes.append(f"means over the second half of {len(rows.time)} rows")

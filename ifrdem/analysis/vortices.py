@@ -28,6 +28,11 @@ def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
     return (trajectory[i].position[movable] for i in used)
 
 
+def _at(values: Array, errors: Array, i: int) -> tuple[float, float]:
+    """A value and its error at one place."""
+    return float(values[i]), float(errors[i])
+
+
 def _by_frame(trajectory: Trajectory, used: Sequence[int], **columns: Sequence[float]) -> Columns:
     """Table of numbers of single frames, with their times and collisions per disk."""
     table: Columns = {"time": trajectory.times[list(used)]}
@@ -46,18 +51,17 @@ def of_correlation(trajectory: Trajectory, frames: Sequence[int] | None) -> Eval
     found = flow.mean_correlation(singles)
     lengths = [one.length for one in singles]
     of_length = unit(trajectory, "length")
-    rows = [Reading("correlation length", found.length, unit=of_length)]
+    rows = [Reading("correlation length", found.length, unit=of_length, key="length")]
     rows += [
-        Reading(f"correlation length, {name} frame", length, unit=of_length)
+        Reading(f"correlation length, {name} frame", length, unit=of_length, key=f"length_{name}")
         for name, length in (("first", lengths[0]), ("last", lengths[-1]))
     ]
     # The first whole bin beyond contact of the smallest disks.
     near = int(np.argmax(found.r - found.r[0] >= 2.0 * float(trajectory.disks.radius.min())))
+    along, across = _at(found.along, found.along_error, near), _at(found.across, found.across_error, near)
     rows += [
-        Reading("correlation along r at contact", float(found.along[near]), float(found.along_error[near])),
-        Reading(
-            "correlation across r at contact", float(found.across[near]), float(found.across_error[near])
-        ),
+        Reading("correlation along r at contact", *along, key="along_contact"),
+        Reading("correlation across r at contact", *across, key="across_contact"),
     ]
     names = ("r", "along", "along_error", "across", "across_error", "pairs")
     table = {name: getattr(found, name)[near:] for name in names}
@@ -85,12 +89,14 @@ def of_spectrum(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
     found = _spectrum(trajectory, used) if len(used) > 1 else singles[0]
     high = int(np.argmax(found.across))
     wave, of_length = unit(trajectory, "1/length"), unit(trajectory, "length")
+    along, across = _at(found.along, found.along_error, 0), _at(found.across, found.across_error, 0)
+    highest = _at(found.across, found.across_error, high)
     rows = [
-        Reading("smallest k", float(found.k[0]), unit=wave),
-        Reading("across k, at the smallest k", float(found.across[0]), float(found.across_error[0])),
-        Reading("along k, at the smallest k", float(found.along[0]), float(found.along_error[0])),
-        Reading("highest across k", float(found.across[high]), float(found.across_error[high])),
-        Reading("its wavelength", found.wavelength, unit=of_length),
+        Reading("smallest k", float(found.k[0]), unit=wave, key="smallest_k"),
+        Reading("across k, at the smallest k", *across, key="across_smallest_k"),
+        Reading("along k, at the smallest k", *along, key="along_smallest_k"),
+        Reading("highest across k", *highest, key="across_max"),
+        Reading("wavelength of the highest", found.wavelength, unit=of_length, key="wavelength"),
     ]
     names = ("k", "across", "across_error", "along", "along_error", "vorticity", "modes")
     table = {name: getattr(found, name) for name in names}

@@ -62,14 +62,14 @@ class RunSection(Section):
     """ "SI": numbers are in the units in brackets; "reduced": in any consistent system, and the brackets only give the
     dimension. Nothing is converted."""
     collapse: Literal["none", "velocity_cutoff", "tc", "rest"] = field("velocity_cutoff", "none")
-    """Against collisions without end (inelastic collapse, disks that come to rest): "none", "velocity_cutoff"
-    (collisions slower than velocity_cutoff are elastic), "tc" (those of a disk that collided less than
-    contact_time ago are) or "rest" (contacts slower than resting_speed last, and disks that lie still sleep)."""
+    """Remedy for inelastic collapse and for disks that come to rest: "none", "velocity_cutoff" (collisions slower than
+    velocity_cutoff are elastic), "tc" (collisions of a disk within contact_time after its previous one are elastic) or
+    "rest" (contacts slower than resting_speed last, and disks at rest sleep)."""
     velocity_cutoff: float | None = field(1.0e-3, None, gt=0.0)
     """Normal speed of approach below which collisions are elastic [m/s], with collapse = "velocity_cutoff"."""
     contact_time: float | None = field(1.0e-4, None, gt=0.0)
-    """Time after a collision in which further ones are elastic [s], with collapse = "tc"; a hundredth of the mean free
-    time changes little."""
+    """Time after a collision of a disk in which its further ones are elastic [s], with collapse = "tc"; a hundredth of
+    the mean free time changes the gas little."""
     resting_speed: float | None = field(1.0e-3, None, gt=0.0)
     """Speed below which contacts last and disks fall asleep under gravity [m/s], with collapse = "rest"."""
 
@@ -93,7 +93,7 @@ def _without_aspect(data: Mapping[str, Any]) -> list[str]:
 
 
 class BoxSection(Section):
-    """The rectangle that the disks move in, from the origin on, its sides periodic or walls; or none: an open one."""
+    """The rectangle in which the disks move, with a corner at the origin and periodic sides or walls; or open space."""
 
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("packing_fraction", "lengths"),)
 
@@ -112,18 +112,18 @@ class BoxSection(Section):
     """No box: disks may fly apart for ever [true or false]. packing_fraction or lengths are then those of the
     rectangle in which they start, and not needed with a start file."""
     periodic: list[bool] = field([True, False], [True, True], min_length=2, max_length=2)
-    """Periodic sides, along x and along y: disks that leave come in on the other side [true or false]; straight walls
-    stand at the others."""
+    """Periodic along x and along y: disks that leave enter at the opposite side [true or false]; sides that are not
+    periodic are straight walls."""
     material: Name | None = field("steel", None)
     """Name of the material of walls at the sides [text]; needed where a side is not periodic. That of a species, or
     another one with a [[pair]] for each material of the disks."""
     gravity: Pair = field([0.0, -9.81], [0.0, 0.0])
     """Acceleration [gx, gy] of all disks [m/s^2]; only along directions that are not periodic."""
     gravity_rotation_rate: float = field(0.02, 0.0)
-    """Rate at which gravity turns [rad/s], positive counter-clockwise, as in the frame of a slow drum that turns the
-    other way; it begins with gravity, and no side may be periodic."""
+    """Rate at which gravity rotates [rad/s], positive counter-clockwise: a slow drum in its own frame, which rotates
+    the other way in the lab. gravity is its value at time 0; no side may be periodic."""
     gravity_rotation_step: float = field(DEFAULT_STEP, DEFAULT_STEP, gt=0.0, le=MAX_STEP)
-    """Angle of the steps in which gravity turns [rad]."""
+    """Angle of the steps in which gravity rotates [rad]."""
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
@@ -313,7 +313,7 @@ class SpeciesSection(Section):
 
 
 class ForceSection(Section):
-    """A force on all disks between collisions, at the middle of each of its steps: driving, or drag."""
+    """A force on all disks between collisions, at the middle of each step: driving or drag."""
 
     kind: str = field("random_force")
     """ "random_force" (kicks; power or diffusion; step or rate), "random_torque" (the same for spins), "langevin" (a
@@ -442,7 +442,7 @@ class DragForce(ForceSection):
 
 
 class RescaleForce(ForceSection):
-    """A thermostat: multiplies velocities, so that the temperature or the energy stays."""
+    """A thermostat: multiplies velocities to keep the temperature or the energy constant."""
 
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("temperature", "energy"),)
 
@@ -517,15 +517,15 @@ class StartSection(Section):
     """CSV file [text; path from the case file]: a line a disk, in the order of the species, with the columns x, y [m]
     and, to set velocities too, vx, vy [m/s] and spin [rad/s]."""
     columns: dict[str, str] | None = field({"x": "pos x"}, None)
-    """Names of the CSV file's columns, where they are others [table]."""
+    """Names of columns in the CSV file, if they differ [table]."""
     units: dict[str, str] | None = field({"x": "mm"}, None)
-    """Units of the CSV file's columns, where they are not SI [table], such as mm, cm/s, deg/s, or a factor."""
+    """Units of columns in the CSV file, if not SI [table], such as mm, cm/s, deg/s, or a factor."""
     delimiter: str | None = field(";", None)
     """Character that separates the CSV file's columns [text]."""
     decimal: Literal[".", ","] | None = field(",", None)
     """Decimal point of the CSV file [text]: "." or ","."""
     relax: float | None = field(1.0e-4, None, gt=0.0)
-    """Overlaps of the CSV file's disks up to this are errors of measurement [m]: the disks are moved apart."""
+    """Largest overlap of disks in the CSV file that is an error of measurement [m]: these disks are separated."""
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:

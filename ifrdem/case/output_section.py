@@ -35,63 +35,63 @@ class OutputSection(Section):
     """The output of the run."""
 
     frames: int = field(100, 100, ge=1, le=MOST_FRAMES)
-    """Frames after the initial one [whole number], evenly spaced in what ends the run."""
+    """Frames after the initial one [whole number], evenly spaced in time or in collisions, as the run ends."""
     frames_interval: Interval | None = field(0.01, None)
     """Instead: time between two frames [s]."""
     frames_collisions: Interval | None = field(0.5, None)
     """Instead: collisions per disk between two frames [1]."""
     frames_spacing: Literal["even", "log"] = field("log", "even")
-    """Of a number of frames: "even", or "log" (each later than the one before by a constant factor)."""
+    """Spacing of a number of frames: "even", or "log" (each is later than the one before by a constant factor)."""
     fields: list[FieldName] = field(
         ["position", "velocity", "angular_velocity", "collisions", "image"],
         ["position", "velocity", "angular_velocity", "collisions", "image"],
     )
     """Fields of every disk in every frame [list of names; [] for sums over all disks alone]; image: box lengths
-    travelled, which paths through periodic sides need; angle: how far it has turned since the start; last_partner: its
-    latest collision partner; dissipated: energy that its collisions took, by mechanism (half of each); asleep: 1 for
-    disks that sleep, with run.collapse = "rest"."""
+    travelled, for paths through periodic sides; angle: rotation since the start; last_partner: latest collision
+    partner; dissipated: energy lost in its collisions, by mechanism (half of each); asleep: 1 for disks that sleep,
+    with run.collapse = "rest"."""
     series: int | None = field(1000, None, ge=1, le=MOST_FRAMES)
-    """Rows of the time series (energies, temperatures, momentum, collisions by regime, what dissipates energy) after
-    the initial one [whole number]. Each may cost the engine's window around it once more. Without this key, rows
-    stand where windows end by themselves, up to 10 for each frame, and cost little."""
+    """Rows of the time series (energies, temperatures, momentum, collisions by regime, dissipation by mechanism) after
+    the initial one [whole number]. Each may cost the computation of its window once more. Without this key, rows are
+    at the ends of windows, up to 10 for each frame, and cost little."""
     series_interval: Interval | None = field(0.001, None)
     """Instead: time between two rows [s]."""
     series_collisions: Interval | None = field(0.05, None)
     """Instead: collisions per disk between two rows [1]."""
     series_spacing: Literal["even", "log"] = field("log", "even")
-    """Of a number of rows: "even" or "log"."""
+    """Spacing of a number of rows: "even" or "log"."""
     log_from: float = field(1e-3, 1e-3, gt=0.0, lt=1.0)
-    """With spacing "log": where the first one stands, as a part of the run [1]."""
+    """With spacing "log": position of the first one, as a fraction of the run [1]."""
     ledger: bool = field(True, True)
-    """Add up what dissipates energy, by mechanism, in the time series [true or false]."""
+    """Store the dissipated energy by mechanism in the time series [true or false]."""
     wall_sums: bool = field(True, False)
-    """Add up what each wall gives to the disks (momentum, torque, work, heat, hits), in the time series [true or
+    """Store what each wall gives to the disks (momentum, torque, work, heat, hits) in the time series [true or
     false]."""
     stress: bool = field(True, False)
-    """Add up the momentum that collisions transfer, for the pressure tensor P_ab in the time series: positive in
-    compression, mean since the row before [true or false]."""
+    """Store the pressure tensor P_ab in the time series: positive in compression, mean since the row before [true or
+    false]."""
     histories: list[Annotated[int, Field(ge=0)]] | None = field([0, 7], None, min_length=1)
-    """Disks of which every collision is kept [list of their numbers, from 0]; so their paths are exact."""
+    """Disks of which every collision is stored [list of their numbers, from 0]; their paths are then exact."""
     histories_sample: int | None = field(100, None, ge=1)
-    """Instead: so many disks, drawn by run.seed [whole number]."""
+    """Instead: number of disks to track, chosen at random by run.seed [whole number]."""
     histories_region: list[float] | None = field([0.0, 0.0, 0.1, 0.1], None, min_length=4, max_length=4)
     """Instead: disks that start in this rectangle [x_low, y_low, x_high, y_high] [m]."""
     histories_all: bool = field(True, False)
     """Instead: all disks [true or false]."""
     compression: Literal["none", "gzip", "zstd"] = field("none", "none")
     """ "none" (fast), "gzip" (about three quarters of the size, slower to write and to read) or "zstd" (faster than
-    gzip; the package hdf5plugin is needed here and by whatever reads the file)."""
+    gzip; requires the package hdf5plugin here and in each reader)."""
     precision: Literal["f4", "f8"] = field("f4", "f4")
-    """ "f4" or "f8": bytes of each number in the file, whatever run.precision is."""
+    """ "f4" (single precision) or "f8" (double): numbers in the file, for any run.precision."""
     parts: bool | Literal["auto"] = field("auto", "auto")
-    """Write fields of disks, and checkpoints, as a file of each rank, in the folder NAME.parts, which NAME.h5 shows as
-    one [true, false or "auto": on several ranks, of more than 1e6 disks]."""
+    """Each rank writes its disks, and checkpoints, into its own file in the folder NAME.parts; readers see NAME.h5 as
+    one file [true, false or "auto": on several ranks, with more than 1e6 disks]."""
     checkpoint_minutes: float = field(10.0, 10.0, gt=0.0)
     """Real time between two checkpoints, from which `ifrdem resume` continues [minutes]; one is also written when a run
     is interrupted."""
     views: bool = field(True, True)
-    """Write NAME.vtkhdf and NAME.nc at the end, by which ParaView, OVITO and others read NAME.h5 [true or false]; they
-    need positions."""
+    """Write NAME.vtkhdf and NAME.nc at the end, through which ParaView, OVITO and others read NAME.h5 [true or false];
+    they need positions."""
     picture: bool = field(True, True)
     """Draw NAME.png at the end [true or false]."""
 

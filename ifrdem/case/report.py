@@ -170,7 +170,7 @@ def _species(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[Repo
         if rate > 0.0:
             diameters = path / (2.0 * each.summary.radius.mean)
             yield ReportRow(f"{name}: mean free path at the start", f"{path:.4g}", units.length)
-            yield ReportRow(f"{name}: the same in diameters", f"{diameters:.3g}")
+            yield ReportRow(f"{name}: mean free path in diameters", f"{diameters:.3g}")
             yield ReportRow(f"{name}: mean free time at the start", f"{1.0 / rate:.4g}", units.time)
         elif not gas.box.is_open:
             yield ReportRow(f"{name}: mean free path at the start", f"none: {no_path(gas)}")
@@ -291,8 +291,6 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
 
 def _when(case: CaseSections, force: ForceSection) -> str:
     """Text that says whether a force acts within windows, and why not (`simulation/steps/force_steps.py`)."""
-    if case.run.device != "cpu":
-        return "between windows, as all forces on a GPU"
     if force.at_random_times:
         return "within windows, on each disk at random times"
     if force.kind == ENDS_WINDOW:
@@ -330,7 +328,7 @@ def _needs(gas: CaseGas, estimate: RunEstimate) -> Iterator[ReportRow]:
     yield ReportRow(
         "trajectory file (all frames and series)", f"{size(estimate.file_bytes)}, {case.run.name}.h5"
     )
-    yield ReportRow("its content", _stored(gas, estimate))
+    yield ReportRow("content of the trajectory file", _stored(gas, estimate))
     if case.output.in_parts(gas.n, ranks=2):
         on_ranks = "" if case.output.parts is True else "on several ranks of MPI, "
         yield ReportRow("", f"{on_ranks}its fields in {case.run.name}.parts, a file for each rank")
@@ -372,7 +370,7 @@ def _cpu_time(gas: CaseGas, estimate: RunEstimate, threads: int) -> Iterator[Rep
         most = "at most " if forces and all(each.kind == RESTING for each in gas.case.force) else ""
         if known and (collisions or forces):
             yield ReportRow(name, f"{most or 'about '}{size_of_time(seconds)}")
-            yield ReportRow("compilation of kernels, before", COMPILING)
+            yield ReportRow("compilation of kernels, before the run", COMPILING)
         elif forces:
             steps = {kind: dict.fromkeys(given, 1.0) for kind, given in estimate.force_steps.items()}
             seconds = 1e3 * step_seconds(steps, n, threads)
@@ -408,7 +406,7 @@ def _stored(gas: CaseGas, estimate: RunEstimate) -> str:
     )
     text += f", {'' if output.series_cadence.exact else 'up to '}{estimate.rows} rows of series"
     if estimate.tracked:
-        text += f", histories of {estimate.tracked} disks"
+        text += f", histories of {estimate.tracked} disk{'s' * (estimate.tracked != 1)}"
     if output.compression != "none":
         text += f"; {output.compression} makes it smaller"
     if output.compression == "zstd":

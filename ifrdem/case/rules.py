@@ -183,9 +183,6 @@ def check_forces(case: CaseSections) -> Iterator[Problem]:
     """Problems: forces that the gas or the box do not allow."""
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
-        if force.at_random_times and case.run.device != "cpu":
-            text = 'requires run.device = "cpu": use step on a GPU'
-            yield _at(case, f"{key}.rate", text)
         if force.kind == "random_force" and not force.at_random_times and _disks(case) < 2:
             text = "requires at least 2 disks: random kicks keep the total momentum"
             yield _at(case, f"{key}.kind", text)

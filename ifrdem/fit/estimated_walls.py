@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, option_name
 from ..model.walls.wall import Wall
-from .tracks import Array, Tracks, noise
+from .tracks import Array, Tracks, cause_of_none, nearest_pair, noise
 
 _FRAMES = 4  # of the pieces before and after a turn
 _CLEAR = 8.0  # errors by which the velocity changes
@@ -52,11 +52,13 @@ def estimated(tracks: Tracks, radius: Mapping[int, float]) -> list[Wall]:
     else:
         walls, explained = lines, straight
     if explained < max(_PART * number, _LEAST):
-        how = option_name("--walls CASE or --wall", "walls")
-        raise InputError(
+        text = (
             f"{tracks.source}: {explained} of {number} changes of direction far from other disks lie on straight or "
-            f"round walls: walls cannot be estimated; give them by {how}"
+            "round walls: walls cannot be estimated"
         )
+        if 2.0 < nearest_pair(tracks, radius) < math.inf:
+            raise InputError(f"{text}; {cause_of_none(tracks, radius, with_walls=False)}")
+        raise InputError(f"{text}; give them by {option_name('--walls CASE or --wall', 'walls')}")
     return walls
 
 

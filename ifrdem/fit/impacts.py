@@ -26,7 +26,17 @@ from scipy.special import chdtrc
 from ..errors import InputError, option_name, refuse
 from ..model.walls.wall import Wall
 from .data import NORMAL, Disk
-from .tracks import Array, Exchange, Noise, Tracks, exchanged, exchanges_in, noise
+from .tracks import (
+    Array,
+    Exchange,
+    Noise,
+    Tracks,
+    cause_of_none,
+    exchanged,
+    exchanges_in,
+    nearest_pair,
+    noise,
+)
 
 WINDOW = 12
 """Frames of a flight that are used at most."""
@@ -46,7 +56,6 @@ _DEEP = 8.0  # errors by which a distance is less at an encounter than between i
 _TOUCH = 6.0  # errors of a gap that may be none
 _NU = 4.0  # degrees of freedom of the Student-t noise
 _WRONG_SIZE = 0.05  # of the distance at impacts from the sum of the radii
-_FAR = 5.0  # times the sum of the radii: no two disks ever came nearer
 
 
 @dataclass(frozen=True)
@@ -199,7 +208,9 @@ class _Finder:
         if error is not None:
             found = Noise(dict.fromkeys(self.disks, np.full(2, error)), error, found.angle)
         if math.isnan(found.typical):
-            raise InputError(f"{tracks.source}: no impact was found: no disk has 3 frames at equal steps")
+            missing = f"; {tracks.missing} lines have no position" * bool(tracks.missing)
+            text = f"no disk has 3 frames at equal steps{missing}"
+            raise InputError(f"{tracks.source}: no impact was found: {text}")
         if not found.typical > 1e-9 * min(self.radius.values()):
             how = option_name("--noise", "error")
             text = f"{how}: must be given, as the positions do not scatter about the flights"
@@ -208,9 +219,8 @@ class _Finder:
 
     def _encounters(self, walls: Sequence[Wall]) -> list[_Encounter]:
         """Minima of the distance that are near contact."""
-        tracks, found = self.tracks, []
+        tracks, found, touched = self.tracks, [], False
         ids = sorted(tracks.time)
-        nearest = math.inf  # gap over the sum of the radii
         for i, a in enumerate(ids):
             t, x = tracks.time[a], tracks.position[a]
             for wall in walls:
@@ -220,26 +230,18 @@ class _Finder:
                 if len(both):
                     contact = self.radius[a] + self.radius[b]
                     gap = np.hypot(*(tracks.position[b][m] - x[k]).T) - contact
-                    nearest = min(nearest, float(np.min(gap)) / contact)
+                    touched |= bool(np.any(gap < _change_per_frame(gap) + _WRONG_SIZE * contact))
                     found += self._minima((a, b), both, gap, None)
-        if _FAR < nearest < math.inf and not walls:
-            contact, times = 2.0 * float(np.median([*self.radius.values()])), 1.0 + nearest
-            scale = f"{1.0 / times:.2g}"
-            how = option_name(
-                f"--unit x={scale} --unit y={scale}", f"units = {{'x': '{scale}', 'y': '{scale}'}}"
-            )
-            raise InputError(
-                f"{tracks.source}: the nearest two disks are {times * contact:.4g} apart, {times:.3g} times the sum of "
-                f"their radii: positions are in pixels or another unit; {how} if these two touched"
-            )
+        if not touched and not any(each.wall for each in found):
+            cause = cause_of_none(tracks, self.radius, with_walls=bool(walls))
+            raise InputError(f"{tracks.source}: no impact was found: {cause}")
         return sorted(found, key=lambda each: each.time)
 
     def _minima(self, ids: tuple[int, ...], t: Array, gap: Array, wall: Wall | None) -> list[_Encounter]:
         """Minima near contact, deeper than noise makes them."""
         if len(t) < 2 * LEAST:
             return []
-        step = np.abs(np.diff(gap))
-        near = np.maximum(np.concatenate([[0.0], step]), np.concatenate([step, [0.0]]))
+        near = _change_per_frame(gap)
         touching = t[gap < _TOUCH * self.noise.typical + 0.5 * near]
         for one in ids:
             self.touching[one].append(((ids, wall), touching))
@@ -283,7 +285,11 @@ class _Finder:
             reasons = ", ".join(
                 f"{n} {text}" for text, n in Counter(each.reason for each in left_out).items()
             )
-            raise InputError(f"{source}: no impact was found{f'; encounters: {reasons}' * bool(reasons)}")
+            why = f"; encounters: {reasons}" * bool(reasons)
+            if (nearest := nearest_pair(self.tracks, self.radius)) < 0.5:
+                why += f"; two disks come as near as {nearest:.3g} times the sum of their radii: "
+                why += "the radii or the unit of x and y are wrong"
+            raise InputError(f"{source}: no impact was found{why}")
         self._check_sizes([fitted for fitted, _ in fits])
         pairs, walls = (
             _columns([row for fitted, row in fits if (fitted.encounter.wall is not None) is with_wall])
@@ -309,15 +315,22 @@ class _Finder:
         )
 
     def _check_sizes(self, fits: Sequence[_Flights]) -> None:
-        gaps = np.array([each.gap for each in fits if each.encounter.wall is None])
-        if len(gaps) < 3 or not abs(off := float(np.median(gaps))) > _WRONG_SIZE:
-            return
-        scatter = 1.4826 * float(np.median(np.abs(gaps - off))) / math.sqrt(len(gaps))
-        if abs(off) > 4.0 * scatter:
-            raise InputError(
-                f"{self.tracks.source}: the paths of disks turn at {1.0 + off:.3g} times the sum of their radii "
-                f"(median of {len(gaps)} impacts, error {scatter:.2g}): the radii or the unit of x and y are wrong"
-            )
+        """InputError if the paths of disks with some radii turn at another distance than their sum."""
+        of_radii: dict[tuple[float, ...], list[float]] = {}
+        for each in fits:
+            if each.encounter.wall is None:
+                radii = tuple(sorted(self.radius[one] for one in each.encounter.ids))
+                of_radii.setdefault(radii, []).append(each.gap)
+        for (a, b), values in of_radii.items():
+            gaps = np.array(values)
+            off = float(np.median(gaps))
+            scatter = 1.4826 * float(np.median(np.abs(gaps - off))) / math.sqrt(len(gaps))
+            if len(gaps) >= 3 and abs(off) > max(_WRONG_SIZE, 4.0 * scatter):
+                raise InputError(
+                    f"{self.tracks.source}: the paths of disks of radii {a:g} and {b:g} turn at {1.0 + off:.3g} times "
+                    f"the sum of their radii (median of {len(gaps)} impacts, error {scatter:.2g}): the radii or the "
+                    "unit of x and y are wrong"
+                )
 
     def _fitted(self, meeting: _Encounter, bounds: Sequence[tuple[float, float]]) -> _Flights | str:
         """The flights of a meeting between the times of other events of each disk, or why there are none."""
@@ -430,6 +443,12 @@ class _Finder:
             meeting, tuple(self.disks[one] for one in ids), ended.x, ended.jac, float(ended.fun[-1]),
             float(chdtrc(len(ended.fun) - len(ended.x), squares)), angles, shortest, tuple(cut.items()),
         )  # fmt: skip
+
+
+def _change_per_frame(gap: Array) -> Array:
+    """The larger change (n,) of a gap (n,) from or to a neighbouring frame."""
+    step = np.abs(np.diff(gap))
+    return np.maximum(np.concatenate([[0.0], step]), np.concatenate([step, [0.0]]))
 
 
 def _times(

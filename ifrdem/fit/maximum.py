@@ -426,10 +426,16 @@ class _LawFit:
             p = len(self.law.free)
             redundancy = int(np.sum(problem.redundancy))
             if redundancy <= p + len(problem.estimated):
-                needed = f"{p} coefficients require more than {p + len(problem.estimated)}"
+                q = len(problem.estimated)
+                needed = f"must be more than {p + q} for {counted(p, 'coefficient')}"
+                errors = f" and {counted(q, 'error')}" * bool(q)
+                empty = [
+                    name for name, y in zip(problem.names, problem.y.T, strict=True) if np.isnan(y).all()
+                ]
+                why = f"; columns without a value: {', '.join(empty)}" * bool(empty)
                 raise InputError(
-                    f"{self.data.source}: {counted(redundancy, 'value')} measured after the impact: {needed}"
-                    + f" and {len(problem.estimated)} errors" * bool(problem.estimated)
+                    f"{self.data.source}: {counted(redundancy, 'value')} measured after the impact: "
+                    f"{needed}{errors}{why}"
                 )
             best, _ = search.best() if start is None else search.descend(start)
             if not problem.estimated:

@@ -363,7 +363,7 @@ _CLEAR = 1e-3  # p-value below which a warning names a trend
 
 
 def _trends(fitted: Fitted) -> list[str]:
-    """Warnings of trends with speed, and of two clusters of impacts."""
+    """Warnings of trends with speed, and of clusters of impacts."""
     if fitted.trends is None:
         return []
     found = []
@@ -376,10 +376,11 @@ def _trends(fitted: Fitted) -> list[str]:
                 f"from {each.low:.3g} to {each.high:.3g} (p = {each.probability:.1g}){fits}"
             )
     if fitted.trends.clusters is not None:
-        (low, below), (high, above) = fitted.trends.clusters
+        clusters = fitted.trends.clusters
+        each_one = ", ".join(f"{value:.3g} ({number} impacts)" for value, number in clusters)
         found.append(
-            f"e_n of single impacts has two clusters, {low:.3g} ({below} impacts) and {high:.3g} ({above}); if "
-            "materials are mixed, name them in columns material_1 and material_2: each pair is then fitted separately"
+            f"e_n of single impacts has {len(clusters)} clusters, {each_one}; if materials are mixed, name them in "
+            "columns material_1 and material_2: each pair is then fitted separately"
         )
     return found
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import option_name, refuse
+from ..errors import InputError, option_name, refuse
 from ..model.walls.wall import Wall
 from . import tabular
 from .data import Disk
@@ -35,6 +35,8 @@ FLIPS = ("y", "angle")
 
 _MOST_DISKS = 500
 _OWN_NOISE = 200  # second differences from which a coordinate of a disk has its own noise
+_SHARPEST = 0.01  # least noise of a coordinate of a disk, over that of all
+_FAR = 6.0  # times the sum of the radii: if no two disks come nearer, the unit is wrong
 _TRIMMED = 0.98658  # standard deviation of a unit Gaussian within three of them
 
 
@@ -69,7 +71,11 @@ def read(
     missing = [name for name in ("id", "x", "y") if name not in columns]
     if "t" not in columns and "frame" not in columns:
         missing.append("t or frame")
-    problems = []
+    problems = [
+        f"column {name}: has no value"
+        for name, each in columns.items()
+        if np.isnan(each).all() and name != "angle"
+    ]
     if missing:
         problems.append(
             f"missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}"
@@ -78,6 +84,8 @@ def read(
         problems.append(f"a column frame requires {option_name('--fps', 'fps')}, the frames per second")
     if fps is not None and not 0.0 < fps < math.inf:
         problems.append(f"fps = {fps:g}: must be a positive finite number")
+    elif fps is not None and "t" in columns:
+        problems += _fps_problems(columns["t"], fps)
     problems += [f"flip = {each!r}: must be one of {', '.join(FLIPS)}" for each in flip if each not in FLIPS]
     refuse(problems, source)
     for name in {*flip} & {*columns}:
@@ -85,6 +93,8 @@ def read(
     times = columns["t"] if "t" in columns else columns["frame"] / float(fps or 1.0)
     ids = columns["id"]
     whole = np.all([~np.isnan(each) for each in (times, ids, columns["x"], columns["y"])], axis=0)
+    if not whole.any():
+        raise InputError(f"{source}: no line has an id, a time and a position")
     bad = np.flatnonzero(whole & (ids != np.round(ids)))
     found = [f"line {table.line[i]}: id = {ids[i]:g}: must be an integer" for i in bad]
     time, position, angle = {}, {}, {}
@@ -103,6 +113,18 @@ def read(
         found.append(f"{len(time)} disks: at most {_MOST_DISKS} are looked through")
     refuse(found, source)
     return Tracks(time, position, angle, source, int(np.sum(~whole)))
+
+
+def _fps_problems(times: Array, fps: float) -> list[str]:
+    """A line if the times of frames (n,) are not those of a video of `fps` frames per time."""
+    frames = np.unique(times[~np.isnan(times)])
+    if len(frames) < 3:
+        return []
+    step = float(np.median(np.diff(frames)))
+    if abs(step * fps - 1.0) < 0.1:
+        return []
+    fits = option_name(f"--fps {1.0 / step:.4g}", f"fps = {1.0 / step:.4g}")
+    return [f"fps = {fps:g}: the column t has a frame every {step:.4g}, which is {fits}; t alone is enough"]
 
 
 @dataclass(frozen=True)
@@ -171,18 +193,34 @@ def noise(tracks: Tracks, events: Mapping[int, Sequence[float]]) -> Noise:
 
     Differences across an event of the disk are left out; `events` has times of impacts by id. Outliers hardly matter:
     the width is first that of the middle half, then that of all values within three widths. A coordinate with few
-    frames gets the noise of all disks.
+    frames gets the noise of all disks. Positions that are rounded, such as whole pixels, have at least the error of
+    rounding.
     """
     of = {one: _second(t, tracks.position[one], events.get(one, ())) for one, t in tracks.time.items()}
     turned = [_second(tracks.time[one], a[:, None], events.get(one, ())) for one, a in tracks.angle.items()]
     typical = _width(np.concatenate([each.ravel() for each in of.values()]))
+    rounding = _resolution(np.concatenate([*tracks.position.values()])) / math.sqrt(12.0)
+    typical = float(np.maximum(typical, np.min(rounding)))
+    least = np.maximum(rounding, _SHARPEST * typical)
     position = {
-        one: np.array([_width(each[:, i]) for i in (0, 1)])
+        one: np.maximum([_width(each[:, i]) for i in (0, 1)], least)
         if len(each) >= _OWN_NOISE
-        else np.full(2, typical)
+        else np.maximum(typical, rounding)
         for one, each in of.items()
     }
     return Noise(position, typical, _width(np.concatenate(turned).ravel()) if turned else math.nan)
+
+
+def _resolution(x: Array) -> Array:
+    """Step (2,) of which all coordinates (n, 2) are multiples, such as a pixel; 0 if there is none."""
+    found = np.zeros(2)
+    for axis in (0, 1):
+        values = np.unique(x[:, axis])
+        steps = np.diff(values)
+        if len(steps) and (step := float(np.min(steps))) > 1e-12 * float(np.max(np.abs(values))):
+            number = (values - values[0]) / step
+            found[axis] = step if np.max(np.abs(number - np.round(number))) < 1e-3 else 0.0
+    return found
 
 
 def _second(t: Array, x: Array, events: Sequence[float]) -> Array:
@@ -208,6 +246,36 @@ def _width(values: Array) -> float:
         inside = size[size <= 3.0 * width]
         width = float(np.sqrt(np.mean(inside**2))) / _TRIMMED
     return width
+
+
+def nearest_pair(tracks: Tracks, radius: Mapping[int, float]) -> float:
+    """Least distance of two disks at one time, over the sum of their radii; infinite without two disks."""
+    nearest, ids = math.inf, sorted(tracks.time)
+    for i, a in enumerate(ids):
+        for b in ids[i + 1 :]:
+            _, k, m = np.intersect1d(tracks.time[a], tracks.time[b], assume_unique=True, return_indices=True)
+            if len(k):
+                away = np.hypot(*(tracks.position[b][m] - tracks.position[a][k]).T)
+                nearest = min(nearest, float(np.min(away)) / (radius[a] + radius[b]))
+    return nearest
+
+
+def cause_of_none(tracks: Tracks, radius: Mapping[int, float], *, with_walls: bool) -> str:
+    """Likely cause why no disk touches another one or a wall, for messages."""
+    times = nearest_pair(tracks, radius)
+    if times == math.inf:
+        no_walls = f"no walls are given: {option_name('--walls or --wall', 'walls')} gives them"
+        wrong = "no disk comes near a wall: the walls, or the unit of x and y, are wrong"
+        return f"no two disks are seen at one time, and {wrong if with_walls else no_walls}"
+    contact = 2.0 * float(np.median([*radius.values()]))
+    text = (
+        f"the nearest two disks are {times * contact:.4g} apart, {times:.3g} times the sum of their radii: "
+    )
+    if times < _FAR:
+        return f"{text}the radii or the unit of x and y are wrong, or no two disks touched"
+    scale = f"{1.0 / times:.2g}"
+    how = option_name(f"--unit x={scale} --unit y={scale}", f"units = {{'x': '{scale}', 'y': '{scale}'}}")
+    return f"{text}positions are in pixels or another unit; {how} if these two touched"
 
 
 def wall_of_numbers(numbers: Sequence[float], tracks: Tracks) -> Wall:

@@ -50,7 +50,7 @@ class Trends:
     speed: Array  # (n,): g_n [length/time]
     rim: Array  # (n,): |R_1 w_1 + R_2 w_2| [length/time]
     each: tuple[Trend, ...]
-    clusters: tuple[tuple[float, int], tuple[float, int]] | None = None  # values of e_n, and their impacts
+    clusters: tuple[tuple[float, int], ...] | None = None  # values of e_n, and their impacts
 
 
 def trends_of(points: Points, problem: CollisionProblem, law: Law, values: Array) -> Trends | None:
@@ -103,40 +103,49 @@ def _trend(J: Array, r: Array, w: Array, k: int, u: Array) -> tuple[float, float
     return float(slope), math.sqrt(max(float(covariance[-1, -1]), 1e-300)), mean
 
 
-def _clusters(
-    value: Array, error: Array, weight: Array
-) -> tuple[tuple[float, int], tuple[float, int]] | None:
-    """Two values of a coefficient with the numbers of impacts, if they are far more likely than one.
+def _clusters(value: Array, error: Array, weight: Array) -> tuple[tuple[float, int], ...] | None:
+    """Two or three values of a coefficient with the numbers of impacts, if they are far more likely than one.
 
-    The scatter about them is that of the errors times a factor, free in both cases; outliers of a robust fit are left
+    The scatter about them is that of the errors times a factor, free in all cases; outliers of a robust fit are left
     out.
     """
     good = np.isfinite(value) & np.isfinite(error) & (weight > 0.3)
     x, s = value[good], error[good]
+    if len(x) < 2 * LEAST:
+        return None
+    found, gained = None, 0.0
+    (_, _, _, one) = _mixture(x, s, np.median(x, keepdims=True))
+    for starts in (((0.2, 0.8),), ((0.1, 0.5, 0.9), (0.1, 0.25, 0.75), (0.25, 0.75, 0.9))):
+        mixtures = [_mixture(x, s, np.quantile(x, each)) for each in starts]
+        centres, scale, belongs, total = max(mixtures, key=lambda each: each[-1])
+        apart = float(np.min(np.diff(np.sort(centres)))) > _APART * scale * float(np.median(s))
+        further = len(centres) - (1 if found is None else len(found))
+        if (
+            apart
+            and total - one - gained >= further * _CLUSTERS
+            and np.min(np.mean(belongs, axis=1)) > _SHARE
+        ):
+            gained = total - one
+            numbers = np.bincount(np.argmax(belongs, axis=0), minlength=len(centres))
+            found = tuple((float(centres[i]), int(numbers[i])) for i in np.argsort(centres))
+    return found
+
+
+def _mixture(x: Array, s: Array, centres: Array) -> tuple[Array, float, Array, float]:
+    """Values (k,), the factor of the errors s (n,), parts of each value in x, (k, n), and ln L, by EM from centres."""
     n = len(x)
-    if n < 2 * LEAST:
-        return None
-    mean = np.sum(x / s**2) / np.sum(1.0 / s**2)
-    factor = math.sqrt(float(np.mean(((x - mean) / s) ** 2)))
-    one = -n * math.log(factor) - 0.5 * n
-    centres = np.quantile(x, [0.2, 0.8])
-    part, scale, two = 0.5, 0.5 * factor, -math.inf
+    factor = math.sqrt(float(np.mean(((x - np.median(x)) / s) ** 2)))
+    part, scale, last = np.full(len(centres), 1.0 / len(centres)), factor / len(centres), -math.inf
     for _ in range(200):
-        each = np.stack([
-            math.log(share) - math.log(scale) - 0.5 * ((x - c) / (scale * s)) ** 2
-            for share, c in ((1.0 - part, centres[0]), (part, centres[1]))
-        ])  # fmt: skip
-        total = np.logaddexp(*each)
-        last, two = two, float(np.sum(total))
+        squares = ((x - centres[:, None]) / s) ** 2
+        each = np.log(part)[:, None] - math.log(scale) - 0.5 * squares / scale**2
+        total = np.logaddexp.reduce(each, axis=0)
         belongs = np.exp(each - total)
-        centres = np.sum(belongs * x / s**2, axis=1) / np.maximum(np.sum(belongs / s**2, axis=1), 1e-300)
-        squares = belongs * ((x - centres[:, None]) / s) ** 2
-        scale = max(math.sqrt(float(np.sum(squares)) / n), 1e-3 * factor)
-        part = float(np.clip(np.mean(belongs[1]), 1e-3, 1.0 - 1e-3))
-        if two - last < 1e-9:
+        if (now := float(np.sum(total))) - last < 1e-9:
             break
-    apart = abs(centres[1] - centres[0]) > _APART * scale * float(np.median(s))
-    if not apart or two - one < _CLUSTERS or not _SHARE < part < 1.0 - _SHARE:
-        return None
-    upper = int(np.sum(belongs[1] > 0.5))
-    return (float(centres[0]), n - upper), (float(centres[1]), upper)
+        last = now
+        centres = np.sum(belongs * x / s**2, axis=1) / np.maximum(np.sum(belongs / s**2, axis=1), 1e-300)
+        squares = ((x - centres[:, None]) / s) ** 2
+        scale = max(math.sqrt(float(np.sum(belongs * squares)) / n), 1e-3 * factor)
+        part = np.clip(np.mean(belongs, axis=1), 1e-3, 1.0)
+    return centres, scale, belongs, now

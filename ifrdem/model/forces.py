@@ -74,7 +74,7 @@ class Force(ReadOnlyAttributes):
         How many sums over all disks `act` needs; `measure` gives each disk's share of them.
     totals_ahead : bool
         True if `measure` reads only mass, radius, k, inertia and `step.random`, so that totals do not depend on the
-        motion. On a CPU a force with this, or without totals, acts within windows, which is much faster.
+        motion. A force with this, or without totals, acts within windows, which is much faster.
     draws_pair : bool
         True if `act` takes `step.pair`, the numbers of `normals(step.random, 0)`, which are drawn faster for all disks
         at once.
@@ -529,7 +529,7 @@ class Drag(Force):
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
         factor = p.left
         if p.quadratic > 0.0:
-            factor /= 1.0 + p.quadratic * ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy) * p.tau
+            factor = factor / (1.0 + p.quadratic * ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy) * p.tau)
         return factor * disk.vx, factor * disk.vy, p.spin_left * disk.spin
 
 
@@ -662,7 +662,9 @@ class Rescale(Force):
 def _velocity_kick(disk, step, p):
     """Independent kick of one disk, before the mean of all is taken off."""
     spread = ti.sqrt((p.power / disk.mass + 2.0 * p.diffusion) * step.dt)
-    return spread * normals(step.random, 0)
+    pair = normals(step.random, 0)
+    # On a GPU, products of numbers are rounded by themselves, those of vectors are not.
+    return ti.Vector([spread * pair[0], spread * pair[1]])
 
 
 @ti.func

@@ -138,7 +138,7 @@ def _describe_histories(trajectory: Trajectory) -> list[str]:
     events, start, end = trajectory.tracked_events
     some = ", ".join(map(str, ids[:8])) + (", ..." if len(ids) > 8 else "")
     until = trajectory.with_unit(f"{end:.6g}", "time")
-    heading = f"histories of {len(ids)} disks ({some})"
+    heading = f"histories of {len(ids)} disk{'s' * (len(ids) != 1)} ({some})"
     return [heading, f"  events            {events}, time {start:.6g} to {until}"]
 
 
@@ -155,7 +155,7 @@ def _describe_files(trajectory: Trajectory) -> list[str]:
     for view in views.paths(path):
         if view.exists():
             old = ", older than the trajectory: `ifrdem link` renews it" if view in stale else ""
-            lines.append(f"  view              {view.name}{old}")
+            lines.append(f"  link              {view.name}{old}")
     return ["files next to it", *lines] if lines else []
 
 

@@ -129,7 +129,7 @@ def draw(
 
 def _theory(results: Results, name: str) -> str | None:
     """The variable with kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
-    names = (f"{name}_theory", f"{name}_by_kinetic_theory_mean", f"{name}_by_theory_mean")
+    names = (f"{name}_theory", f"{name}_theory_mean", f"{name}_by_theory_mean")
     return next((each for each in names if each in results.variables), None)
 
 

@@ -226,11 +226,14 @@ def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str,
     found: dict[str, Variable] = {}
     for i, outcome in enumerate(outcomes):
         parts: list[tuple[tuple[str, ...], str, NDArray[np.float64], str]] = [
-            ((), _named(name, row.name), np.array(float(row.value)), row.unit) for row in outcome.rows
+            ((), _named(name, row.key or row.name), np.array(float(row.value)), row.unit)
+            for row in outcome.rows
         ]
         for table, columns in outcome.tables.items():
             row = _named(name, table, "row")
             for one, values in columns.items():
+                if values.dtype.kind not in "biuf":  # names of quantities
+                    continue
                 parts.append(((row,), _named(name, table, one), np.asarray(values, float), ""))
         for inner, key, values, unit in parts:
             if key not in found:

@@ -26,7 +26,7 @@ def n_actions(u):
     below = part
     while u > below and n < MOST_ACTIONS:
         n += 1
-        part /= n
+        part = part / n
         below += part
     return n
 

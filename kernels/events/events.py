@@ -16,7 +16,7 @@ histories depend neither on the cells nor on the region, only on the disks in it
 from ..columns import LOSS, MECHANISM, TALLY
 from ..compiler.records import NamedVector
 from ..laws.contact import ELASTIC, ROLLS, STICKS, collided
-from ..forces.force_events import act_alone, act_on_all, kick_time
+from ..forces.force_events import act_alone, act_on_all, first_horizon, kick_time
 from ..disks.force_times import action_time
 from ..disks.flights import bits_of, contact_delay, contact_signs, real_of, rounding
 from ..compiler.language import on_gpu, ti
@@ -849,7 +849,12 @@ def begin_queue(
     if ti.static(on_gpu()):
         fresh = n
         for i in range(offset, offset + n):
-            insert_event(i, next_event(i, gas), 0, bins, n_bins, rate, gas)
+            t = next_event(i, gas)
+            if ti.static(gas.uses.forced):
+                if t <= first_horizon(gas):
+                    insert_event(i, t, 0, bins, n_bins, rate, gas)
+            else:
+                insert_event(i, t, 0, bins, n_bins, rate, gas)
 
 
 @ti.func
@@ -884,7 +889,7 @@ def apply_forces(
         end = row + 1
         while kick_time(end, gas) == acts:
             end += 1
-        act_on_all(n, row, end, acts, tile, region, gas)
+        act_on_all(n, row, end, acts, 0, 1, tile, region, gas)
         if acts < window:
             present, fresh = ti.min(ti.cast(acts * rate, ti.i32), n_bins - 1), 0
         row = end

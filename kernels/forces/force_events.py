@@ -28,6 +28,24 @@ def kick_time(row, gas: ti.template()):
 
 
 @ti.func
+def horizon_of(row, gas: ti.template()):
+    """Time up to which events are predicted before the forces of a row of `kicks` act, or the window ends."""
+    horizon = gas.scale.window
+    if ti.static(gas.uses.forced):
+        horizon = ti.min(kick_time(row, gas), horizon)
+    return horizon
+
+
+@ti.func
+def first_horizon(gas: ti.template()):
+    """As `horizon_of`, at the window's beginning."""
+    horizon = gas.scale.window
+    if ti.static(gas.uses.forced):
+        horizon = horizon_of(ti.cast(gas.clock.acted, ti.i32), gas)
+    return horizon
+
+
+@ti.func
 def energy(mass, inertia, vx, vy, spin):
     """Kinetic energy of a disk, in double precision whatever the run computes in."""
     vx_, vy_, spin_ = ti.cast(vx, ti.f64), ti.cast(vy, ti.f64), ti.cast(spin, ti.f64)
@@ -108,16 +126,21 @@ def write_kick(i, t, vx, vy, spin, tile, region: ti.template(), gas: ti.template
 
 
 @ti.func
-def act_on_all(n, first, end, t, tile, region: ti.template(), gas: ti.template()):
-    """Apply the forces of rows `first` to `end` - 1 of `kicks` to the n disks of a region, at time t of the window."""
-    offset = region.lane * gas.grid.lane_slots
+def act_on_all(n, first, end, t, thread, team, tile, region: ti.template(), gas: ti.template()):
+    """Apply the forces of rows `first` to `end` - 1 of `kicks` to the n disks of a region, at time t of the window.
+
+    A `team` of threads shares the disks.
+    """
+    offset = region.lane * gas.grid.lane_slots + thread
+    many = (n - thread + team - 1) // team
     gains = ti.Vector([0.0] * gas.uses.gains, ti.f64)
     for row in range(first, end):
         for force in ti.static(gas.uses.forces):
             if ti.static(force.draws_pair):
                 if ti.cast(gas.kicks[row].force, ti.i32) == force.number:
-                    draw_pairs(offset, n, row, gas)
-        for i in range(offset, offset + n):
+                    draw_pairs(offset, many, team, row, gas)
+        for m in range(many):
+            i = offset + team * m
             if row == first:
                 fly_to(i, t, gas)
                 void_latest_partner(i, gas)
@@ -131,14 +154,15 @@ def act_on_all(n, first, end, t, tile, region: ti.template(), gas: ti.template()
 
 
 @ti.func
-def draw_pairs(offset, n, row, gas: ti.template()):
-    """Draw the first pair of normal random numbers of each disk for a row of `kicks`.
+def draw_pairs(offset, many, team, row, gas: ti.template()):
+    """Draw the first pair of normal random numbers of the disks of a thread for a row of `kicks`.
 
     A separate loop takes half of the time of draws within the loop of the force, because a processor works on several
     disks at a time (`validation/results/forces.md`). The numbers are stored in the times of events, which all disks
     predict again after the force.
     """
-    for i in range(offset, offset + n):
+    for m in range(many):
+        i = offset + team * m
         pair = normals(stream_of_row(i, row, gas), 0)
         gas.motion[i].t_hit, gas.motion[i].t_leave = pair[0], pair[1]
 

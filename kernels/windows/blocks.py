@@ -22,6 +22,9 @@ that. Before it: then g was made later than f, against the assumption. Disks tha
 is faster than the speed that the lists are made for, which is marked too. So no meeting is missed, and the motion of
 hard disks without missed meetings is unique. Times depend on flights only and are the same from either side.
 
+Forces that act on all disks divide the window: before they do, all events up to their time have happened, and then all
+disks begin a flight at that time. A force that acts on one disk at a time of its own is an event of this disk alone.
+
 A marked tile is run again at once with longer lists, and then one event after another. One that is marked then too, or
 that has more disks than a block has room for, is run by one thread (`windows.run_windows_on_gpu`).
 """
@@ -30,8 +33,10 @@ from collections import namedtuple
 from typing import Any
 
 from ..columns import BLOCK_INTEGERS, BLOCK_REALS, BLOCK_SUMS, Columns, columns
-from ..events.events import collide, compare, precedes, separation
 from ..disks.flights import bits_of, contact_signs, real_of
+from ..disks.force_times import action_time
+from ..events.events import LEAST_ID, collide, compare, precedes, separation
+from ..forces.force_events import act_alone, act_on_all, first_horizon, horizon_of, kick_time
 from ..compiler.language import is_single_precision, shared, ti
 from ..layout import (
     AT_END,
@@ -42,6 +47,7 @@ from ..layout import (
     FULL_GHOSTS,
     NEAR_WORDS,
     NO_PARTNER,
+    OWN_ACTION,
     PAIRS,
     TOO_MANY,
 )
@@ -70,6 +76,7 @@ from .windows import WINDOW, begin_window, tile_of, verify_tiles
 
 THREADS = 256  # of a block
 MOST_NEAR = 4 * NEAR_WORDS - 1  # places of a list
+ALL_NEAR = MOST_NEAR  # as the number of disks that may meet one: any in its list
 ABREAST = 8  # threads that look around a disk
 NONE = 0x7FFFFFFF  # the key of no event
 MET, STALE = -1, -2  # of one that happens in this round
@@ -314,7 +321,7 @@ def entry_of(i, m, block: ti.template()):
 def first_meeting(i, n_meet, meet, best, partner, region: ti.template(), block: ti.template()):
     """The earliest meeting of the disk in slot i with those in earlier slots: time, partner. As `list_neighbors` says.
 
-    So each pair is looked at once.
+    So each pair is looked at once. With more than four that may meet, or ALL_NEAR, at all in the list.
     """
     info, motion = block.event_info[i], block.motion[i]
     x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
@@ -462,6 +469,31 @@ def keep_event(i, best, partner, limit, block: ti.template()):
 
 
 @ti.func
+def nothing_before(i, horizon, block: ti.template()):
+    """Time and partner of the event of the disk in slot i if it meets nothing: a force on it alone, or the horizon."""
+    best, partner = horizon, NO_PARTNER
+    if ti.static(block.uses.actions):
+        acts = action_time(i, block)
+        if acts <= horizon:
+            best, partner = acts, OWN_ACTION
+    return best, partner
+
+
+@ti.func
+def predict_first(i, n_meet, meet, horizon, limit, region: ti.template(), block: ti.template()):
+    """Find the first event of the disk in slot i in flights that all disks begin; `n_meet`, `meet` as `first_meeting`.
+
+    Cells have no part in events.
+    """
+    best, partner = nothing_before(i, horizon, block)
+    best, partner = first_meeting(i, n_meet, meet, best, partner, region, block)
+    if ti.static(block.uses.walled):
+        best, partner = first_wall(i, best, partner, region, block)
+    block.motion[i].t_leave = FAR
+    keep_event(i, best, partner, limit, block)
+
+
+@ti.func
 def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.template()):
     """Lay out the disks of a tile for a window: gathered, sorted, with lists and first events. Returns their number.
 
@@ -523,13 +555,9 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
         full, n_meet, meet = list_neighbors(i, margin, region, block)
         if full == 1:
             ti.atomic_or(block.note.mark, LIST_FULL)
-        best, partner = block.scale.window, NO_PARTNER
-        best, partner = first_meeting(i, n_meet, meet, best, partner, region, block)
         if ti.static(block.uses.walled):
             list_walls(i, 0.5 * way, region, block)
-            best, partner = first_wall(i, best, partner, region, block)
-        block.motion[i].t_leave = FAR  # cells have no part in events
-        keep_event(i, best, partner, FAR + 0.0 * margin, block)
+        predict_first(i, n_meet, meet, first_horizon(block), FAR + 0.0 * margin, region, block)
         i += THREADS
     ti.simt.block.sync()
     return n, upper_half(square)
@@ -635,8 +663,14 @@ def collide_queue(tile, me, region: ti.template(), block: ti.template()):
         block.key[i] = STALE
         if p < 0:
             block.key[i] = MET
+            is_action = False
+            if ti.static(block.uses.actions):
+                is_action = p == OWN_ACTION
+                if is_action:
+                    act_alone(i, block.motion[i].t_hit, tile, region, block)
             if ti.static(block.uses.walled):
-                hit_wall(i, block.motion[i].t_hit, tile, region, block)
+                if not is_action:
+                    hit_wall(i, block.motion[i].t_hit, tile, region, block)
         elif ti.cast(block.event_info[p].number, ti.i16) == ti.cast(
             block.event_info[i].partner_number, ti.i16
         ):
@@ -646,7 +680,7 @@ def collide_queue(tile, me, region: ti.template(), block: ti.template()):
 
 
 @ti.func
-def predict_queue(me, limit, fastest, region: ti.template(), block: ti.template()):
+def predict_queue(me, horizon, limit, fastest, region: ti.template(), block: ti.template()):
     """Next events of the disks of all queued events, each by ABREAST threads, which look at the list of a disk."""
     lane = me % 32
     place = me % (2 * ABREAST)
@@ -661,11 +695,13 @@ def predict_queue(me, limit, fastest, region: ti.template(), block: ti.template(
         first = place % ABREAST + 1
         if not looks:
             first = MOST_NEAR + 1  # at none
-        best, partner = block.scale.window, NO_PARTNER
+        best, partner = nothing_before(a, horizon, block)
         best, partner, wrong = look_around(a, first, t, best, partner, region, block)
         number = NONE
         if partner >= 0:
             number = block.event_info[partner].id
+        if ti.static(block.uses.actions):
+            number = ti.select(partner == OWN_ACTION, ti.i32(LEAST_ID), number)
         for step in ti.static([2**k for k in reversed(range(ABREAST.bit_length() - 1))]):
             t_k = shuffled(best, step, mask)
             k, number_k = shuffled_word(partner, step, mask), shuffled_word(number, step, mask)
@@ -694,7 +730,7 @@ def forget_keys(n, me, block: ti.template()):
 
 @ti.func
 def run_rounds(
-    n, tile, me, limit, fastest, serial, rounds, region: ti.template(), block: ti.template()
+    n, tile, me, horizon, limit, fastest, serial, rounds, region: ti.template(), block: ti.template()
 ):  # fmt: skip
     """All events until `limit`, in rounds, or until the tile is marked. Returns the number of rounds so far.
 
@@ -737,16 +773,43 @@ def run_rounds(
                 ti.simt.block.sync()
             collide_queue(tile, me, region, block)
             ti.simt.block.sync()
-            predict_queue(me, limit, fastest, region, block)
+            predict_queue(me, horizon, limit, fastest, region, block)
             forget_keys(n, me, block)
             ti.simt.block.sync()
     return rounds
 
 
 @ti.func
+def act_by_block(n, row, tile, me, limit, fastest, region: ti.template(), block: ti.template()):
+    """Have the forces of a row of `kicks`, and others at the same time, act on all disks, which then look around.
+
+    Returns the row of the forces that act next.
+    """
+    t = kick_time(row, block)
+    end = row + 1
+    while kick_time(end, block) == t:
+        end += 1
+    act_on_all(n, row, end, t, me, THREADS, tile, region, block)
+    i = me
+    while i < n:
+        if block.event_info[i].max_speed_sq > fastest:
+            ti.atomic_or(block.note.mark, TOO_FAST)
+        i += THREADS
+    ti.simt.block.sync()
+    i = me
+    while i < n:
+        predict_first(i, ALL_NEAR, ti.u64(0), horizon_of(end, block), limit, region, block)
+        i += THREADS
+    return end
+
+
+@ti.func
 def run_stages(n, tile, me, fastest, serial, region: ti.template(), block: ti.template()):
-    """All events of the window; own disks are written at each requested moment."""
+    """All events of the window; forces act at their times, and own disks are written at each requested moment."""
     rounds, stage, going = 0, 0, 1
+    row = 0
+    if ti.static(block.uses.forced):
+        row = ti.cast(block.clock.acted, ti.i32)
     while going > 0:
         limit = block.scale.moment[stage]
         if stage > 0 or limit < FAR:
@@ -755,9 +818,19 @@ def run_stages(n, tile, me, fastest, serial, region: ti.template(), block: ti.te
                 block.key[i] = key_of(i, limit, block)
                 i += THREADS
         ti.simt.block.sync()
-        rounds = run_rounds(n, tile, me, limit, fastest, serial, rounds, region, block)
+        horizon = horizon_of(row, block)
+        rounds = run_rounds(n, tile, me, horizon, limit, fastest, serial, rounds, region, block)
         ti.simt.block.sync()
-        if limit < FAR and block.note.mark == 0:
+        acts = 0
+        if ti.static(block.uses.forced):
+            at = kick_time(row, block)
+            acts = ti.cast(at <= block.scale.window and at <= limit and block.note.mark == 0, ti.i32)
+            ti.simt.block.sync()
+            if acts == 1:
+                row = act_by_block(n, row, tile, me, limit, fastest, region, block)
+        if acts == 1:
+            pass
+        elif limit < FAR and block.note.mark == 0:
             write(n, tile, AT_MOMENT + stage, me, THREADS, region, block)
             stage += 1
         else:

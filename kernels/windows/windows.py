@@ -3,6 +3,7 @@
 from ..columns import TALLY
 from ..events.events import predict, run_events
 from ..compiler.language import on_gpu, spread_of_loops, ti
+from ..forces.force_events import first_horizon
 from ..layout import AT_END, BINS_PER_DISK, FULL_CELLS, FULL_SLOTS, TOO_MANY
 from ..disks.particle import round_products
 from .planner import commit, plan
@@ -216,7 +217,7 @@ def load_tiles(first: ti.template(), n_listed: ti.template(), gas: ti.template()
     for item in range((n_listed - first) * team):
         _k, region, m, n = share_of(item, first, gas)
         while m < n:
-            predict(region.lane * gas.grid.lane_slots + m, 0, 1, -1, 1, 1, 0, gas.scale.window, region, gas)
+            predict(region.lane * gas.grid.lane_slots + m, 0, 1, -1, 1, 1, 0, first_horizon(gas), region, gas)
             m += team
 
 

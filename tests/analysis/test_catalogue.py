@@ -9,6 +9,7 @@ import pytest
 
 import ifrdem
 from ifrdem.analysis import catalogue, motion
+from ifrdem.study import task
 
 
 def test_velocities_that_turn_forget_their_direction_where_the_cosine_does(tmp_path: Path) -> None:
@@ -86,3 +87,35 @@ def test_disks_that_cannot_move_have_no_fields(tmp_path: Path) -> None:
         file.write(ifrdem.State([[1.0, 1.0]], [[0.0, 0.0]], [0.0]), {"temperature": 0.0})
     with pytest.raises(ifrdem.InputError, match="mass: must be finite"):
         catalogue.of_fields(ifrdem.Trajectory(tmp_path / "still.h5"), None)
+
+
+def test_a_gas_at_rest_has_no_pressure(tmp_path: Path) -> None:
+    disks = ifrdem.Disks(1, mass=1.0, radius=0.1)
+    with ifrdem.TrajectoryWriter(tmp_path / "rest.h5", disks, ifrdem.Box((2.0, 2.0))) as file:
+        for time in (0.0, 1.0):
+            state = ifrdem.State([[1.0, 1.0]], [[0.0, 0.0]], [0.0], time)
+            file.write(state, {"temperature": 0.0, "collisions": 0})
+    with pytest.raises(ifrdem.InputError, match=r"rest\.h5: T = 0: must be above 0"):
+        catalogue.of_pressure(ifrdem.Trajectory(tmp_path / "rest.h5"), None)
+
+
+def test_keys_of_numbers_are_short_and_apart_from_columns(tmp_path: Path) -> None:
+    """In a study both are variables named after the analysis."""
+    draw, n = np.random.default_rng(5), 60
+    disks = ifrdem.Disks(n, mass=1.0, radius=0.1, species={"heavy": 30, "light": 30})
+    fields = ("position", "velocity", "angular_velocity", "image")
+    with ifrdem.TrajectoryWriter(tmp_path / "gas.h5", disks, ifrdem.Box((9.0, 9.0)), fields=fields) as file:
+        for time in range(6):
+            place, push = draw.uniform(0.0, 9.0, (n, 2)), draw.normal(size=(n, 2))
+            state = ifrdem.State(
+                place, push, draw.normal(size=n), float(time), image=np.zeros((n, 2), np.int32)
+            )
+            file.write(state, {"temperature": 1.0, "rotational_temperature": 1.0, "collisions": 30 * time})
+    run = ifrdem.Trajectory(tmp_path / "gas.h5")
+    for name in ("velocity", "msd", "vacf", "species", "fields"):
+        found = catalogue.ANALYSES[name].of(run, None)
+        keys = [task._named(row.key or row.name) for row in found.rows]
+        columns = {task._named(column) for column in found.tables[""]}
+        assert len(set(keys)) == len(keys) > 0
+        assert not columns & set(keys)
+        assert all(len(key) <= 26 for key in keys), keys

@@ -80,8 +80,8 @@ def test_a_steady_gas_has_no_mark_and_a_changing_one_names_the_quantities(
     assert warnings["steady"] == {what: [] for what in OF_FRAMES}
     for what, quantity in (
         ("velocity", "a20 goes from "),
-        ("rdf", "the number of others whose centres are nearer"),
-        ("structure-factor", "S in the mean over the 32 longest waves"),
+        ("rdf", "the mean number of neighbours within"),
+        ("structure-factor", "the mean of S over the 32 longest waves"),
         ("psi6", "the mean of |psi_6|"),
     ):
         (warning,) = warnings["changing"][what]
@@ -185,7 +185,7 @@ def test_counts_and_seeds_are_whole_in_json(
     for value in (
         record["run"]["seed"],
         record["analyses"]["fields"]["values"]["cells along x"]["value"],
-        record["analyses"]["clusters"]["values"]["disks in it"]["value"],
+        record["analyses"]["clusters"]["values"]["disks in the largest cluster"]["value"],
     ):
         assert isinstance(value, int)
     assert record["run"]["seed"] == 11

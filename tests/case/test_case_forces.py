@@ -89,11 +89,6 @@ def test_the_case_is_in_order() -> None:
         (["force[0].rate=1.0"], "force[0]", "exactly one of step, rate; given: step, rate"),
         (["force[0].step=", "force[0].rate=0.0"], "force[0].rate = 0", "greater than 0"),
         (
-            ["force[0].step=", "force[0].rate=1.0", "run.device=cuda"],
-            "force[0].rate = 1",
-            'requires run.device = "cpu": use step on a GPU',
-        ),
-        (
             ["force[0].quadratic=1.0"],
             "force[0].quadratic = 1",
             "requires kind = 'drag', not with 'random_force'",

@@ -164,7 +164,7 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     assert "D" not in record["analyses"]["msd"]["values"]
     assert "  ! exponent = 2: must be 1 in diffusion" in shown
     assert (
-        "  ! the gas is not stationary: T goes from 1.5 to 0.1667 in that time, and the pressure with it"
+        "  ! the gas is not stationary: T goes from 1.5 to 0.1667 in that time. Pressures are means over that time"
         in shown
     )
     msd = table(Path("run-analysis/run-msd.csv"))

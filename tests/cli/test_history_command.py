@@ -126,7 +126,7 @@ def test_views_and_info_go_together(run, capsys):
     text = capsys.readouterr().out
     assert "histories of 2 disks (3, 7)" in text
     assert "  events            12, time 0 to 2 s" in text
-    assert "  view              run.nc\n" in text
+    assert "  link              run.nc\n" in text
     later = run.with_suffix(".nc").stat().st_mtime_ns + 10**9
     os.utime(run, ns=(later, later))
     assert main(["info", str(run)]) == 0

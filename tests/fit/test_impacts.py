@@ -126,7 +126,8 @@ def test_mirrored_pictures_are_found_by_the_spins(motion: simulator.Motion, tmp_
     ("change", "says"),
     [
         ("pixels", r"positions are in pixels or another unit; units = \{'x': '0.0002"),
-        ("radii", r"times the sum of their radii .* the radii or the unit of x and y are wrong"),
+        ("radii of the other disks", r"radii 0.025 and 0.025 turn at 0.8\d* times the sum of their radii"),
+        ("0.8 radii", r"nearest two disks are .* 1.2\d times the sum of their radii: the radii or the unit"),
         ("angles", r"angles are in another unit; units = \{'angle': 'rad'\}"),
     ],
 )
@@ -137,8 +138,11 @@ def test_wrong_units_and_sizes_are_named(
     if change == "angles":
         text = text.replace("angle (rad)", "angle")
     disks = DISKS
-    if change == "radii":
-        disks = {i: fit.Disk(mass=d.mass, radius=0.9 * float(np.asarray(d.radius))) for i, d in DISKS.items()}
+    if change.endswith("radii"):
+        by = float(change.split()[0])
+        disks = {i: fit.Disk(mass=d.mass, radius=by * float(np.asarray(d.radius))) for i, d in DISKS.items()}
+    elif change.startswith("radii"):
+        disks = {i: DISKS[i + 1 - 2 * (i % 2)] for i in DISKS}
     with pytest.raises(InputError, match=says):
         impacts.find(loaded(tmp_path, text, 240.0), disks)
 

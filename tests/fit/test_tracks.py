@@ -46,6 +46,9 @@ def test_disks_that_pass_each_other_have_not_collided(tmp_path: Path) -> None:
     (tmp_path / "pass.csv").write_text("t,id,x,y\n" + "".join(rows), encoding="utf-8")
     with pytest.raises(InputError, match="no impact was found"):
         impacts.find(tracks.read(tmp_path / "pass.csv"), DISK, error=1e-4)
+    in_mm = fit.Disk(mass=1.0, radius=10.5)  # they pass at 2.05 radii of 10.5e-3
+    with pytest.raises(InputError, match=r"as near as 0\.00102 times the sum of their radii: the radii or"):
+        impacts.find(tracks.read(tmp_path / "pass.csv"), in_mm, error=1e-4)
 
 
 def test_places_without_scatter_need_their_error(tmp_path: Path) -> None:
@@ -80,6 +83,17 @@ def test_bounce_off_a_wall_is_found(tmp_path: Path) -> None:
     assert np.isinf(found.walls["mass_2"][0])
 
 
+def test_whole_pixels_have_the_error_of_rounding() -> None:
+    """A uniform distribution of width q has the standard deviation q / sqrt(12)."""
+    t = np.arange(300.0)
+    paths = {
+        i: np.round(np.stack([v * t, 2.0 - 0.7 * v * t], axis=-1)) for i, v in enumerate((1.9, 0.31, 0.0))
+    }
+    whole = tracks.Tracks(dict.fromkeys(paths, t), {i: 0.25 * x for i, x in paths.items()}, {}, "pixels")
+    every = np.array([*tracks.noise(whole, {}).position.values()])
+    np.testing.assert_allclose(every, 0.25 / np.sqrt(12.0), rtol=0.2)
+
+
 @pytest.mark.parametrize(
     ("text", "options", "says"),
     [
@@ -89,9 +103,15 @@ def test_bounce_off_a_wall_is_found(tmp_path: Path) -> None:
         ("t,id,x,y\n0,1,2,3\n0,1,2,3\n", [], "line 3: disk 1 has two rows at one time"),
         ("t,id,x,y\n0,1,2,3\n", ["--disk", "1"], "--disk 1: must be MASS,RADIUS"),
         ("t,id,x,y\n0,1,2,3\n", ["--wall", "1,2"], "--wall 1,2: must be X1,Y1,X2,Y2"),
-        ("t,id,x,y\n0,1,2,3\n", [], "no impact was found"),
+        ("t,id,x,y\n0,1,2,3\n", [], "no disk has 3 frames at equal steps"),
+        ("t,id,x,y\n0,1,2,3\n0,2,2,3\n0,1,,3\n", [], "no disk has 3 frames at equal steps; 1 lines have no position"),
+        ("", [], "is empty"),
+        ("t,id,x,y\n", [], "no line of values follows the names of the columns"),
+        ("t,id,x,y\n0,1,nan,3\n1,1,nan,3\n", [], "column x: has no value"),
+        ("t,id,x,y\n0,1,nan,3\n1,1,2,\n", [], "no line has an id, a time and a position"),
+        ("t,id,x,y\n0,1,2,3\n.1,1,2,3\n.2,1,2,3\n", ["--fps", "20"], "t has a frame every 0.1, which is --fps 10"),
     ],
-)
+)  # fmt: skip
 def test_wrong_tracks_are_refused(
     text: str,
     options: list[str],

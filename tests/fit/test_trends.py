@@ -127,10 +127,17 @@ def test_a_mixture_is_noticed_and_a_column_of_materials_separates_it(
     one = fit.fit(data, model=["ifr-percussion"], profile=False).laws["ifr-percussion"]
     assert one.trends is not None
     assert one.trends.clusters is not None
+    assert len(one.trends.clusters) == 2
     (low, below), (high, above) = one.trends.clusters
     assert (below, above) == (20, 40)
     assert (low, high) == pytest.approx((0.6, 0.9), abs=0.05)  # of each impact alone: to first order
-    pure = fit.fit(collided(np.full(60, 0.9), np.full(60, 1.0)), model=["ifr-percussion"], profile=False)
+    three = np.array([0.7, 0.8, 0.87])[np.arange(30) % 3]
+    of_three = fit.fit(collided(three, np.full(30, 1.0)), model=["ifr-percussion"], profile=False)
+    found = of_three.laws["ifr-percussion"].trends.clusters  # type: ignore[union-attr]
+    assert found is not None
+    assert [number for _, number in found] == [10, 10, 10]
+    assert [value for value, _ in found] == pytest.approx([0.7, 0.8, 0.87], abs=0.01)
+    pure = fit.fit(collided(np.full(30, 0.9), np.full(30, 1.0)), model=["ifr-percussion"], profile=False)
     assert pure.laws["ifr-percussion"].trends.clusters is None  # type: ignore[union-attr]
 
     table(data, Path("hits.csv"), ["steel" if e < 0.8 else "glass" for e in e_n])

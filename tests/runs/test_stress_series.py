@@ -113,7 +113,7 @@ def test_a_study_has_stresses(folder: Path) -> None:
     assert np.isnan(value[:, :, 0]).all()
     assert (value[:, :, 1:, [0, 3]] > 0.0).all()
     assert found.component.values.tolist() == ["xx", "xy", "yx", "yy"]
-    assert found["stress_friction_P_xy_over_P_yy"].dims == ("e_n", "seed")
+    assert found["stress_friction"].dims == ("e_n", "seed")
 
 
 def test_an_open_box_has_no_stress(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

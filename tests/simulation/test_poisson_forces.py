@@ -15,7 +15,7 @@ from ifrdem import Device
 from ifrdem.errors import EngineError, InputError
 from ifrdem.kernels.compiler.language import ti
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, PoissonForce, PoissonKicks, PoissonSpinKicks, RandomKicks, normals
+from ifrdem.model.forces import Drag, PoissonForce, PoissonKicks, PoissonSpinKicks, RandomKicks
 from ifrdem.model.gravity import Gravity
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
@@ -33,10 +33,11 @@ class Andersen(PoissonForce):
     """Velocities that are forgotten at random times."""
 
     parameters = ("temperature",)
+    draws_pair = True
 
     @staticmethod
     def act(disk, step, p):  # type: ignore[no-untyped-def]
-        v = ti.sqrt(p.temperature / disk.mass) * normals(step.random, 0)
+        v = ti.sqrt(p.temperature / disk.mass) * step.pair
         return v[0], v[1], disk.spin
 
 

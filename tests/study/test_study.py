@@ -326,7 +326,7 @@ def test_species_of_a_quantity_are_curves_or_panels_beside_their_theory() -> Non
         "species": Variable(("species",), np.array(["heavy", "light"])),
         "heat_mean": Variable(("e_n", "time", "species"), values),
         "ratio_mean": Variable(("e_n",), np.array([0.5, 0.6])),
-        "ratio_by_kinetic_theory_mean": Variable(("e_n",), np.array([0.55, 0.65])),
+        "ratio_theory_mean": Variable(("e_n",), np.array([0.55, 0.65])),
     }
     results = Results(variables, {"axes": json.dumps({"e_n": ["e_n"]}), "title": "", "keys": "{}"})
     (axes,) = draw(results, "heat", over="e_n").axes

@@ -14,6 +14,7 @@ import numpy as np
 
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
+from ifrdem.model.forces import Drag, PoissonKicks, RandomKicks
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.device import Device
@@ -48,7 +49,7 @@ GASES = {
 
 
 def engine_of(gas: Gas, device: Literal["cpu", "cuda"], **options: Any) -> Engine:
-    """The engine of a gas at its start: between a floor and a lid, around a post, under gravity."""
+    """The engine of a gas at its start: between a floor and a lid, around a post, under gravity, with forces."""
     radius = np.full(gas.n, 0.5)
     box = Box(Box.from_packing_fraction(radius, 0.25).lengths, periodic=(True, False))
     position = placement.random_positions(box, radius, seed=1)
@@ -66,19 +67,21 @@ def engine_of(gas: Gas, device: Literal["cpu", "cuda"], **options: Any) -> Engin
         device=Device(device, window_collisions=WINDOW),
         walls=[Wall.post((middle[0], middle[1]), 2.0)],
         gravity=(0.0, -0.1),
+        # Two in the same steps, and one at random times.
+        forces=[Drag(0.04, rate=0.1), RandomKicks(0.04, power=0.2), PoissonKicks(2.0, power=0.1)],
         record=["energy"],
         **options,
     )
 
 
-def looked_at(engine: Engine, points: Sequence[RunPoint]) -> list[tuple[State, Any, Any]]:
-    """States and what has been dissipated, at points of a run in the order in which it comes to them."""
+def looked_at(engine: Engine, points: Sequence[RunPoint]) -> list[tuple[State, Any, Any, Any]]:
+    """States, dissipated energies and what forces gave, at points of a run in the order in which it comes to them."""
     due, found = list(points), []
     while due:
         stop = functools.reduce(RunPoint.earlier, due)
         engine.advance(t_end=stop.time, collisions=stop.collisions, next_points=functools.partial(list, due))
         if stop.reached(engine.time, engine.collisions):
-            found.append((engine.state(), *engine.dissipated()))
+            found.append((engine.state(), *engine.dissipated(), engine.force_steps.energy_inputs.copy()))
         due = [each for each in due if not each.reached(engine.time, engine.collisions)]
     return found
 
@@ -108,6 +111,8 @@ def main() -> None:
             "wall collisions": int(on_cpu[-1][0].wall_collisions.sum()),
             "differing": sorted({each for (a, *_), (b, *_) in pairs for each in bits_that_differ(a, b)}),
             "regimes": all(np.array_equal(a[2], b[2]) for a, b in pairs),
+            "energy inputs": all(np.array_equal(a[3], b[3]) for a, b in pairs),
+            "least energy input": float(np.abs(on_cpu[-1][3]).min()),
             # Sums of some hundred terms in another order.
             "losses": all(np.allclose(a[1], b[1], rtol=1e-11, atol=1e-12) for a, b in pairs),
         }

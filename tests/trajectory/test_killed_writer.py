@@ -34,7 +34,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 # Sixty files are compared with the same states.
 some_state, batch = functools.cache(new_state), functools.cache(new_batch)
 
-MOMENTS = 60
+MOMENTS = 30
 N = 3000
 WRITTEN = 400  # as many numbers are written at most
 
@@ -181,7 +181,7 @@ def go_on(path: Path, n: int, compression: str, counted: tuple[int, int, int]) -
     assert assert_whole(path, n, "") == (frames + 1, rows + 1, batches + 1)
 
 
-def test_writers_killed_at_sixty_moments_leave_all_they_had_committed(tmp_path, forks):
+def test_writers_killed_at_thirty_moments_leave_all_they_had_committed(tmp_path, forks):
     committed = []
     for moment in range(MOMENTS):
         path, log = tmp_path / f"{moment}.h5", tmp_path / f"{moment}.log"

@@ -382,7 +382,7 @@ def test_clusters_are_held_to_their_slowest_window() -> None:
 
 
 def test_memory_is_held_to_its_bytes() -> None:
-    assert Memory(1000, 240.0).row(found()).endswith("| 240 bytes a disk | 240 bytes a disk | yes |")
+    assert Memory(1000, 240.0).row(found()).endswith("| 240 bytes per disk | 240 bytes per disk | yes |")
     assert Memory(1000, 239.0).row(found()).endswith("| no |")
 
 
@@ -412,7 +412,7 @@ def test_the_table_measures_each_of_its_gases(
     assert script(table.table, ["--runs", "1", "--seconds", "0.01", "--threads", "1"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("1 thread of ")
-    assert lines[2:4] == ["| gas | measured | to reach | reached |", "|---|---|---|---|"]
+    assert lines[2:4] == ["| gas | measured | target | reached |", "|---|---|---|---|"]
     assert [line.split(" | ")[0].removeprefix("| ") for line in lines[4:]] == [
         "elastic, N = 5e2, phi = 0.3, one thread",
         "a collision at phi = 0.0001, against phi = 0.1, N = 5e2",

@@ -7,7 +7,7 @@ import pytest
 
 from ifrdem.cli import main as cli
 from ifrdem.simulation import backend
-from ifrdem.validation.devices import bits, speed
+from ifrdem.validation.devices import bits, races, speed
 from ifrdem.validation.report.registry import Skip
 
 WITHOUT_GPU = pytest.mark.skipif(backend.cuda_absence() is None, reason="there is a GPU")
@@ -38,7 +38,7 @@ def test_windows_of_another_length_give_other_bits_and_the_same_collisions() -> 
 
 
 @WITHOUT_GPU
-@pytest.mark.parametrize("case", [bits, speed])
+@pytest.mark.parametrize("case", [bits, races, speed])
 def test_without_a_gpu_the_cases_are_skipped_with_the_reason(case) -> None:
     with pytest.raises(Skip, match="no GPU: "):
         case.run(True)

@@ -1,10 +1,10 @@
 """A GPU against the CPU: the same gas from the same start, in windows of the same length.
 
 All that both compute by +, -, *, / and roots agrees to the last bit (`kernels/compiler/compiler_fixes.py` says how):
-the state after many collisions is the same, whatever the tiles. Sines, cosines and logarithms are those of another
-library. So walls that swing and thermal walls give other last bits, which collisions enlarge some tenfold each: such
-gases are compared after two collisions of a disk. In single precision, divisions and roots of a GPU are approximate
-too.
+the state after many collisions is the same, whatever the tiles. So are normal random numbers (`kernels/random.py`).
+Other sines, cosines and logarithms are those of another library: walls that swing and thermal walls give other last
+bits, which collisions enlarge some tenfold each. Such gases are compared after two collisions of a disk. In single
+precision, divisions and roots of a GPU are approximate too.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from ...initial import placement
 from ...model.box import Box
-from ...model.forces import Rescale
+from ...model.forces import Drag, Langevin, PoissonKicks, RandomKicks, Rescale
 from ...model.laws.coin_table import coins
 from ...model.laws.ifr import IFRLaw
 from ...model.overlaps import close_pairs
@@ -80,6 +80,17 @@ def walled(n: int) -> Gas:
     return disks, box, state, law, {"walls": walls, "gravity": (0.0, -0.05)}
 
 
+def driven(n: int) -> Gas:
+    """Coins with forces that act within windows: two in the same steps, one in others, and one at random times."""
+    forces = [
+        Drag(0.04, rate=0.1, quadratic=0.01),
+        RandomKicks(0.04, power=0.2),
+        Langevin(0.11, temperature=0.5, spin_rate=0.3),
+        PoissonKicks(2.0, power=0.1),
+    ]
+    return (*_gas(n, 0.3, COIN)[:4], {"forces": forces})
+
+
 def shaken(n: int) -> Gas:
     """A walled gas on an oscillating floor, below a hot wall."""
     disks, box, state, law, more = walled(n)
@@ -94,6 +105,7 @@ EXACT: dict[str, Callable[[int], Gas]] = {
     "two sizes": lambda n: _gas(n, 0.4, COIN, np.where(np.arange(n) % 2, 0.5, 0.75)),
     "walls and gravity": walled,
     CLUSTERS: clusters,
+    "driven": driven,
     # Their energy is set, from a sum over all of them.
     "rescaled": lambda n: (*_gas(n, 0.3, COIN)[:4], {"forces": [Rescale(0.05, energy=1.0)]}),
 }

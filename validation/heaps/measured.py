@@ -35,18 +35,20 @@ DRUM_RATES = {"LAMMPS": RATES, "LAMMPS, contacts of 0.01": RATES[2:], "ifrdem": 
 
 
 HEAD = """\
-# Measured: a drum and a heap with resting disks, against LAMMPS
+# Measured: a drum and a heap with resting disks, compared with LAMMPS
 
 By `python -m ifrdem.validation.heaps.measured`, {date}, on one thread of a virtual machine (AMD EPYC). Units:
-mean diameter d, its mass per area and g are 1. LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5
-and starts (`validation/heaps/soft_grains.py`), with contacts of 0.03 unless another duration is given. Chipmunk: rigid
-disks in time steps (`validation/heaps/rigid_grains.py`). In brackets: standard errors of the last digits, from the
-scatter of pieces or heaps.
+mean diameter d, its mass per area and g are 1. In brackets: standard errors of the last digits, from the scatter of
+pieces or heaps.
+
+- LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5 and starts
+  (`validation/heaps/soft_grains.py`). Contacts last 0.03 unless another duration is given.
+- Chipmunk: rigid disks in time steps (`validation/heaps/rigid_grains.py`).
 
 ## {drum.NUMBER} disks in a drum of {diameter:g} diameters, resting speed {drum.RESTING_SPEED:g}
 
-Angles against gravity [degrees], of the surface and of the centre of mass seen from the axis; means over pieces of
-{drum.PIECE:g} rad of turning.
+Angles relative to gravity [degrees], of the surface, and of the line from the axis to the centre of mass; means over
+pieces of {drum.PIECE:g} rad of rotation.
 
 | | Omega sqrt(d/g) | Fr | surface | centre | pieces | asleep |
 |---|---|---|---|---|---|---|"""
@@ -121,8 +123,8 @@ def write_tables() -> None:
             lines.append(row([*cells, asleep]))
     lines += [
         "", f"## {heap.NUMBER} disks that rain onto a plate of {heap.RIGHT - heap.LEFT:g} diameters", "",
-        "Angle of repose [degrees], and packing fraction inside (where: `validation/heaps/heap.py`). Of disks of",
-        "others those count as awake that moved by more than 0.001 in the last 8 units of time of 80.", "",
+        "Angle of repose [degrees], and packing fraction inside (region: `validation/heaps/heap.py`). In the other",
+        "codes a disk is awake if it moved by more than 0.001 in the last 8 of 80 units of time.", "",
         "| | heaps | angle | packing fraction | disks awake at the end |", "|---|---|---|---|---|",
     ]  # fmt: skip
     for name, heaps_of in measured_heaps().items():
@@ -148,7 +150,7 @@ def measured_heaps() -> dict[str, list[heap.Heap]]:
         for one in csv.DictReader(file):
             name = one["code"]
             if name == "ifrdem":
-                name = f"resting speed {float(one['resting_speed']):g}"
+                name = f"ifrdem, resting speed {float(one['resting_speed']):g}"
             angle, packing, cover = (float(one[key]) for key in ("angle", "packing_fraction", "cover"))
             found.setdefault(name, []).append(heap.Heap(angle, packing, cover, int(one["awake"])))
     return {name: found[name] for name in sorted(found) if len(found[name]) > 1}

@@ -36,8 +36,8 @@ GAS = (
 )  # fmt: skip
 """Cases that compare many disks with the literature and kinetic theory; they take minutes, and a seed."""
 
-DEVICE = ("device_bits", "device_speed")
-"""Cases for a GPU that is new: against the CPU, and its speed; ten minutes."""
+DEVICE = ("device_bits", "device_races", "device_speed")
+"""Cases for a GPU that is new: against the CPU, races of threads, and its speed; ten minutes."""
 
 CASES = PAPER + BULLET + GAS + DEVICE  # in the order in which they run
 GROUPS: dict[str, tuple[str, ...]] = {"paper": PAPER, "bullet": BULLET, "gas": GAS, "device": DEVICE}

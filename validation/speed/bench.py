@@ -192,7 +192,7 @@ class Benchmark:
             f"windows of the whole box in order instead: {own['windows_in_order']}",
             "time a window": f"{1e3 * own['seconds_per_window']:.4g} ms, "
             f"the slowest {1e3 * own['slowest_window_seconds']:.4g} ms",
-            "memory": f"{self.bytes_per_disk:.4g} bytes a disk",
+            "memory": f"{self.bytes_per_disk:.4g} bytes per disk",
         }
         if self.sent is not None:
             kinds = (("ghosts", "disks"), ("hashes", "hashes and ways"), ("sums", "sums"))

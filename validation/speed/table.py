@@ -17,7 +17,7 @@ from ...tools.arguments import script
 from . import bench
 from .bench import Benchmark, TimedRun
 
-COLUMNS = ("gas", "measured", "to reach", "reached")
+COLUMNS = ("gas", "measured", "target", "reached")
 AFTER = 300.0  # collisions per disk, after which coins are in clusters
 BIG = 10.0  # radius of the larger disks of two sizes, of the smaller one's
 Timed = Callable[[float], TimedRun]
@@ -96,7 +96,9 @@ class Memory:
     def row(self, found: Benchmark) -> str:
         size = found.bytes_per_disk
         name = f"memory at N = {_power(self.n, 0)}, ledger included"
-        return _row(name, f"{size:.4g} bytes a disk", f"{self.target:g} bytes a disk", size <= self.target)
+        return _row(
+            name, f"{size:.4g} bytes per disk", f"{self.target:g} bytes per disk", size <= self.target
+        )
 
 
 def coins(n: int, phi: float, *, device: str, threads: int | None, **run: Any) -> CaseSections:

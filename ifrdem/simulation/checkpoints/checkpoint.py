@@ -325,9 +325,10 @@ def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], devi
         (written, here, runtime.have_same_bits(written, here, device)),
     ):
         if not same:
+            resume = _remedy(*written) if now is here else ""
             raise InputError(
                 f"{path} was written by {' '.join(map(str, before))}, this is {' '.join(now)}: a run resumes to the "
-                f"bit with the same version only. {_remedy(*written) if now is here else ''}Begin a new run from a "
+                f"bit with the same version only. {f'{resume}, or begin' if resume else 'Begin'} a new run from a "
                 'stored frame: start.positions = "NAME.h5"'
             )
 
@@ -340,10 +341,10 @@ def report_runtime(record: Mapping[str, Any], path: str | os.PathLike[str]) -> N
 
 
 def _remedy(name: str, version: str) -> str:
-    """Sentence that says how to resume with a runtime of this version; empty for an unknown runtime."""
+    """How to resume with a runtime of this version; empty for an unknown runtime."""
     if name not in runtime.NAMES:
         return ""
     chosen = option_name(f"--runtime {name}", f"{runtime.VARIABLE}={name}")
     if runtime.version(name) == version:
-        return f"Resume with `{chosen}`. Or: "
-    return f"Resume with it: `pip install {name}=={version}`, `{chosen}`. Or: "
+        return f"Resume with `{chosen}`"
+    return f"Resume with it: `pip install {name}=={version}`, `{chosen}`"

@@ -72,9 +72,7 @@ def acts_within(force: Force, arrays: DeviceArrays) -> bool:
     In a sheared box positions depend on the tile, to rounding, which a custom force may see.
     """
     ours = type(force).__module__ == Force.__module__
-    return (
-        not arrays.on_gpu and (not force.totals or force.totals_ahead) and (ours or not arrays.uses.sheared)
-    )
+    return (not force.totals or force.totals_ahead) and (ours or not arrays.uses.sheared)
 
 
 class ForceSteps:
@@ -95,9 +93,9 @@ class ForceSteps:
                 )
             force.check(disks)
             if isinstance(force, PoissonForce) and not acts_within(force, arrays):
-                where = "on a GPU" if arrays.on_gpu else "for a custom force in a sheared box"
                 raise InputError(
-                    f"forces[{i}] = {force!r}: random times are not supported {where}: use a force in steps"
+                    f"forces[{i}] = {force!r}: random times are not supported for a custom force in a sheared box: use "
+                    "a force in steps"
                 )
             _check_compiles(i, force)
         self.arrays = arrays

@@ -426,13 +426,19 @@ class DeviceArrays:
         if self.grid.blocks == blocks:
             return
         self.grid.blocks = blocks
-        rows, summed = blocks * k.BLOCK_SLOTS, self.uses.turned or self.uses.itemised
+        rows = blocks * k.BLOCK_SLOTS
         self.make("block_integers", rows * BLOCK_INTEGERS.width)
         self.make("block_reals", rows * BLOCK_REALS.width)
-        self.make("block_sums", rows * BLOCK_SUMS.width if summed else 1)
+        self._make_block_sums()
         self.make("near", rows * k.NEAR_WORDS)
         self.make("near_image", rows if self.uses.walled else 1)
         self.make("image_list", rows if self.uses.walled else 1)
+
+    def _make_block_sums(self) -> None:
+        """Make the part of the scratch space of blocks that only some gases have."""
+        uses, rows = self.uses, int(self.grid.blocks) * k.BLOCK_SLOTS
+        needed = uses.turned or uses.itemised or uses.actions
+        self.make("block_sums", rows * BLOCK_SUMS.width if needed else 1)
 
     def _make_lanes(self, cells_of_all: float) -> None:
         """Make scratch space for the lanes, unless there is enough; the whole region has so many cells."""
@@ -691,6 +697,8 @@ class DeviceArrays:
         """Set the forces that act within windows, between two of these; what they have given is 0."""
         self.uses = self.uses.replace(forces=forces)
         self.make("action", int(self.grid.lanes * self.grid.lane_slots) if self.uses.actions else 1)
+        if self.blockwise:
+            self._make_block_sums()
         self.extra_tally = dataclasses.replace(self.extra_tally, n_forces=len(forces))
         if (columns := self.extra_tally.width) != self.columns:
             self.columns, self.total = columns, np.zeros(0)

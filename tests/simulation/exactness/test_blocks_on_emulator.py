@@ -38,7 +38,7 @@ def gases(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str
         env=os.environ | SETTINGS | own,
         capture_output=True,
         text=True,
-        timeout=600,
+        timeout=1200,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1]), done.stderr
@@ -63,5 +63,7 @@ def test_blocks_have_the_bits_of_the_cpu(
     assert found["collisions"] >= 500
     assert found["wall collisions"] >= 20
     assert found["differing"] == []
+    assert found["energy inputs"]
+    assert found["least energy input"] > 10.0
     assert found["regimes"]
     assert found["losses"]

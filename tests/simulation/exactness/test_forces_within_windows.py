@@ -87,10 +87,12 @@ def in_shear() -> Engine:
 
 
 CASES: dict[str, Make] = {
-    "several forces": lambda: gas(
-        equal_disks(300), [*two_forces(), SpinKicks(0.07, power=0.3), Drag(0.05, rate=0.2, quadratic=0.1)]
+    "mixture in tiles": lambda: gas(
+        mixture(700),
+        [*two_forces(), SpinKicks(0.07, power=0.3), Drag(0.05, rate=0.2, quadratic=0.1)],
+        order="tiled",
+        tile_disks=60,
     ),
-    "mixture in tiles": lambda: gas(mixture(700), two_forces(), order="tiled", tile_disks=60),
     # At the times of the thermostat all forces act between windows.
     "with a thermostat": lambda: gas(equal_disks(300), [*two_forces(), Rescale(0.15, energy=1.5)]),
     "table": lambda: gas(equal_disks(300), [TableFriction(0.05, mu=0.05, gravity=2.0)]),

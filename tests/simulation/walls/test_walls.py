@@ -156,6 +156,27 @@ def test_a_moving_wall_is_hit_at_the_first_root(shape: str, motion: Motion, grav
     assert compared > 0
 
 
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_disk_meets_the_image_of_a_post_behind_a_periodic_side(order: str) -> None:
+    """It sees the post from in front of the side and touches it behind, where the post is a mirror."""
+    begin, v, post = np.array([9.7, 3.5]), np.array([0.5, 1.0]), np.array([10.6, 5.0])
+    r = begin - post
+    hit = (-(r @ v) - math.sqrt((r @ v) ** 2 - (v @ v) * (r @ r - 0.8**2))) / (v @ v)
+    normal = (r + v * hit) / 0.8
+    after = v - 2.0 * (v @ normal) * normal
+    end = begin + v * hit + after * (2.0 - hit)
+    assert (begin + v * hit)[0] > 10.0
+    for turned in (slice(None), slice(None, None, -1)):
+        start = State(begin[None, turned], v[None, turned], np.zeros(1))
+        wall = Wall.post(tuple((post - [10.0, 0.0])[turned]), 0.3)
+        disk = Disks(1, mass=1.0, radius=0.5)
+        engine = Engine(disk, Box((10.0, 10.0)), start, LAW, walls=[wall], order=order)
+        state = run_to(engine, 2.0)
+        assert engine.wall_collisions == 1
+        np.testing.assert_allclose((state.position + 10.0 * state.image)[0, turned], end, rtol=1e-13)
+        np.testing.assert_allclose(state.velocity[0, turned], after, rtol=1e-12)
+
+
 @pytest.mark.parametrize("kind", ["sine", "sawtooth"])
 def test_a_slow_disk_is_not_at_rest_near_a_fast_wall(kind: str) -> None:
     """It takes a thousand periods of the wall until the disk is within its amplitude.
