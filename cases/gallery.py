@@ -15,7 +15,7 @@ from PIL import Image
 from ifrdem.case import shipped
 
 DOCS = Path(__file__).resolve().parents[1] / "ifrdem" / "docs"
-WIDTH, COLOURS = 760, 32
+WIDTH, COLOURS = 960, 40
 ORDER = (
     "cooling",
     "clusters",
@@ -135,7 +135,7 @@ def section(name: str) -> str:
     """Markdown of one case: title, picture, command, and where the case stands."""
     return f"""### {shipped.title(name)}
 
-![Picture of the case {name}](gallery/{name}.png)
+![{shipped.title(name)}](gallery/{name}.png)
 
 {shipped.comment(name)}
 
@@ -236,7 +236,8 @@ ifrdem movie {MOVIE} -o clusters.webp
     wall = (on_the_wall(name) for name in WALL)
     cases = """## The cases
 
-The picture that `ifrdem run` makes of each.
+`ifrdem run CASE` draws this picture of each: temperatures against time (energies, where friction stops the disks) with
+kinetic theory where it holds, profiles of a gas between walls, and the disks at the end, coloured by spin or species.
 """
     return "\n".join((head, *wall, cases, *(section(name) for name in ORDER), STUDY, MIXTURE, LAWS))
 
@@ -273,9 +274,13 @@ def mixture_study(runs: Path) -> None:
         ifrdem("plot", "mixture_study.nc", what, *words, cwd=runs)
         with Image.open(runs / f"mixture_study-{what}.png") as image:
             pictures.append(image.convert("RGB"))
-    all_of_them = Image.new("RGB", (sum(each.width for each in pictures), pictures[0].height))
-    for i, each in enumerate(pictures):
-        all_of_them.paste(each, (i * each.width, 0))
+    all_of_them = Image.new(
+        "RGB", (sum(each.width for each in pictures), max(each.height for each in pictures)), "white"
+    )
+    left = 0
+    for each in pictures:  # their axes are as high as each other; legends differ
+        all_of_them.paste(each, (left, all_of_them.height - each.height))
+        left += each.width
     all_of_them.save(runs / "mixture_study.png")
     shrink(runs / "mixture_study.png", DOCS / "gallery" / "mixture_study.png", 1200)
 
@@ -314,7 +319,8 @@ def main(runs: Path) -> None:
     for name, (case, words, _) in WALL.items():
         ifrdem("plot", f"{case}.h5", *words.split(), "--force", "-o", f"wall-{name}.png", cwd=runs)
         small = DOCS / "gallery" / "wall" / f"{name}.png"
-        shrink(runs / f"wall-{name}.png", small, WALL_WIDTH, WALL_COLOURS)
+        panels = 2 if words.startswith("fields") else 1
+        shrink(runs / f"wall-{name}.png", small, panels * WALL_WIDTH, WALL_COLOURS)
     study(runs)
     mixture_study(runs)
     laws(runs)

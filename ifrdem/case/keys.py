@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
+from ..trajectory.descriptions import REDUCED
 from .case import CaseSections
 from .messages import kind_of, models_in
 from .section import Section
@@ -26,6 +27,34 @@ def reference() -> str:
         heading = f"[[{name}]]" if get_origin(found.annotation) is list else f"[{name}]"
         lines += [f"## {heading}", "", *_section(models_in(found.annotation), name)]
     return "\n".join(lines).rstrip()
+
+
+def about(key: str, *, reduced: bool = False) -> tuple[str, str]:
+    """Description and unit of a key that is spelled as for `--set`; no unit for pure numbers, and none unless known.
+
+    Examples
+    --------
+    >>> about("species[0].speed_rms")
+    ('root mean square speed at the start', 'm s-1')
+    """
+    *sections, name = re.sub(r"\[-?\d*\]", "", key).split(".")
+    models: list[type[Section]] = [CaseSections]
+    for section in sections:
+        models = [
+            inside
+            for model in models
+            if section in model.model_fields
+            for inside in models_in(model.model_fields[section].annotation)
+        ]
+    text = next((model.about(name)[0] for model in models if name in model.model_fields), "")
+    first = re.split(r"[:;,]", _TYPE.sub("", _UNIT.sub("", text)))[0]
+    found = _UNIT.search(text)
+    if found is None or found[1] == "1":
+        return first, ""
+    above, *below = found[1].split("/")
+    factors = [*([] if above == "1" else [above.replace("^", "")])]
+    factors += [f"{unit}-{power or 1}" for unit, _, power in (each.partition("^") for each in below)]
+    return first, REDUCED if reduced else " ".join(factors)
 
 
 def _section(models: list[type[Section]], path: str) -> Iterator[str]:

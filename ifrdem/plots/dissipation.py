@@ -97,5 +97,5 @@ def draw(left: Axes, right: Axes, trajectory: Trajectory, frames: Sequence[int] 
     for name, each in zip(names, share.tolist(), strict=True):
         right.annotate(f"{each:.3g} %", (max(each, 0.0), name), (4.0, 0.0), **style)
     right.invert_yaxis()
-    ends = 1.25 * min(float(share.min(initial=0.0)), 0.0), 1.25 * max(float(share.max(initial=0.0)), 1.0)
+    ends = 1.4 * min(float(share.min(initial=0.0)), 0.0), 1.4 * max(float(share.max(initial=0.0)), 1.0)
     right.set(xlabel="share of the energy dissipated (%)", xlim=ends)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -79,10 +80,10 @@ def figure(
     from ..trajectory.reader import Trajectory
     from .disks import figure_size
     from .run import title as title_of
-    from .style import NARROW, ROTATION, is_poster
+    from .style import NARROW, ROTATION, fit_to_column, is_poster
 
     instance("trajectory", trajectory, Trajectory)
-    layout, frames = _layout(trajectory, what), _numbers(trajectory, frames)
+    layout, frames, given = _layout(trajectory, what), _numbers(trajectory, frames), size
     if is_poster.get():
         return _poster(trajectory, what, frames, color, make, size, dpi, options)
     wide = layout.get("ncols", 1) > 1
@@ -94,6 +95,7 @@ def figure(
     axes = drawn.subplots(squeeze=False, **layout).ravel()
     evaluation = _draw(axes, trajectory, what, frames, over, color, **options)
     _tidy(axes, layout, narrow=size[0] < NARROW)
+    fit_to_column(drawn, axes, taller=make is None and given is not None and len(given) == 1)
     if not title:
         for one in axes:
             one.set_title("")
@@ -130,8 +132,8 @@ def _tidy(axes: Sequence[Axes], layout: dict[str, Any], *, narrow: bool) -> None
     for one in axes if narrow else ():
         for each in (one, *one.child_axes):
             text = each.get_ylabel()
-            if len(text) > LONG_LABEL and "\n" not in text:
-                each.set_ylabel("\n(".join(text.rsplit(" (", 1)))
+            if len(text) > LONG_LABEL:
+                each.set_ylabel(re.sub(r" (\([^()$\n]*\))$", r"\n\1", text))  # units, no formula
 
 
 def _poster(
@@ -164,7 +166,7 @@ def _poster(
     else:
         _draw(list(axes), trajectory, what, frames, color=color, **options)
         for one in axes:
-            poster.finish(one, trajectory, shown_region(trajectory, frame.position))
+            poster.finish(one, trajectory, shown_region(trajectory, frame.position), len(axes))
     poster.arrange(drawn, axes)
     return drawn
 

@@ -50,8 +50,8 @@ def frame(axes: Axes, view: View, color: str) -> None:
     finish(axes, view, region)
 
 
-def finish(axes: Axes, gas: Gas, region: Array) -> None:
-    """Remove titles, axes and colour bars, and add the scale bar below the map."""
+def finish(axes: Axes, gas: Gas, region: Array, panels: int = 1) -> None:
+    """Remove titles, axes and colour bars, and add the scale bar below the map, its text larger with more `panels`."""
     axes.set(title="", xlabel="", ylabel="", xticks=[], yticks=[])
     for each in (*axes.child_axes,):
         each.remove()
@@ -66,10 +66,13 @@ def finish(axes: Axes, gas: Gas, region: Array) -> None:
     style: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "clip_on": False}
     down = -0.4 * STRIP * width / float(np.ptp(region[1]))
     left = float(region[0, 0]) + 0.01 * width
-    axes.plot([left, left + length], [down, down], color="white", lw=2.0, solid_capstyle="butt", **style)
+    axes.plot(
+        [left, left + length], [down, down], color="white", lw=2.0 * panels, solid_capstyle="butt", **style
+    )
     unit = unit_of(gas, "length") or ("mean diameter" if count == 1.0 else "mean diameters")
     text = f"{count:g} {unit}"
-    axes.text(left + length + 0.012 * width, down, text, color="white", va="center", **style)
+    style |= {"color": "white", "va": "center", "fontsize": 10.0 * min(panels, 2)}
+    axes.text(left + length + 0.012 * width, down, text, **style)
 
 
 def scale_length(width: float) -> float:

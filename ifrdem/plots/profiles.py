@@ -102,6 +102,8 @@ def _temperatures(axes: Axes, trajectory: Trajectory, profile: BinAverages) -> N
         (mean.temperatures[:, 1 - axis], ACROSS, "s--", rf"$T_{across}$, across"),
         (mean.rotational_temperature, ROTATION, "^:", rf"$T_\mathrm{{rot}}${spins}"),
     ):
+        if known and values is mean.rotational_temperature and not np.any(np.nan_to_num(values)):
+            continue  # nothing spins
         values = np.where(profile.disks >= FEWEST, values, np.nan)
         _line(axes, profile, values, color=colour, marker=style[0], ls=style[1:], ms=3, lw=1.2, label=text)
     text = "thermal wall"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -13,6 +13,7 @@ from ..model.box import Box
 from ..model.state import Disks
 from ..model.walls.wall import Wall
 from ..tools.checked import Array
+from ..trajectory.descriptions import REDUCED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,6 +73,30 @@ def label(gas: Gas | None, text: str, quantity: str) -> str:
     return f"{text} ({unit_of(gas, quantity) or 'reduced units'})"
 
 
+POWERS = str.maketrans("23", "\N{SUPERSCRIPT TWO}\N{SUPERSCRIPT THREE}")
+
+
+def written(unit: str) -> str:
+    """A unit in the notation of H5MD, such as "kg m2 s-2", as on an axis: kg m²/s²; "reduced" as reduced units.
+
+    Examples
+    --------
+    >>> written("m s-1")
+    'm/s'
+    """
+    if unit == REDUCED:
+        return "reduced units"
+    factors = [re.fullmatch(r"([^\W\d]+)(-?)(\d*)", each) for each in unit.split()]
+    above: list[str] = []
+    below: list[str] = []
+    for one in factors:
+        if one is None:
+            return unit
+        power = one[3].translate(POWERS) if one[3] != "1" else ""
+        (below if one[2] else above).append(one[1] + power)
+    return "/".join([" ".join(above) or "1" * bool(below), *below])
+
+
 def with_unit(gas: Gas | None, text: str, quantity: str) -> str:
     """A text followed by the unit of a quantity, if there is one."""
     return f"{text} {unit_of(gas, quantity) or ''}".rstrip()
@@ -106,8 +131,15 @@ def color_bar(axes: Axes, drawn: Any, text: str, extend: str = "neither", names:
 
 
 def grid(*panels: Axes) -> None:
+    """Draw grid lines at the major ticks of linear and logarithmic axes; write powers of ten as such."""
+    from matplotlib.ticker import ScalarFormatter
+
     for axes in panels:
         axes.grid(True, which="major", lw=0.4, alpha=0.5)
+        for axis in (axes.xaxis, axes.yaxis):
+            if isinstance(each := axis.get_major_formatter(), ScalarFormatter):
+                each.set_useMathText(True)
+                each.set_powerlimits((-3, 4))
 
 
 def place_axes(axes: Axes, gas: Gas | None, region: Array | None = None) -> None:
@@ -131,10 +163,10 @@ PAPER: Any = {
     "font.size": 8.0, "axes.titlesize": 8.0, "axes.labelsize": 8.0, "figure.titlesize": 8.0, "legend.fontsize": 7.0,
     "xtick.labelsize": 7.0, "ytick.labelsize": 7.0, "axes.linewidth": 0.6, "xtick.major.width": 0.6,
     "ytick.major.width": 0.6, "xtick.minor.width": 0.4, "ytick.minor.width": 0.4, "xtick.direction": "in",
-    "ytick.direction": "in", "font.family": "serif", "font.serif": ["STIX Two Text", "STIXGeneral"],
-    "mathtext.fontset": "stix",
+    "ytick.direction": "in", "xtick.top": True, "ytick.right": True, "font.family": "serif",
+    "font.serif": ["STIX Two Text", "STIXGeneral"], "mathtext.fontset": "stix",
 }  # fmt: skip
-"""Settings of Matplotlib of the style "paper": text of 7 and 8 points, thin axes, fonts of journals."""
+"""Settings of the style "paper": text of 7 and 8 points, thin axes with ticks on all sides, fonts of journals."""
 
 
 POSTER: Any = {
@@ -163,43 +195,82 @@ def legend(axes: Axes, location: Literal["best", "lower right"] = "best") -> Non
 
 def legend_above(axes: Axes, columns: int = 3) -> None:
     """A legend over the axes, in rows, where it can hide no curve; figures laid out as "constrained" make the room."""
-    labels = axes.get_legend_handles_labels()[1]
-    if labels:
-        if is_narrow(axes) and max(map(len, labels)) > 24:
-            columns = 1
-        location: Any = {
-            "loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": min(columns, len(labels))
-        }  # fmt: skip
-        axes.legend(frameon=False, fontsize="small", **location)
+    figure, labels = axes.get_figure(root=True), axes.get_legend_handles_labels()[1]
+    if not labels or figure is None:
+        return
+    place, room = axes.get_subplotspec(), figure.get_figwidth()
+    if place is not None:
+        ratios, count = place.get_gridspec().get_width_ratios(), place.get_gridspec().ncols
+        widths = np.ones(count) if ratios is None else np.asarray(ratios, dtype=float)
+        room *= float(widths[list(place.colspan)].sum() / widths.sum())
+    style: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "fontsize": "small"}
+    _fitting(
+        lambda count: axes.legend(ncols=count, **style, **COMPACT),
+        min(columns, len(labels)),
+        room - OF_LABELS,
+    )
+
+
+OF_LABELS = 0.55
+"""Width of the labels next to axes [inches]: a legend is centred over axes, and ends where they do."""
+COMPACT: Any = {"frameon": False, "handlelength": 1.7, "columnspacing": 1.2}
+
+
+def _fitting(make: Callable[[int], Any], columns: int, room: float) -> None:
+    """Make a legend of so many columns, or of as many as a width [inches] has room for."""
+    for count in range(columns, 0, -1):
+        made = make(count)
+        if count == 1 or made.get_window_extent().width <= room * made.get_figure(root=True).dpi:
+            return
+        made.remove()
+
+
+def fit_to_column(figure: Any, panels: Sequence[Axes], *, taller: bool) -> None:
+    """Draw lines and markers of a narrow figure finer; if it may be `taller`, add the height of its legends."""
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
+
+    if not is_narrow(panels[0]):
+        return
+    legends = [each for axes in panels if axes.get_visible() and (each := axes.get_legend()) is not None]
+    for one in (*panels, *legends):
+        for line in one.get_lines() if isinstance(one, Axes) else one.findobj(Line2D):
+            line.set_markersize(0.65 * line.get_markersize())
+            line.set_linewidth(0.75 * line.get_linewidth())
+    if taller:
+        heights = (each.get_window_extent().height for each in (*legends, *figure.legends))
+        figure.set_figheight(figure.get_figheight() + sum(heights) / figure.dpi)
 
 
 def legend_of_figure(figure: Any, axes: Axes, columns: int = 2) -> None:
     """The legend of one panel below all panels of a figure that is laid out as "constrained"."""
     handles, labels = axes.get_legend_handles_labels()
     if labels:
-        columns = 1 if max(map(len, labels)) > 24 and is_narrow(axes) else columns
-        figure.legend(
-            handles, labels, loc="outside lower center", ncols=min(columns, len(labels)), frameon=False
-        )
+        style: Any = {"loc": "outside lower center", **COMPACT}
+        _fitting(
+            lambda count: figure.legend(handles, labels, ncols=count, **style), min(columns, len(labels)),
+            figure.get_figwidth(),
+        )  # fmt: skip
 
 
-def few_labels(axes: Axes) -> None:
-    """Label a logarithmic time axis so that labels neither collide nor lack, however short it is.
+def few_labels(axes: Axes, which: Literal["x", "y"] = "x") -> None:
+    """Label a logarithmic axis so that labels neither collide nor lack, however short it is.
 
     Matplotlib labels powers of ten and, below a decade or so, some of the ticks between them, without regard
     to their width. Below two decades the steps here are those of rulers: 1, 2, 5, or finer.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    first, last = axes.get_xlim()
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    first, last = axes.get_xlim() if which == "x" else axes.get_ylim()
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_minor_formatter(NullFormatter())
     if last / first >= 100.0:
         return
     # Two labels at least: any factor of 5 holds two of the first, any of 2.1 two of the others, and frames
     # that begin at 0 and are evenly spaced span a factor of 2, and the margins.
     steps = (1.0, 2.0, 5.0) if last / first >= 5.0 else (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
-    axes.xaxis.set_major_locator(LogLocator(subs=steps))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
+    axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
 
 
 def _short(value: float) -> str:

@@ -120,6 +120,8 @@ def draw(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = No
     legend(upper)
     if upper.get_xscale() == "log":
         few_labels(upper)
+    if upper.get_yscale() == "log":
+        few_labels(upper, "y")
 
 
 def _points(

@@ -9,7 +9,7 @@ from ..analysis.flow import VelocityCorrelation, VelocitySpectrum
 from ..analysis.result import Columns, Evaluation
 from ..trajectory.reader import Trajectory
 from .series import AXES
-from .style import OPEN, RATIO, ROTATION, TRANSLATION, from_zero, grid, label, legend
+from .style import OPEN, RATIO, ROTATION, TRANSLATION, from_zero, grid, label, legend, with_unit
 
 
 def correlation_alone(axes: Axes, trajectory: Trajectory | None, found: VelocityCorrelation) -> None:
@@ -25,9 +25,8 @@ def correlation_alone(axes: Axes, trajectory: Trajectory | None, found: Velocity
         axes.fill_between(r, value - error, value + error, color=colour, alpha=0.25, lw=0.0)
     axes.axhline(0.0, color=RATIO, ls=":", lw=1.2)
     if np.isfinite(found.length):
-        axes.axvline(
-            found.length, color=RATIO, ls="--", lw=1.2, label=f"correlation length: {found.length:.3g}"
-        )
+        text = with_unit(trajectory, f"correlation length: {found.length:.3g}", "length")
+        axes.axvline(found.length, color=RATIO, ls="--", lw=1.2, label=text)
     axes.set_xlabel(label(trajectory, "distance $r$", "length"))
     axes.set_ylabel(r"$\langle v_i v_j \rangle \,/\, (\langle v^2 \rangle / 2)$")
     legend(axes)

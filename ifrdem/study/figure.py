@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest, option_name
-from ..plots.style import NARROW, is_narrow, legend, legend_of_figure
-from ..trajectory.descriptions import unit_of_whole_gas
+from ..plots.style import (
+    NARROW,
+    few_labels,
+    fit_to_column,
+    grid,
+    is_narrow,
+    legend,
+    legend_of_figure,
+    written,
+)
+from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
 from .results import Results, theory_between
@@ -35,12 +45,17 @@ SYMBOLS = {
 KEY_SYMBOLS = {
     "e_n": "$e_n$", "e_t": "$e_t$", "mu": r"$\mu$", "rho": r"$\rho$", "beta": r"$\beta$", "beta_0": r"$\beta_0$",
     "packing_fraction": r"packing fraction $\phi$", "number": "$N$", "shear_rate": r"shear rate $\dot\gamma$",
+    "speed_rms": r"$v_\mathrm{rms}$ at the start", "spin_rms": r"$\omega_\mathrm{rms}$ at the start",
 }  # fmt: skip
 """Symbols of keys of a case, by their last part."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # Okabe and Ito's
 MOST_PANELS = 12
 BAND = 2.0
 """Standard errors that a band reaches to both sides: 95 % of a normal distribution."""
+AT_POINTS = "theory at points"
+"""Mark of the markers of theory that stand at swept values only."""
+RATIO = "species_T_ratio_"
+"""Beginning of the names of ratios of temperatures to that of the first species."""
 SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
 FILE = "file"
@@ -103,25 +118,27 @@ def draw(
     if size is not None:
         width, height = size[0], size[1] if len(size) > 1 else height / width * size[0]
     figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
-    grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
-    for axes, panel in itertools.zip_longest(grid.ravel(), panels_at):
+    table = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
+    all_axes = list(table.ravel())
+    for axes, panel in itertools.zip_longest(all_axes, panels_at):
         if panel is None:
             axes.set_visible(False)
             continue
         fixed = dict(zip(panels, panel, strict=True))
         _panel(axes, results, name, x, curve, fixed)
-        values = ", ".join(f"{_symbol(results, dim)} = {_value(results, dim, i)}" for dim, i in fixed.items())
+        values = ", ".join(_named(results, dim, i) for dim, i in fixed.items())
         axes.set_title(values, fontsize="medium")
-    first = grid.ravel()[0]
-    _scales(list(grid.ravel()[: len(panels_at)]))
+    first = all_axes[0]
+    _scales(all_axes[: len(panels_at)])
     _legend(
         first, _theory(results, name) is not None, f"{name}_error" in results.variables, x not in swept,
         several=len(panels_at) > 1,
     )  # fmt: skip
-    for axes in grid[-1]:
+    for axes in table[-1]:
         axes.set_xlabel(_label(results, x))
-    for line in grid:
+    for line in table:
         line[0].set_ylabel(_label(results, name))
+    fit_to_column(figure, all_axes[: len(panels_at)], taller=size is not None and len(size) == 1)
     if title:
         figure.suptitle(results.attributes.get("title", ""), fontsize="medium")
     return figure
@@ -164,8 +181,7 @@ def _panel(
     for i in range(count):
         panel = {**fixed, **({curve: i} if curve is not None else {})}
         colour = COLOURS[i % len(COLOURS)] if count <= len(COLOURS) else _shade(i, count)
-        value = _value(results, curve, i)
-        label = value if curve in (None, FILE) else f"{_symbol(results, curve)} = {value}"
+        label = None if curve is None else _named(results, curve, i)
 
         def along(which: str, panel: Mapping[str, int] = panel) -> NDArray[Any] | None:
             one = results.variables.get(which)
@@ -202,8 +218,8 @@ def _panel(
         elif (fine := theory_between(results, name, x, panel)) is not None:
             axes.plot(*fine, "--", color=colour, lw=1.1)
         else:  # only at the swept values: no line joins them
-            axes.plot(where, theory, "_", color=colour, ms=12, mew=1.5)
-    axes.grid(True, which="major", lw=0.4, alpha=0.5)
+            axes.plot(where, theory, "_", color=colour, ms=12, mew=1.5, gid=AT_POINTS)
+    grid(axes)
 
 
 def _scales(panels: Sequence[Axes]) -> None:
@@ -213,8 +229,9 @@ def _scales(panels: Sequence[Axes]) -> None:
     y = y[np.isfinite(y)]
     if len(y) and y.min() > 0.0 and y.max() > SEVERAL_DECADES * y.min():
         panels[0].set_yscale("log")
+        few_labels(panels[0], "y")
     elif len(y) and y.min() >= 0.0:
-        panels[0].set_ylim(bottom=0.0)
+        panels[0].set_ylim(0.0, 1.08 * y.max() or 1.0)
     each_x = [np.asarray(line.get_xdata(), float) for line in lines]
     x = np.concatenate([[], *each_x])
     x, steps = x[np.isfinite(x)], np.diff(each_x[0]) if lines else np.array([])
@@ -232,11 +249,12 @@ def _legend(axes: Axes, theory: bool, error: bool, rows: bool, *, several: bool)
     elif error:
         axes.errorbar([], [], [], fmt="none", color="black", capsize=2, label=label)
     if theory:
-        at_points = any(line.get_marker() == "_" for line in axes.lines)
+        at_points = any(line.get_gid() == AT_POINTS for line in axes.lines)
         style: Any = {"marker": "_", "ms": 12, "mew": 1.5, "ls": ""} if at_points else {"ls": "--", "lw": 1.1}
-        axes.plot([], [], color="black", label="kinetic theory (homogeneous)", **style)
+        label = "kinetic theory" if is_narrow(axes) else "kinetic theory (homogeneous)"
+        axes.plot([], [], color="black", label=label, **style)
     if several:
-        legend_of_figure(axes.get_figure(), axes, 4 if not is_narrow(axes) else 2)
+        legend_of_figure(axes.get_figure(), axes, 6 if not is_narrow(axes) else 2)
     else:
         legend(axes)
 
@@ -247,18 +265,38 @@ def _shade(i: int, count: int) -> Any:
     return colormaps["viridis"](0.95 * i / max(count - 1, 1))
 
 
-def _value(results: Results, dim: str | None, i: int) -> str | None:
-    if dim is None:
-        return None
-    value = results.values(dim)[i]
-    return f"{value:.4g}" if isinstance(value, np.floating) else str(value)
+def _named(results: Results, dim: str, i: int) -> str:
+    """One value of a dimension: $e_n$ = 0.9, and 1 m/s with its unit; of species and other parts their name alone."""
+    value, unit = results.values(dim)[i], results.variables[dim].unit
+    text = f"{value:.4g}" if isinstance(value, np.floating) else str(value)
+    if dim in (FILE, *PARTS):
+        return text
+    return f"{_symbol(results, dim)} = {text} {written(unit) if unit != REDUCED else ''}".rstrip()
 
 
 def _label(results: Results, name: str) -> str:
     key = json.loads(results.attributes["keys"]).get(name)
     one = results.variables.get(name) or results.variables.get(f"{name}_mean")
-    unit = f" ({one.unit})" if one is not None and one.unit else ""
-    return (_symbol(results, name) if key else SYMBOLS.get(name, name.replace("_", " "))) + unit
+    unit = f" ({written(one.unit)})" if one is not None and one.unit else ""
+    if name.startswith(RATIO) and "species" in results.variables:
+        first = results.values("species")[0]
+        return f"$T$ of {name.removeprefix(RATIO).replace('_', ' ')} / $T$ of {first}"
+    return (_symbol(results, name) if key else _quantity(name)) + unit
+
+
+def _quantity(name: str) -> str:
+    """A quantity of the results in words and symbols: species_T_heavy as $T$ heavy."""
+    if name in SYMBOLS:
+        return SYMBOLS[name]
+    text = name.replace("_", " ")
+    for words, symbol in (
+        ("T rot", r"$T_\mathrm{rot}$"),
+        ("T", "$T$"),
+        ("theta", r"$\theta$"),
+        ("psi6", r"$\psi_6$"),
+    ):
+        text = re.sub(rf"(?<![\w$]){words}(?!\w)", lambda _, symbol=symbol: symbol, text)
+    return text.removeprefix("species ") if "$" in text else text
 
 
 def _symbol(results: Results, name: str) -> str:

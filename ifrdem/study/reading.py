@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..errors import DamageError, InputError
 from ..tools.files import NO_VALUES
 from ..trajectory import damage
+from ..trajectory.descriptions import NUMBER
 
 TIMEOUT = 120.0
 """Seconds that the process may take: HDF5 may never finish with a damaged file."""
@@ -104,7 +105,8 @@ def _content(path: str) -> tuple[dict[str, str], dict[str, tuple[NDArray[Any], l
             values = _texts(stored) if h5py.check_string_dtype(stored.dtype) else damage.read(stored)
             if len(dims) != values.ndim:
                 raise ValueError(f"{name} has {values.ndim} axes, and {len(dims)} of them have names")
-            variables[name] = values, dims, str(stored.attrs.get("units", ""))
+            unit = str(stored.attrs.get("units", NUMBER))
+            variables[name] = values, dims, "" if unit == NUMBER else unit
     _check(attributes, variables)
     return attributes, variables
 

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from ..analysis.gas_theory import MOST_KINDS
 from ..case import file as case_file
-from ..case.case import CaseSections
+from ..case.case import UNITS, CaseSections
 from ..case.gas import CaseGas
+from ..case.keys import about
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, there_are
 from ..model.laws.ifr import EnergyWarning
 from ..model.observables import COMPONENTS, MECHANISMS, REGIMES
@@ -28,7 +29,7 @@ from ..theory.mixtures import Mixture
 from ..tools import files
 from ..tools.files import NO_VALUES
 from ..tools.versions import __version__
-from ..trajectory.descriptions import WHOLE_GAS
+from ..trajectory.descriptions import NUMBER, REDUCED, WHOLE_GAS
 from ..trajectory.tables import optional_import
 from . import reading
 from .plan import Plan
@@ -49,6 +50,15 @@ STATISTICS = {
     "": "",
 }
 """Text on each ending of a quantity's name."""
+TEXTS = {
+    SEED: "seed of the random numbers", AT: "where frames are analysed", "time": "time",
+    "collisions_per_disk": "collisions per disk so far, mean over all disks", "run": "name of the file of the run",
+    "theta": "rotational over translational temperature", "failure": "message of a run that failed",
+    "runs": "number of finished runs", "axis": "axes of vectors", "species": "names of the species",
+    "component": "components of the pressure tensor", "mechanism": "mechanisms of dissipation",
+    "regime": "regimes of collisions",
+}  # fmt: skip
+"""Text on variables that are no quantities of the whole gas."""
 BEYOND = 10.0
 """Times the end of the runs, to which theory is followed: it may need longer for as many collisions."""
 
@@ -94,14 +104,14 @@ class Results:
                 scales: dict[str, h5py.Dataset] = {}
                 for dim, size in sizes.items():  # netCDF-4's own notation for an axis with or without values
                     if dim in self.variables:
-                        scales[dim] = _dataset(file, dim, self.variables[dim])
+                        scales[dim] = _dataset(file, dim, self.variables[dim], self._texts(dim))
                         scales[dim].make_scale(dim)
                     else:
                         scales[dim] = file.create_dataset(dim, shape=(size,), dtype=">f4")
                         scales[dim].make_scale(f"{NO_VALUES}{size:10d}")
                 for name, one in self.variables.items():
                     if name not in sizes:
-                        dataset = _dataset(file, name, one)
+                        dataset = _dataset(file, name, one, self._texts(name))
                         for axis, dim in zip(dataset.dims, one.dims, strict=True):
                             axis.attach_scale(scales[dim])
                 for name, text in self.attributes.items():
@@ -120,12 +130,26 @@ class Results:
         attributes, variables = reading.read(path)
         return cls({name: Variable(*each) for name, each in variables.items()}, attributes)
 
+    def _texts(self, name: str) -> dict[str, str]:
+        """The attributes of a variable: `units` ("1" for a pure number, none for texts) and `long_name`."""
+        one, keys = self.variables[name], json.loads(self.attributes.get("keys", "{}"))
+        text = about(keys[name])[0] if name in keys else TEXTS.get(name)
+        for suffix, statistic in STATISTICS.items():
+            if text is None and name.endswith(suffix):
+                stem = name.removesuffix(suffix)
+                described = (
+                    WHOLE_GAS[stem].text if stem in WHOLE_GAS else TEXTS.get(stem, stem.replace("_", " "))
+                )
+                text = described + statistic
+        units = {} if one.values.dtype.kind in "UO" else {"units": one.unit or NUMBER}
+        return units | {"long_name": text or name}
+
     def to_xarray(self) -> xarray.Dataset:
         """The results as an xarray data set (extra `analysis`), with `units` and `long_name` in `attrs`."""
         xarray = optional_import("xarray", "analysis")
         swept = {name for names in self.axes.values() for name in names}
         made = {
-            name: xarray.Variable(one.dims, one.values, _texts(name, one))
+            name: xarray.Variable(one.dims, one.values, self._texts(name))
             for name, one in self.variables.items()
         }
         coordinates = {name: one for name, one in made.items() if (name,) == one.dims or name in swept}
@@ -133,24 +157,14 @@ class Results:
         return xarray.Dataset(others, coordinates, self.attributes)
 
 
-def _dataset(file: h5py.File, name: str, one: Variable) -> h5py.Dataset:
+def _dataset(file: h5py.File, name: str, one: Variable, texts: Mapping[str, str]) -> h5py.Dataset:
     if one.values.dtype.kind in "UO":
         found = file.create_dataset(name, data=one.values.astype(object), dtype=h5py.string_dtype())
     else:
         big = {"compression": "gzip", "shuffle": True} if one.values.nbytes > 100_000 else {}
         found = file.create_dataset(name, data=one.values, **big)
-    for attribute, text in _texts(name, one).items():
+    for attribute, text in texts.items():
         found.attrs[attribute] = text
-    return found
-
-
-def _texts(name: str, one: Variable) -> dict[str, str]:
-    """The attributes of a variable: its unit, and what a quantity of the whole gas is."""
-    found = {"units": one.unit} if one.unit else {}
-    for suffix, text in STATISTICS.items():
-        described = WHOLE_GAS.get(name.removesuffix(suffix)) if name.endswith(suffix) else None
-        if described is not None:
-            found["long_name"] = described.text + text
     return found
 
 
@@ -161,10 +175,11 @@ def collect(
     case = next(iter(good.values()))
     row_axis, positions = along(case)
     variables: dict[str, Variable] = {}
-    swept = tuple(axis.names[0] for axis in plan.axes)
+    swept, reduced = tuple(axis.names[0] for axis in plan.axes), case.run.units == REDUCED
     for axis in plan.axes:
         for name, values in zip(axis.names, zip(*axis.values, strict=True), strict=True):
-            variables[name] = Variable((axis.names[0],), _coordinate(values))
+            unit = about(dict(zip(axis.names, axis.keys, strict=True))[name], reduced=reduced)[1]
+            variables[name] = Variable((axis.names[0],), _coordinate(values), unit)
     variables[SEED] = Variable((SEED,), np.array(plan.seeds))
     names = {"mechanism": MECHANISMS, "regime": REGIMES, "component": COMPONENTS, "axis": ("x", "y")}
     names |= {"species": tuple(each.name for each in case.species)} if len(case.species) > 1 else {}
@@ -191,7 +206,7 @@ def collect(
             corner: Any = (*task.index, *(slice(size) for size in one.values.shape))
             room[corner] = one.values
             found[name] = Variable(whole.dims, room, one.unit)
-    unit = case.unit("time").strip() if row_axis == "time" else ""
+    unit = UNITS[case.run.units]["time"] if row_axis == "time" else ""
     variables[row_axis] = Variable((row_axis,), positions, unit)
     variables |= {name: Variable((*swept, SEED), each) for name, each in texts.items()}
     variables |= _means(found, len(swept))

@@ -773,7 +773,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         """
         file = self._opened()
         with damage.as_damage_error(self.path, name):
-            if name in layout.STATIC:
+            if name in (*layout.STATIC, "species"):
                 return np.dtype(file[f"{layout.PARTICLES}/{name}"].dtype)
             return np.dtype(layout.field_dataset(file, self.require(name)).dtype)
 

@@ -2,11 +2,11 @@
 
 NAME.vtkhdf is a temporal PolyData of VTK's HDF format (version 2.0, "VTKHDF File Format" on docs.vtk.org), for
 ParaView, PyVista and vtkHDFReader: points with z = 0, a vertex cell each, and as point data the stored fields (vectors
-with z = 0), radius, mass, material and id. NAME.nc follows the AMBER convention (ambermd.org/netcdf/nctraj.xhtml) in
-NetCDF-4, for OVITO, xarray and ASE: coordinates, velocities, and the other fields by their names. Its cell has the
-length 0 where the box is not periodic, which is how ASE and OVITO write that; z is as long as the longest side, because
-OVITO finds no neighbours in a cell without a volume, and 0 too where no side is periodic. All disks have the atomic
-number 0, ASE's "X".
+with z = 0), radius, mass, material, species and id. NAME.nc follows the AMBER convention
+(ambermd.org/netcdf/nctraj.xhtml) in NetCDF-4, for OVITO, xarray and ASE: coordinates, velocities, and the other fields
+by their names. Its cell has the length 0 where the box is not periodic, which is how ASE and OVITO write that; z is as
+long as the longest side, because OVITO finds no neighbours in a cell without a volume, and 0 too where no side is
+periodic. All disks have the atomic number 0, ASE's "X".
 
 The data are virtual datasets of HDF5 that name NAME.h5, or its parts, from the folder that they are in: move the files
 together. A view shows the
@@ -30,12 +30,13 @@ from ..mpi import distribution
 from ..tools import files
 from ..tools.files import NO_VALUES, VIEWS, check_apart, check_files
 from . import layout as layouts
-from .descriptions import CONSTANTS, FIELDS, unit_of
+from .descriptions import CONSTANTS, FIELDS, REDUCED, unit_of
 from .file import check_views
 from .parts import SEE, as_source, nothing
 from .reader import Trajectory, check_file
 
-CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
+CONSTANT = ("radius", "mass", "material", "species")  # constant properties that tools are shown
+REDUCED_UNITS = dict.fromkeys(("length", "mass", "time", "velocity", "angular_velocity", "angle"), REDUCED)
 TOPOLOGIES = ("Vertices", "Lines", "Strips", "Polygons")
 # Axes of an AMBER file that have no values of their own, and their names in netCDF-4's own notation.
 ZEROS = "zeros"  # the group of what fills z
@@ -182,7 +183,8 @@ LONG_NAMES = {
     "collisions": "collisions of each disk so far", "image": "box lengths travelled through periodic sides; z is 0",
     "last_partner": "partner of the latest collision; -1 none yet, -2 - w wall w",
     "Z": "0: disks are no chemical elements", "radius": "radius", "mass": "mass",
-    "material": "number of the material",
+    "material": "number of the material", "species": "number of the species",
+    "spatial": "axes of vectors", "cell_spatial": "edges of the periodic cell",
 }  # fmt: skip
 """What each variable of a NetCDF file holds."""
 
@@ -205,6 +207,7 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
             labels = list("xyz" if name == "spatial" else "abc")
             axes[name] = file.create_dataset(name, data=np.array(labels, dtype="S1"))
             axes[name].make_scale(name)
+            axes[name].attrs.create("long_name", np.bytes_(LONG_NAMES[name].encode()))
         else:
             axes[name] = file.create_dataset(name, shape=(length,), dtype=">f4")
             axes[name].make_scale(f"{NO_VALUES}{length:10d}")
@@ -218,7 +221,7 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
             if value is not None:
                 variable.attrs.create(key, np.bytes_(value.encode()))
 
-    units = trajectory.units
+    units = trajectory.units or ({} if trajectory.stated_units is None else REDUCED_UNITS)
     attach(file.create_dataset("time", data=trajectory.times), "frame", unit=units.get("time"))
     if "collisions" in trajectory.observables:
         per_disk = 2.0 * trajectory.observables["collisions"] / n

@@ -12,7 +12,7 @@ from support import layout_files
 
 import ifrdem
 from ifrdem.cli import main as cli
-from ifrdem.plots import pictures
+from ifrdem.plots import pictures, style
 from ifrdem.study import figure as study_figure
 from ifrdem.study.results import Results
 from ifrdem.study.task import Variable
@@ -51,11 +51,36 @@ def test_two_panels_of_a_column_are_above_each_other_with_legends_off_the_data(t
         figure = pictures.figure(run, "velocity", size=COLUMN, dpi=300, title=False)
     assert geometry(wide) == (1, 2)
     assert geometry(figure) == (2, 1)
-    assert figure.get_size_inches() == pytest.approx((3.4, 1.7 * 3.4))
+    width, height = figure.get_size_inches()
+    assert width == 3.4
+    assert 1.7 * 3.4 < height < 2.1 * 3.4  # two panels, and their legends
     assert figure.dpi == 300
     assert wide.get_suptitle() != ""
     assert figure.get_suptitle() == ""
     assert_legends_are_off_the_data(figure)
+
+
+def test_labels_of_narrow_figures_break_before_units_only() -> None:
+    axes = Figure(figsize=(3.4, 3.0)).subplots()
+    for text, broken in (
+        ("displacement of the piston (m)", "displacement of the piston\n(m)"),
+        (r"$\langle v_i v_j \rangle \, / \, (\langle v^2 \rangle / 2)$", None),
+    ):
+        axes.set_ylabel(text)
+        pictures._tidy([axes], {}, narrow=True)
+        assert axes.get_ylabel() == (broken or text)
+
+
+def test_units_are_written_with_fractions_and_powers() -> None:
+    shown = {
+        "kg m2 s-2": "kg m²/s²",
+        "s-1": "1/s",
+        "m s-1": "m/s",
+        "1/s": "1/s",
+        "": "",
+        "reduced": "reduced units",
+    }
+    assert {each: style.written(each) for each in shown} == shown
 
 
 def test_disks_without_spins_have_no_panel_of_spins(tmp_path: Path) -> None:
@@ -92,21 +117,22 @@ def test_wrong_sizes_are_refused(trajectory: Path, size: str, capsys: pytest.Cap
 
 
 def test_swept_keys_have_symbols_unless_two_keys_share_one() -> None:
-    mean = Variable(("e_n", "mu"), np.array([[1.0, 2.0], [3.0, 4.0]]), "J")
+    mean = Variable(("e_n", "speed_rms"), np.array([[1.0, 2.0], [3.0, 4.0]]), "J")
     variables = {
         "e_n": Variable(("e_n",), np.array([0.7, 0.9])),
-        "mu": Variable(("mu",), np.array([0.1, 0.2])),
+        "speed_rms": Variable(("speed_rms",), np.array([0.1, 0.2]), "m s-1"),
         "temperature_mean": mean,
     }
 
     def drawn(keys: dict[str, str]) -> Figure:
-        axes = json.dumps({"e_n": ["e_n"], "mu": ["mu"]})
+        axes = json.dumps({"e_n": ["e_n"], "speed_rms": ["speed_rms"]})
         results = Results(variables, {"axes": axes, "title": "a study", "keys": json.dumps(keys)})
         return study_figure.draw(results, "T", "e_n", size=COLUMN, title=False)
 
-    (axes,) = (figure := drawn({"e_n": "material[0].e_n", "mu": "material[0].mu"})).axes
+    (axes,) = (figure := drawn({"e_n": "material[0].e_n", "speed_rms": "species[0].speed_rms"})).axes
     assert axes.get_xlabel() == "$e_n$"
-    assert [line.get_label() for line in axes.lines] == [r"$\mu$ = 0.1", r"$\mu$ = 0.2"]
+    symbol = r"$v_\mathrm{rms}$ at the start"
+    assert [line.get_label() for line in axes.lines] == [f"{symbol} = 0.1 m/s", f"{symbol} = 0.2 m/s"]
     assert_legends_are_off_the_data(figure)
-    (axes,) = drawn({"e_n": "material[0].e_n", "mu": "pair[0].e_n"}).axes
+    (axes,) = drawn({"e_n": "material[0].e_n", "speed_rms": "pair[0].e_n"}).axes
     assert axes.get_xlabel() == "$e_n$ of material[0]"

@@ -331,10 +331,10 @@ def test_species_of_a_quantity_are_curves_or_panels_beside_their_theory() -> Non
     results = Results(variables, {"axes": json.dumps({"e_n": ["e_n"]}), "title": "", "keys": "{}"})
     (axes,) = draw(results, "heat", over="e_n").axes
     drawn = {line.get_label(): line.get_ydata() for line in axes.lines}
-    np.testing.assert_array_equal(drawn["species = heavy"], [4.0, 10.0])  # at the last row
-    np.testing.assert_array_equal(drawn["species = light"], [5.0, 11.0])
+    np.testing.assert_array_equal(drawn["heavy"], [4.0, 10.0])  # at the last row
+    np.testing.assert_array_equal(drawn["light"], [5.0, 11.0])
     panels = draw(results, "heat").axes
-    assert [each.get_title() for each in panels] == ["species = heavy", "species = light"]
+    assert [each.get_title() for each in panels] == ["heavy", "light"]
     np.testing.assert_array_equal(panels[1].lines[1].get_ydata(), [7.0, 9.0, 11.0])
     (axes,) = draw(results, "heat", over="e_n", by="species").axes
     assert len(axes.lines) == 2
@@ -373,7 +373,11 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
         assert np.max(np.abs(y / straight - 1.0)) > 1e-3  # it is bent, which a line of two points is not
     assert isinstance(ends[names.index(r"$\pm 2$ standard errors")], ErrorbarContainer)
     solid = next(line for line in panels[0].lines if line.get_label() == "$e_n$ = 0.9")
-    mean = study.dataset().temperature_mean
+    found = study.dataset()
+    assert all("long_name" in each.attrs for each in found.variables.values())
+    units = {"time": "reduced", "temperature_mean": "reduced", "theta": "1", "e_n": "1"}
+    assert {name: found[name].units for name in units} == units
+    mean = found.temperature_mean
     assert np.array_equal(solid.get_ydata(), mean.sel(e_n=0.9, mu=0.1))
     assert cli.main(["plot", str(study.output), "theta", "--by", "foo"]) == 2
 

@@ -157,23 +157,25 @@ def test_xarray_reads_every_frame(run, engine):
         assert data.coordinates.dtype == dtype
 
 
-@pytest.mark.parametrize("stated", [True, False])
-def test_every_variable_of_netcdf_has_units_and_a_long_name(tmp_path: Path, stated: bool) -> None:
+@pytest.mark.parametrize("stated", ["SI", "reduced", None])
+def test_every_variable_of_netcdf_has_units_and_a_long_name(tmp_path: Path, stated: str | None) -> None:
     units = {
         "time": "s", "cell_lengths": "m", "coordinates": "m", "velocities": "m s-1", "angular_velocity": "rad s-1",
         "radius": "m", "mass": "kg",
     }  # fmt: skip
-    write(tmp_path / "run.h5", n=N, frames=2, units=UNITS["SI"] if stated else None)
+    write(tmp_path / "run.h5", n=N, frames=2, units=UNITS[stated] if stated else None)
     write_views(tmp_path / "run.h5")
     with h5py.File(tmp_path / "run.nc") as file:
         shown = {name: each for name, each in file.items() if isinstance(each, h5py.Dataset)}
         variables = {name: each for name, each in shown.items() if len(each.dims) and not each.is_scale}
-        assert {*units, "material", "image", "collisions"} <= set(variables)
+        assert {*units, "material", "species", "image", "collisions"} <= set(variables)
+        assert all("long_name" in shown[name].attrs for name in ("spatial", "cell_spatial"))
         for name, variable in variables.items():
             assert variable.attrs["long_name"], name
             unit = variable.attrs.get("units", b"").decode()
             other = "degree" if name == "cell_angles" else "1"
-            assert unit == ((units[name] if stated else "") if name in units else other), name
+            stated_one = {"SI": units.get(name), "reduced": "reduced", None: ""}[stated]
+            assert unit == (stated_one if name in units else other), name
 
 
 def test_ase_reads_every_frame(run):
