@@ -416,14 +416,15 @@ class Study:
 
 
 class StudyProgress:
-    """Runs that are done and the time that is left: a line that stays in its place on a terminal, else a line every
-    5 seconds."""
+    """Runs that are done and the time that is left: a line that stays in its place on a terminal, else a
+    line every 5 seconds, if more runs are done."""
 
     def __init__(self, runs: int, weights: list[float], status: Status) -> None:
         self._runs, self._all, self._status = runs, sum(weights) or 1.0, status
         self._done, self._weight = runs - len(weights), 0.0
         self._first: tuple[float, float] | None = None
         self._printed, self._bar = time.perf_counter(), sys.stderr.isatty()
+        self._runs_printed = ""
 
     def __call__(self, weight: float | None, failed: int) -> None:
         """Update after a finished run with this part of the work; None only updates the clock."""
@@ -440,12 +441,12 @@ class StudyProgress:
         counts = {"runs": self._runs, "runs_done": self._done, "runs_failed": failed}
         self._status.update(fraction=fraction, eta_seconds=left, **counts)
         due = now - self._printed >= (0.2 if self._bar else 5.0)
-        if not quiet() and (due or self._done == self._runs):
-            runs = f"{self._done} of {self._runs} runs" + (f", {failed} failed" if failed else "")
+        runs = f"{self._done} of {self._runs} runs" + (f", {failed} failed" if failed else "")
+        if not quiet() and (due or self._done == self._runs) and (self._bar or runs != self._runs_printed):
             text = f"{100.0 * fraction:5.1f} %  {runs}, ETA {clock_face(left)}"
             shown, end = (f"\r{text:<60}", "") if self._bar else (text, "\n")
             print(shown, end=end, file=sys.stderr, flush=True)
-            self._printed = now
+            self._printed, self._runs_printed = now, runs
 
     def close(self) -> None:
         """Release the terminal."""
