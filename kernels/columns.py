@@ -185,10 +185,10 @@ LEVELS = 3
 # Of all tiles, or of BLOCK_OF_TILES: the largest square of a speed, and maxima of `reach`; then sums of the tally to
 # the end of the window, and to each moment.
 TOTAL = Columns(**columns("max_speed_sq", "excursion", "max_displacement", "overhang"))
-# Slot of a copy at the window's beginning; hash of its history here.
-GHOST = Columns(**columns("slot", "hash_1", "hash_2"))
-# Its position then, from the corner of the tile that made it; bound on its displacement.
-GHOST_POSITION = Columns(**columns("x", "y", "displacement"))
+# Slot of a copy at the window's beginning and, in the bits from GHOST_STEP on, the step of `tiles.gather_tile` to it;
+# hash of its history here; upper half of the largest square of its speed.
+GHOST = Columns(**columns("place", "hash_1", "hash_2", "max_speed_sq"))
+GHOST_STEP = 27
 
 # ---------------------------------------------------------------------- scratch space of a lane
 
@@ -203,16 +203,15 @@ EVENT_INFO = Columns(**columns(
     "hash_1", "hash_2", "max_speed_sq", "kind", "shear_row", "direction",
 ))  # fmt: skip
 # Slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile that
-# lists it.
-IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_collisions", "home_tile"))
-START_POSITION = Columns(**columns("x", "y"))
+# lists it, as the step of `tiles.gather_tile` to that.
+IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_collisions", "step"))
 # The next action of a force on the disk alone (`disks/force_times.py`): time of the run, number of the slice of time,
 # number in it, number of the force among those within windows; actions so far in the window.
 ACTION = Columns(**columns("time", "slice", "draw", "force", "count"))
 CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
 # The scratch space of a block of a GPU (`windows/blocks.py`), by types of numbers.
 BLOCK_INTEGERS = Columns(event_info=EVENT_INFO, image_info=IMAGE_INFO, candidates=CANDIDATE)
-BLOCK_REALS = Columns(motion=MOTION, start_position=START_POSITION, since=None)
+BLOCK_REALS = Columns(motion=MOTION, since=None)
 BLOCK_SUMS = Columns(loss=MECHANISM, turn=None, action=ACTION)
 # AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick hits of something
 # at rest, one after the other.
@@ -439,9 +438,9 @@ DSMC_TABLES: dict[str, Columns] = {
 TABLES: dict[str, Columns] = {
     "disk": DISK, "meta": META, "past": PAST, "hits": HITS, "dissipated": MECHANISM, "held": HELD, "kinds": KIND,
     "history_hash": HISTORY_HASH,
-    "tile": TILE, "reach": REACH, "tally": TALLY, "found": TOTAL, "ghost": GHOST, "ghost_position": GHOST_POSITION,
+    "tile": TILE, "reach": REACH, "tally": TALLY, "found": TOTAL, "ghost": GHOST,
     "motion": MOTION, "action": ACTION, "event_info": EVENT_INFO, "image_info": IMAGE_INFO,
-    "start_position": START_POSITION, "candidates": CANDIDATE, "loss": MECHANISM, "rest": REST, "contact": CONTACT,
+    "candidates": CANDIDATE, "loss": MECHANISM, "rest": REST, "contact": CONTACT,
     "cached_force": HELD,
     "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT, "pair": PAIR,
     "counter": COUNTER, "clock": CLOCK, "grid": GRID, "scale": SCALE, "sums": TALLY, "total": TOTAL,
@@ -454,7 +453,7 @@ TYPES: dict[str, str] = {
     "disk": REAL, "meta": I32, "past": F64, "hits": I32, "dissipated": F64, "held": F64, "asleep": I32, "kind": I32,
     "kinds": REAL, "history_hash": I32, "displacement": F32, "slot_before": I32,
     "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
-    "ghost_position": REAL, "motion": REAL, "action": F64, "event_info": I32, "image_info": I32, "start_position": REAL,
+    "motion": REAL, "action": F64, "event_info": I32, "image_info": I32,
     "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
     "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
     "near": U64, "near_image": U64, "image_list": I32, "dense": I32, "block_integers": I32, "block_reals": REAL,
@@ -510,7 +509,7 @@ MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight num
 # Disks of a gas on several ranks. Its ids have 32 bits: those of more than 2^31 - 1 disks begin below 0 there.
 MOST_IDS = 2**32 - 1
 _PARTS = 3  # of the state: at the beginning and end of a window, and at a moment in it
-GHOST_BYTES = 14  # of ghost records of disks in halos, for each disk
+GHOST_BYTES = 7  # of ghost records of disks in halos, for each disk
 # Bytes that the arrays take for each disk in double precision. Further moments of gases of up to SNAPSHOT_DISKS disks
 # have another 28 MB in all. Frames at numbers of collisions in tiles take PAIR_BYTES for each collision in a window.
 BYTES_PER_DISK = (

@@ -29,7 +29,7 @@ edge_x/y               (tiles + 1,)   sides of the columns and rows of tiles, on
 tally                  (tiles,        sums over the window to its end, and to requested moments; behind them the
                        1 + moments,   virial, and those of walls: heat of thermal ones, sums of each, how pistons
                        ...)           moved
-ghost, ghost_position  (ghosts,)      of copies of other tiles' disks: slot, hash of the history here, where they began
+ghost                  (ghosts,)      of copies of other tiles' disks: where they were listed, hash of the history here
 event, event_int       (events,)      collisions of tracked disks, and their ids
 pair_time, pair        (pairs,)       times of collisions of two disks, and their ids
 found                  (blocks, ...)  sums over BLOCK_OF_TILES tiles

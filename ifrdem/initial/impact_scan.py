@@ -1,7 +1,7 @@
 """An impact scan: pairs of disks, one of each at rest and hit by the other, at many angles of impact.
 
-The experiment of A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions". Pairs stand
-far apart in open space; all meet at one time. The first half of the disks hits the second half.
+The experiment of A. Domenech-Carbo et al., "Independent friction-restitution modeling of two-disk collisions". Pairs
+stand far apart in open space; all meet at one time. The first half of the disks hits the second half.
 """
 
 from __future__ import annotations

@@ -295,7 +295,7 @@ def _quantity(name: str) -> str:
         ("theta", r"$\theta$"),
         ("psi6", r"$\psi_6$"),
     ):
-        text = re.sub(rf"(?<![\w$]){words}(?!\w)", lambda _, symbol=symbol: symbol, text)
+        text = re.sub(rf"(?<![\w$]){words}(?!\w)", symbol.replace("\\", r"\\"), text)
     return text.removeprefix("species ") if "$" in text else text
 
 

@@ -74,7 +74,13 @@ def largest_speed(i, gas: ti.template()):
 @ti.func
 def largest_square(i, gas: ti.template()):
     """Bound on the square of the speed of the disk in slot i in the window so far."""
-    return ti.bit_cast(ti.cast(gas.event_info[i].max_speed_sq, ti.i64) << ti.i64(32), ti.f64)
+    return square_of(gas.event_info[i].max_speed_sq)
+
+
+@ti.func
+def square_of(upper):
+    """The square (f64) of which `upper_half` gave this."""
+    return ti.bit_cast(ti.cast(upper, ti.i64) << ti.i64(32), ti.f64)
 
 
 @ti.func

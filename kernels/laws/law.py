@@ -3,7 +3,7 @@
 A collision has three steps: how the contact moves (`relative_motion`), which impulses act (`ifr_impulses`, or a
 custom law), and what they do to both disks (`after_impulses`), which keeps the momentum for any impulses.
 
-Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions". "Eq. n" below
+Source: A. Domenech-Carbo et al., "Independent friction-restitution modeling of two-disk collisions". "Eq. n" below
 is that paper's equation; where a line is more general than the print (two spins, any direction of the line
 of centres, a wall), its comment derives it.
 

@@ -23,7 +23,7 @@ has in its own tile, which is true before t. The tile of i then computed the mee
 Bad tiles are run again, from the same beginning, with wider halos. Nothing is ever undone.
 """
 
-from ..columns import HELD, MECHANISM, TALLY
+from ..columns import GHOST_STEP, HELD, MECHANISM, TALLY
 from ..disks.flights import on_grid
 from ..disks.force_times import begin_actions
 from ..compiler.language import on_gpu, ti
@@ -49,6 +49,7 @@ from ..disks.particle import (
     listed_kind,
     note_speed,
     radius_of,
+    square_of,
 )
 from ..walls.pistons import write_pistons
 
@@ -79,18 +80,25 @@ def sides_of(tile, gas: ti.template()):
 
 
 @ti.func
-def lies_in(x, y, margin, tile, gas: ti.template()):
-    """1 if a position (from the tile's corner) is in the tile or a margin around it, where ends have no end; else 0."""
+def bounds_of(margin, tile, gas: ti.template()):
+    """Lowest and highest x, then y (from the tile's corner), of a tile and a margin around it; ends have no end."""
     tx = tile // gas.grid.tiles_y
     ty = tile - tx * gas.grid.tiles_y
     width, height = sides_of(tile, gas)
-    low_x = gas.grid.periodic_x == 0 and tx == 0
-    high_x = gas.grid.periodic_x == 0 and tx == gas.grid.tiles_x - 1
-    low_y = gas.grid.periodic_y == 0 and ty == 0
-    high_y = gas.grid.periodic_y == 0 and ty == gas.grid.tiles_y - 1
-    inside_x = (low_x or x >= -margin) and (high_x or x < width + margin)
-    inside_y = (low_y or y >= -margin) and (high_y or y < height + margin)
-    return inside_x and inside_y
+    x_low, x_high, y_low, y_high = -margin, width + margin, -margin, height + margin
+    if gas.grid.periodic_x == 0:
+        x_low = ti.select(tx == 0, -ENDLESS, x_low)
+        x_high = ti.select(tx == gas.grid.tiles_x - 1, ENDLESS, x_high)
+    if gas.grid.periodic_y == 0:
+        y_low = ti.select(ty == 0, -ENDLESS, y_low)
+        y_high = ti.select(ty == gas.grid.tiles_y - 1, ENDLESS, y_high)
+    return x_low, x_high, y_low, y_high
+
+
+@ti.func
+def lies_in(x, y, x_low, x_high, y_low, y_high):
+    """1 if a position lies within bounds, else 0: without branches, for of the nine tiles around most disks do not."""
+    return (x >= x_low) & (x < x_high) & (y >= y_low) & (y < y_high)
 
 
 @ti.func
@@ -215,15 +223,23 @@ def gather_tile(tile, step, gas: ti.template()):
 
 
 @ti.func
-def position_in_tile(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
-    """Position of a listed disk from the corner of the tile that gathers, boxes that it crossed, its row of tiles."""
+def position_from(s, step_y, shift_x, shift_y, gas: ti.template()):
+    """Position of a listed disk from the corner of the tile that gathers, and its row of tiles."""
     disk = gas.disk[s]
     x, y = disk.x + shift_x, disk.y + shift_y
-    lap_x, lap_y, row = 0, 0, 0
+    row = 0
     if ti.static(gas.uses.sheared):
         x += step_y * gas.scale.aside
         height = ti.cast(gas.edge_y[1], float)
         row = step_y + ti.cast(ti.floor((disk.y) / height), ti.i32)
+    return x, y, row
+
+
+@ti.func
+def position_in_tile(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
+    """The same in the box where one region is all of it; also boxes that the disk crossed."""
+    x, y, row = position_from(s, step_y, shift_x, shift_y, gas)
+    lap_x, lap_y = 0, 0
     if region.wrap_x == 1:
         if x < 0.0:
             x += gas.scale.length_x
@@ -283,6 +299,8 @@ def gather(tile, thread, region: ti.template(), gas: ti.template()):
     n, own_disks = 0, 0
     halo = gas.reach[tile].halo
     alone = gas.grid.single_tile == 1
+    x_low, x_high, y_low, y_high = bounds_of(halo, tile, gas)
+    own_x_low, own_x_high, own_y_low, own_y_high = bounds_of(0.0 * halo, tile, gas)
     steps = 9
     if alone:
         steps = gas.grid.tiles_x * gas.grid.tiles_y
@@ -292,10 +310,9 @@ def gather(tile, thread, region: ti.template(), gas: ti.template()):
             first = part * gas.grid.room + gas.tile[other].start[part]
             s, end = first + thread, first + gas.tile[other].count[part]
             while s < end:
-                x, y, _lap_x, _lap_y, _row = position_in_tile(s, step_y, shift_x, shift_y, region, gas)
-                near = alone or lies_in(x, y, halo, tile, gas)
-                if near:
-                    own = alone or lies_in(x, y, 0.0 * x, tile, gas)
+                x, y, _row = position_from(s, step_y, shift_x, shift_y, gas)
+                if alone or lies_in(x, y, x_low, x_high, y_low, y_high):
+                    own = alone or lies_in(x, y, own_x_low, own_x_high, own_y_low, own_y_high)
                     if ti.static(team > 1):
                         n = ti.atomic_add(gas.tile[tile].gathered, 1)
                         if own:
@@ -303,6 +320,9 @@ def gather(tile, thread, region: ti.template(), gas: ti.template()):
                         else:
                             own_disks = n - ti.atomic_add(gas.tile[tile].n_ghosts, 1)
                     if n < room:
+                        x, y, _lap_x, _lap_y, _row = position_in_tile(
+                            s, step_y, shift_x, shift_y, region, gas
+                        )
                         c = cell_at(x, y, region)
                         gas.candidates[offset + n].slot = s
                         gas.candidates[offset + n].cell = c
@@ -398,10 +418,10 @@ def load(m, i, tile, region: ti.template(), gas: ti.template()):
     part = gas.grid.part
     chosen = gas.candidates[region.lane * gas.grid.lane_slots + m]
     s, c, rank, step = chosen.slot, chosen.cell, chosen.own_rank, chosen.step
-    other, step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, step, gas)
+    _other, step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, step, gas)
     x, y, lap_x, lap_y, row = position_in_tile(s, step_y, shift_x, shift_y, region, gas)
     vx, vy = gas.disk[s].vx, gas.disk[s].vy
-    gas.image_info[i].home_tile = other
+    gas.image_info[i].step = step
     gas.image_info[i].slot = s - part * gas.grid.room
     gas.event_info[i].id = gas.meta[s].id
     gas.event_info[i].own_rank = rank
@@ -438,7 +458,6 @@ def load(m, i, tile, region: ti.template(), gas: ti.template()):
     gas.motion[i].spin = gas.disk[s].spin
     gas.event_info[i].hash_1, gas.event_info[i].hash_2, gas.event_info[i].max_speed_sq = 0, 0, 0
     note_speed(i, gas)
-    gas.start_position[i].x, gas.start_position[i].y = x + row * gas.scale.aside, y
     gas.event_info[i].last = NO_PARTNER
     gas.event_info[i].number, gas.event_info[i].previous = 0, -1
     if ti.static(gas.uses.actions):
@@ -508,7 +527,7 @@ def last_hit(i, gas: ti.template()):
     slot, lap_x, lap_y = gas.event_info[i].own_rank - 1, image.lap_x, image.lap_y
     if gas.grid.single_tile == 1 and gas.grid.tiles_x * gas.grid.tiles_y > 1:  # the lists stay as they are
         slot = image.slot
-        listed = image.home_tile
+        listed = image.step
         x += lap_x * gas.scale.length_x
         y += lap_y * gas.scale.length_y
         x -= ti.cast(gas.edge_x[listed // gas.grid.tiles_y] - gas.edge_x[0], float)
@@ -617,7 +636,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 max_displacement = ti.max(max_displacement, displacement)
                 listed = tile
                 if in_place:
-                    listed = gas.image_info[i].home_tile
+                    listed = gas.image_info[i].step
                 excursion = ti.max(
                     excursion,
                     displacement - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, listed, gas),
@@ -633,14 +652,9 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                     gas.past[row].latest = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
         elif when == AT_END:
             g = gas.tile[tile].ghosts - rank - 1
-            gas.ghost[g].slot = gas.image_info[i].slot
+            gas.ghost[g].place = gas.image_info[i].slot | (gas.image_info[i].step << GHOST_STEP)
             gas.ghost[g].hash_1, gas.ghost[g].hash_2 = gas.event_info[i].hash_1, gas.event_info[i].hash_2
-            faster = 0.0 * time
-            if ti.static(gas.uses.sheared):
-                faster = ti.abs(gas.event_info[i].shear_row * gas.scale.drift)
-            position = gas.ghost_position[g]
-            position.x, position.y = gas.start_position[i].x, gas.start_position[i].y
-            position.displacement = (largest_speed(i, gas) + faster) * time
+            gas.ghost[g].max_speed_sq = gas.event_info[i].max_speed_sq
         i += team
     return fastest, squares, event_squares, excursion, max_displacement, overhang
 
@@ -666,17 +680,25 @@ def displacement_bound(slot, gas: ti.template()):
 
 
 @ti.func
+def slot_of_ghost(g, gas: ti.template()):
+    """Slot, at the window's beginning, of the disk of a ghost record."""
+    return gas.ghost[g].place & ti.static((1 << GHOST_STEP) - 1)
+
+
+@ti.func
 def may_touch(g, tile, gas: ti.template()):
     """1 if the disk of a ghost record, or its copy, may have touched an own disk of the tile that made it, else 0.
 
     The path of either lies in a circle around its first position, that of an own disk in one around its last position,
     with its displacement as the radius.
     """
-    position = gas.ghost_position[g]
-    x, y = position.x, position.y
-    displacement = (
-        ti.max(position.displacement, displacement_bound(gas.ghost[g].slot, gas)) + gas.scale.widest
-    )
+    slot, step = slot_of_ghost(g, gas), gas.ghost[g].place >> GHOST_STEP
+    _other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = gather_tile(tile, step, gas)
+    x, y, row = position_from(gas.grid.part * gas.grid.room + slot, step_y, shift_x, shift_y, gas)
+    speed = ti.cast(ti.sqrt(square_of(gas.ghost[g].max_speed_sq)), float)
+    if ti.static(gas.uses.sheared):
+        speed += ti.abs(row * gas.scale.drift)
+    displacement = ti.max(speed * gas.scale.window, displacement_bound(slot, gas)) + gas.scale.widest
     if ti.static(gas.uses.sheared):
         displacement += ti.abs(gas.scale.drift) * gas.scale.window
     found = 0
@@ -716,7 +738,7 @@ def is_wrong(tile, thread, gas: ti.template()):
     invalid = 0
     g, end = gas.tile[tile].ghosts + thread, gas.tile[tile].ghosts + gas.tile[tile].n_ghosts
     while g < end and invalid == 0:
-        s = gas.ghost[g].slot
+        s = slot_of_ghost(g, gas)
         if (
             gas.ghost[g].hash_1 != gas.history_hash[s].hash_1
             or gas.ghost[g].hash_2 != gas.history_hash[s].hash_2

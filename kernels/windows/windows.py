@@ -223,8 +223,8 @@ def load_tiles(first: ti.template(), n_listed: ti.template(), gas: ti.template()
 
 WINDOW = Arrays(
     "uses grid scale clock sums counter disk meta past hits dissipated asleep held kind kinds history_hash "
-    "displacement slot_before tile listed reach edge_x edge_y tally ghost ghost_position motion event_info image_info "
-    "start_position action rest residual_acceleration contact cached_force candidates since turn loss head bin "
+    "displacement slot_before tile listed reach edge_x edge_y tally ghost motion event_info image_info "
+    "action rest residual_acceleration contact cached_force candidates since turn loss head bin "
     "wall_start wall_item walls law watched event event_int pair_time pair found total kicks shares force_values"
 )
 
@@ -313,8 +313,7 @@ def verify_tiles(asked: ti.template(), gas: ti.template()):
 @kernel
 def verify(
     gas: Arrays(
-        "uses grid scale counter disk history_hash displacement slot_before tile listed reach edge_x edge_y "
-        "ghost ghost_position"
+        "uses grid scale counter disk history_hash displacement slot_before tile listed reach edge_x edge_y ghost"
     ),
 ):
     """Find the tiles whose windows may not be exact, into `listed`, `counter.n_bad` of them; widen their halos."""

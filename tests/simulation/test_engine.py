@@ -287,9 +287,7 @@ def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     )
     engine.advance(t_end=1e-3)
     arrays = engine.arrays
-    scratch = arrays.bytes_of(
-        "motion", "event_info", "image_info", "start_position", "candidates", "head", "bin"
-    )
+    scratch = arrays.bytes_of("motion", "event_info", "image_info", "candidates", "head", "bin")
     assert arrays.bytes_allocated - scratch == pytest.approx(disks.n * BYTES_PER_DISK, rel=0.04)
     assert scratch < 4e6
 

@@ -1,6 +1,6 @@
 """The paper's closed-form equations, corrected, and as printed where the print is wrong.
 
-Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions".
+Source: A. Domenech-Carbo et al., "Independent friction-restitution modeling of two-disk collisions".
 
 A disk 1 with velocity v_o and spin omega_o hits a disk 2 that is at rest. These are the paper's own results,
 written out independently of `ifrdem.model.laws.ifr.collide`, to compare that with them. A function is named after what

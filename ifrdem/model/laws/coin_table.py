@@ -1,6 +1,6 @@
 """The coins and disks that the paper collided, by name.
 
-Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions": masses and
+Source: A. Domenech-Carbo et al., "Independent friction-restitution modeling of two-disk collisions": masses and
 diameters from Sec. III, coefficients from Table II, in SI units.
 """
 

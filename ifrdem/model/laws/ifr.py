@@ -1,6 +1,6 @@
 """The IFR law: its coefficients, and whether they can add energy.
 
-Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions". The formula
+Source: A. Domenech-Carbo et al., "Independent friction-restitution modeling of two-disk collisions". The formula
 itself is `ifrdem.kernels.laws.law.collide_pair`.
 """
 

@@ -276,7 +276,7 @@ class DeviceArrays:
         self._check_addresses(2 * rows)
         grid = self.grid
         grid.lane_slots, grid.cells, grid.bins, grid.items = lane_slots, cells, bins, items
-        for name in ("motion", "event_info", "image_info", "start_position"):
+        for name in ("motion", "event_info", "image_info"):
             self.make(name, rows)
         self.make("action", rows if uses.actions else 1)
         self.make("rest", rows if uses.rests else 1)
@@ -297,7 +297,6 @@ class DeviceArrays:
         self._check_addresses(most)
         self.grid.most_ghosts = most
         self.make("ghost", most)
-        self.make("ghost_position", most)
 
     def events(self, most: int) -> None:
         """Make room for so many recorded collisions of tracked disks."""
