@@ -103,7 +103,7 @@ class Study:
         self.folder: Path = self.output.with_name(self.output.name.removesuffix(ENDING) + RUNS)
 
     @cached_property
-    def _checked_cases(self) -> tuple[dict[tuple[int, ...], Any], list[str]]:
+    def _checked_cases(self) -> tuple[dict[tuple[int, ...], Any], list[str], list[str]]:
         return self.plan.checked_cases()
 
     @cached_property
@@ -124,7 +124,7 @@ class Study:
         Raises InputError if a point is refused (unless `keep_going`), there is no room, or the results cannot be
         written.
         """
-        good, problems = self._checked_cases
+        good, problems, _ = self._checked_cases
         if problems and not (keep_going and good):
             more = f"\n{option_name('--keep-going', 'keep_going=True')} runs the other points" if good else ""
             raise InputError(listed([f"{self.plan.path}: {line}" for line in problems]) + more)
@@ -254,6 +254,8 @@ class Study:
         """
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
             warn(f"left out: {line}")
+        if warned := self._checked_cases[2]:
+            warn(warned[0] + (f" (and {len(warned) - 1} more)" if len(warned) > 1 else ""))
         if workers != 0 and (trouble := backend.kernel_cache_trouble()):  # workers do not report it
             warn(trouble)
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]

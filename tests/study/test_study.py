@@ -270,6 +270,14 @@ def test_points_that_check_refuses_are_left_out_by_keep_going_only(case, tmp_pat
     assert found.runs.values.tolist() == [1, 0]
 
 
+def test_points_with_long_steps_of_forces_are_named(case):
+    force = 'force=[{ kind = "drag", rate = 0.1, step = 0.01 }]'
+    plan = ifrdem.Study(case, vary=["force[0].step=0.01,9.0"], set=[force]).plan
+    good, problems, warned = plan.checked_cases()
+    assert (len(good), problems, len(warned)) == (2, [], 1)
+    assert "force[0].step = 9: " in warned[0]
+
+
 def test_a_dry_run_starts_nothing(case, tmp_path, capsys):
     assert (
         cli.main(["study", str(case), "--vary", VARY, "--seeds", "5", "-o", f"{tmp_path}/d", "--dry-run"])
