@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -126,6 +127,15 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
     same = _SYNONYMS.get(word)
     found = [same] if same in names else difflib.get_close_matches(word, names, n=1, cutoff=0.6)
     return f" (did you mean '{found[0]}'?)" if found else ""
+
+
+def nearest_file(name: str, names: Iterable[str]) -> str:
+    """Return `` (did you mean 'x'?)`` for the file of nearly the same name without its ending, or an empty string."""
+    stem, ending = os.path.splitext(name)
+    files = sorted(names, key=lambda each: not each.endswith(ending))  # of the same ending first
+    stems = [os.path.splitext(each)[0] for each in files]
+    found = difflib.get_close_matches(stem, stems, n=1, cutoff=0.75)
+    return f" (did you mean '{files[stems.index(found[0])]}'?)" if found else ""
 
 
 def there_are(word: str, known: Iterable[str]) -> str:

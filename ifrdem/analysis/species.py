@@ -19,6 +19,10 @@ from .common import mean_with_error
 from .gas_theory import gas_of
 from .result import Columns, Evaluation, Reading, kinds, times
 
+FRAME_OF_REFERENCE = (
+    "temperatures are relative to the mean velocity where the gas can drift freely, else in the lab"
+)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SpeciesTemperatures(Brief):
@@ -31,7 +35,8 @@ class SpeciesTemperatures(Brief):
     """tau of the whole gas, shape (rows,); None where the file does not count collisions."""
     temperature: Array
     rotational_temperature: Array
-    """temperature, rotational_temperature: about the mean velocity of the whole gas [energy], shape (rows, s)."""
+    """temperature, rotational_temperature: of velocities relative to the mean velocity of the whole gas where it can
+    drift freely, otherwise in the lab [energy], shape (rows, s)."""
     theory: tuple[Array, Array] | None
     """T and T_rot of each species by kinetic theory, from those of the first frame [energy], two arrays of shape
     (rows, s); None where the theory does not apply."""
@@ -53,7 +58,7 @@ def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
     rows = _of_series(trajectory, names, None if frames is None else times(trajectory, used))
     if rows is None:
         rows = _of_frames(trajectory, groups, used)
-    notes, theory = ["temperatures are about the mean velocity of the whole gas"], None
+    notes, theory = [FRAME_OF_REFERENCE], None
     gas = gas_of(trajectory)
     if isinstance(gas, str):
         notes.append(gas)
@@ -98,6 +103,10 @@ def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
     if not readings:
         raise InputError(f"{trajectory.path}: no ratio of temperatures: a species is at rest")
     notes.append(f"means over the second half of {len(rows.time)} rows")
+    if (n := len(rows.time[late])) < steadiness.FEWEST_ROWS:
+        notes.append(
+            f"too few rows ({n}, fewer than {steadiness.FEWEST_ROWS}) to judge whether the gas is steady"
+        )
     table: Columns = {"time": rows.time}
     table |= {} if rows.tau is None else {"collisions_per_disk": rows.tau}
     for values, mark in ((both, ""), (theory, " by theory")):

@@ -33,6 +33,8 @@ LEVEL = 0.0027
 CELLS, DISKS = (5, 32), 40
 """Cells along a side of the box at least (24 degrees of freedom) and at most; disks that a cell has between: its side
 is some 10 diameters at packing fraction 0.3, where pairs know of each other over 2 or 3."""
+FEWEST_ROWS = 20
+"""Rows of a series below which a comparison of its halves shows no trend: their errors come from half of the rows."""
 MODES = 32
 ROUNDING = 1e-6
 """Relative change that may be rounding: g(r) and psi_6 are found in single precision, S(k) to 1e-9 of its largest."""

@@ -112,6 +112,36 @@ AT_RANDOM_TIMES, ACTION_SECONDS = "at random times", 3.4e-7
 `results/forces.md`."""
 
 
+RESTING = "table_friction"
+"""Kind of a force that stops disks after a finite time: once all are at rest, a run has no further steps."""
+STEP, LONG_STEP = 0.05, 0.2
+"""Step of a force, in mean free times: an accurate one (`docs/forces.md`), and one above which there is a warning."""
+
+
+def shortest_free_time(rates: Sequence[float]) -> float:
+    """Shortest mean free time [time] of species with these collision rates [1/time]; infinite if there is none."""
+    return min((1.0 / rate for rate in rates if rate > 0.0), default=math.inf)
+
+
+def long_steps(gas: CaseGas) -> list[str]:
+    """Texts on forces whose step is long compared with the shortest mean free time at the start, if there is one.
+
+    Forces at random times have no step; that of friction on a table is compared with the time in which it stops a disk.
+    """
+    case = gas.case
+    free_time = shortest_free_time(_rates_and_speeds(gas)[0]) if case.force else math.inf
+    texts = []
+    for i, force in enumerate(case.force):
+        part = force.interval / free_time
+        if part > LONG_STEP and not (force.at_random_times or force.kind == RESTING):
+            most = f"{STEP * free_time:.3g}{case.unit('time')} ({STEP:g} mean free times)"
+            texts.append(
+                f"force[{i}].step = {force.interval:g}: {part:.3g} mean free times at the start; use at most {most}, "
+                "so that errors of second order in the step are small"
+            )
+    return texts
+
+
 def step_seconds(steps: Mapping[str, Mapping[float, float]], n: int, threads: int) -> float:
     """Time [s] of one or more threads for steps of forces on n disks: their number by kind and length of the step.
 

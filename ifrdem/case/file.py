@@ -134,6 +134,7 @@ def of_text(
     gas, found = validate_parsed(raw, path.parent, ranks)
     _refuse(found, path, overrides, where)
     assert gas is not None  # else something was wrong
+    gas = replace(gas, path=path)
     if gas.case.start.positions == IMPACT_SCAN:  # of which all places are made here
         from .summary import refuse_beyond_memory
 

@@ -10,12 +10,12 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, listed, refuse
+from ..errors import InputError, listed, outside_level, refuse
 from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import StartData
 from ..model.box import Box
@@ -43,6 +43,7 @@ from .species import Species, species_of
 if TYPE_CHECKING:
     from ..model.forces import Force
 
+T = TypeVar("T")
 PLACED_BY_CHECK = {"random": 10_000, GROWN: 2_000}
 """Numbers of disks that are placed in about a second, by `start.positions`; others are faster than random."""
 
@@ -70,6 +71,8 @@ class CaseGas:
     drift_share: float = 0.0
     # The species with the speeds that are drawn, where `species` has others: those that are left without the drift.
     drawn: tuple[Species, ...] = ()
+    path: Path | None = None
+    """The case file, for messages."""
 
     @classmethod
     def from_case(cls, case: CaseSections, folder: Path | str = ".", *, start: bool = True) -> CaseGas:
@@ -259,8 +262,10 @@ class CaseGas:
 
     @property
     def notices(self) -> list[str]:
-        """Texts about a drift, what turning gravity leaves out, and walls on which no disk can rest."""
-        texts, froude = self._drifting(), self.drum
+        """Texts about a drift, long steps of forces, effects that are left out, and walls on which no disk can rest."""
+        from .estimate import long_steps
+
+        texts, froude = [*self._drifting(), *long_steps(self)], self.drum
         if froude > FASTEST_DRUM:
             texts.append(
                 f"box.gravity_rotation_rate = {self.case.box.gravity_rotation_rate:g}: the Froude number of such a "
@@ -359,8 +364,35 @@ class CaseGas:
         with backend.sole_use(), warnings.catch_warnings(record=True) as found:
             warnings.simplefilter("always", EnergyWarning)
             backend.start_unless_running(replace(device_of(self.case.run), name="cpu"))
-            laws.check_by_sampling(self.kinds.rows, self._materials_of_walls, max(speeds) or 1.0)
+            self._naming_law(
+                lambda: laws.check_by_sampling(self.kinds.rows, self._materials_of_walls, max(speeds) or 1.0)
+            )
         return [str(each.message) for each in found if issubclass(each.category, EnergyWarning)]
+
+    def _naming_law(self, work: Callable[[], T]) -> T:
+        """Do work whose errors and energy warnings about the custom law then begin with its place in the case."""
+        key, start = (
+            next(each.key for each in self.verdicts if each.law),
+            f"law {type(self.law()).__name__}: ",
+        )
+
+        def named(text: str) -> str:
+            return f"{f'{self.path}: ' if self.path else ''}{rules.problem_at(self.case, f'{key}.law', text)}"
+
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always", EnergyWarning)
+            try:
+                result = work()
+            except InputError as error:
+                if not str(error).startswith(start):
+                    raise
+                raise InputError(named(str(error))) from error
+        for each in found:
+            if issubclass(each.category, EnergyWarning):
+                warnings.warn(named(str(each.message)), EnergyWarning, stacklevel=outside_level())
+            else:
+                warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+        return result
 
     @property
     def _materials_of_walls(self) -> list[int]:
@@ -639,7 +671,7 @@ class CaseGas:
             "tracked": tracked, "comm": comm,
         }  # fmt: skip
         if not self.law().is_proved:  # the simulation checks it
-            return Simulation(**given)
+            return self._naming_law(lambda: Simulation(**given))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
             return Simulation(**given)

@@ -26,11 +26,13 @@ from .estimate import (
     COST_OF_RATIO,
     ENDS_WINDOW,
     OBSERVABLES,
+    RESTING,
     RankPlan,
     RunEstimate,
     cost_of_ratio,
     disk_bytes,
     run_seconds,
+    shortest_free_time,
     step_seconds,
 )
 from .gas import CaseGas
@@ -38,9 +40,6 @@ from .laws_section import FileKeys, RoughKeys, SmoothKeys
 from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 from .summary import COMPILING, REFUSED_HERE, clock, no_path, refuse_cadences, refused_here, size
-
-RESTING = "table_friction"
-"""Kind of a force that stops disks after a finite time: once all are at rest, a run has no further steps."""
 
 DILUTE = 1e-3
 """Packing fraction below which crossings of cells cost more than ten times what they do at 0.1."""
@@ -302,7 +301,7 @@ def _when(case: CaseSections, force: ForceSection) -> str:
 
 def _forces(case: CaseSections, estimate: RunEstimate, units: Units) -> Iterator[ReportRow]:
     """Rows on each force, and the steady state that theory expects."""
-    free_times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
+    free_time = shortest_free_time(estimate.collision_rate)
     for i, force in enumerate(case.force):
         times = {"step", "rate"} if force.at_random_times else {"step"}
         given = force.model_dump(exclude={"kind", *times}, exclude_none=True)
@@ -311,8 +310,7 @@ def _forces(case: CaseSections, estimate: RunEstimate, units: Units) -> Iterator
         name = "mean time between two kicks of a disk" if force.at_random_times else "step"
         yield ReportRow(f"force {i}: {name}", f"{force.interval:g}", units.time)
         yield ReportRow(f"force {i}: acts", _when(case, force))
-        if free_times:
-            part = force.interval / min(free_times)
+        if part := force.interval / free_time:
             short = "mean time" if force.at_random_times else "step"
             yield ReportRow(f"force {i}: {short} / shortest mean free time at the start", f"{part:.3g}")
     if estimate.steady_state is not None:

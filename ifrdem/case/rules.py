@@ -45,7 +45,7 @@ LARGEST_DISK = 1.0 / 3.0
 """Largest diameter over the shorter periodic side: the engine's limit, so that no disk meets its own image."""
 
 
-def _at(case: CaseSections, key: str, text: str) -> Problem:
+def problem_at(case: CaseSections, key: str, text: str) -> Problem:
     """A problem with the value that a key of the case has."""
     value: Any = case
     for step in re.findall(r"\w+", key):
@@ -60,19 +60,21 @@ def check_names(case: CaseSections) -> Iterator[Problem]:
     for kind, own in (("material", names), ("species", [each.name for each in case.species])):
         for i, name in enumerate(own):
             if (first := own.index(name)) != i:
-                yield _at(case, f"{kind}[{i}].name", f"the name of {kind}[{first}] too; each needs its own")
+                yield problem_at(
+                    case, f"{kind}[{i}].name", f"the name of {kind}[{first}] too; each needs its own"
+                )
     for i, section in enumerate(case.species):
         key, coin = f"species[{i}].material", section.coin
         if coin is not None and case.run.units != "SI":
             text = 'requires run.units = "SI": its mass and diameter are in SI'
-            yield _at(case, f"species[{i}].coin", text)
+            yield problem_at(case, f"species[{i}].coin", text)
         if section.material is None and coin is None:
-            yield _at(case, key, f"missing: give the name of a material{there_are('', names)}")
+            yield problem_at(case, key, f"missing: give the name of a material{there_are('', names)}")
         elif section.material is None and coin in names:
             text = f"missing: a [[material]] is called '{coin}' like the coin, so say which is meant"
-            yield _at(case, key, text)
+            yield problem_at(case, key, text)
         elif section.material is not None and section.material not in names:
-            yield _at(case, key, f"no such material{there_are(section.material, names)}")
+            yield problem_at(case, key, f"no such material{there_are(section.material, names)}")
     used = [each.coin for each in case.species if each.coin is not None]
     known = list(dict.fromkeys((*names, *used, *case.materials_of_walls)))
     pairs: dict[frozenset[str], int] = {}
@@ -80,11 +82,11 @@ def check_names(case: CaseSections) -> Iterator[Problem]:
         key, (a, b) = f"pair[{i}].materials", pair.materials
         for name in pair.materials:
             if name not in known:
-                yield _at(case, key, f"no material is called '{name}'{there_are(name, known)}")
+                yield problem_at(case, key, f"no material is called '{name}'{there_are(name, known)}")
         if a == b:
-            yield _at(case, key, "must be two different names; [[material]] is for one")
+            yield problem_at(case, key, "must be two different names; [[material]] is for one")
         if (first := pairs.setdefault(frozenset((a, b)), i)) != i:
-            yield _at(case, key, f"the materials of pair[{first}] too")
+            yield problem_at(case, key, f"the materials of pair[{first}] too")
 
 
 def check_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
@@ -116,12 +118,12 @@ def laws_from_files(case: CaseSections, folder: Path) -> tuple[dict[str, Collisi
             try:
                 kind = law_files.find(section.law, folder).kind
             except InputError as error:
-                problems.append(_at(case, f"{key}.law", str(error)))
+                problems.append(problem_at(case, f"{key}.law", str(error)))
                 continue
             keys = [each for each in kind.coefficients if each in type(section).model_fields]
             if keys:
                 text = f"{keys[0]} cannot be a coefficient: it is a key of [[{name}]]; rename it in the file"
-                problems.append(_at(case, f"{key}.law", text))
+                problems.append(problem_at(case, f"{key}.law", text))
                 continue
             law, wrong = law_files.made(kind, section.values)
             for one, text in wrong:
@@ -138,17 +140,19 @@ def check_motion(case: CaseSections) -> Iterator[Problem]:
     if case.run.collisions_per_disk is None:
         return
     if _disks(case) < 2:
-        yield _at(case, key, "one disk alone never collides; give t_end instead")
+        yield problem_at(case, key, "one disk alone never collides; give t_end instead")
     elif start.placed and not case.sets_in_motion and not any(each.moves for each in case.species):
         text = "nothing moves at the start, so nothing ever collides: give a species speed_rms above 0"
-        yield _at(case, key, text)
+        yield problem_at(case, key, text)
 
 
 def check_count(case: CaseSections) -> Iterator[Problem]:
     """Problems: more disks of all species together than there are ids."""
     if (n := _disks(case)) > MOST_IDS:
         each = ", ".join(f"{one.number} of '{one.name}'" for one in case.species)
-        yield _at(case, "species[0].number", f"{n} disks in all ({each}): {MOST_IDS} at most are numbered")
+        yield problem_at(
+            case, "species[0].number", f"{n} disks in all ({each}): {MOST_IDS} at most are numbered"
+        )
 
 
 def _disks(case: CaseSections) -> int:
@@ -163,7 +167,7 @@ def check_clock(case: CaseSections, time: float = 0.0, collisions: int = 0) -> I
     t_end, per_disk = case.run.t_end, case.run.collisions_per_disk
     continues = "" if case.start.trajectory is None else "; start.time = 0 begins a new clock"
     if t_end is not None and t_end <= time:
-        yield _at(
+        yield problem_at(
             case,
             "run.t_end",
             f"must be after {time:.9g}, the time of the run's clock at the start{continues}",
@@ -171,12 +175,12 @@ def check_clock(case: CaseSections, time: float = 0.0, collisions: int = 0) -> I
         return
     if per_disk is not None and collisions and 0.5 * per_disk * _disks(case) <= collisions:
         already = f"{2.0 * collisions / _disks(case):.6g}, the collisions per disk until the frame"
-        yield _at(case, "run.collisions_per_disk", f"must be above {already}{continues}")
+        yield problem_at(case, "run.collisions_per_disk", f"must be above {already}{continues}")
     for i, force in enumerate(case.force):
         step = force.interval
         if t_end is not None and not force.at_random_times and time_of(first_after(time, step), step) > t_end:
             text = f"must have its middle, when the force acts, before run.t_end = {t_end:g}"
-            yield _at(case, f"force[{i}].step", text)
+            yield problem_at(case, f"force[{i}].step", text)
 
 
 def check_forces(case: CaseSections) -> Iterator[Problem]:
@@ -185,12 +189,12 @@ def check_forces(case: CaseSections) -> Iterator[Problem]:
         key = f"force[{i}]"
         if force.kind == "random_force" and not force.at_random_times and _disks(case) < 2:
             text = "requires at least 2 disks: random kicks keep the total momentum"
-            yield _at(case, f"{key}.kind", text)
+            yield problem_at(case, f"{key}.kind", text)
         if force.kind == "table_friction" and any(case.box.gravity):
             text = "along a table, table friction is not supported: leave out box.gravity"
-            yield _at(case, f"{key}.kind", text)
+            yield problem_at(case, f"{key}.kind", text)
         if force.kind == "table_friction" and force.gravity is None and case.run.units != "SI":
-            yield _at(case, f"{key}.gravity", "missing: 9.81 m/s^2 is meant in SI units only")
+            yield problem_at(case, f"{key}.gravity", "missing: 9.81 m/s^2 is meant in SI units only")
 
 
 def made_walls(
@@ -217,7 +221,7 @@ def check_walls(
         return
     if case.box.lengths is None and walls:
         text = "cannot be combined with walls: give box.lengths, and `ifrdem check` prints the fraction"
-        yield _at(case, "box.packing_fraction", text)
+        yield problem_at(case, "box.packing_fraction", text)
         return
     try:
         check_pistons(walls, _disks(case), options_of(case))
@@ -275,17 +279,17 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
     if beyond := [each for each in output.histories or () if each >= n]:
         yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
     if (output.histories_sample or 0) > n:
-        yield _at(case, "output.histories_sample", f"there are {n} disks")
+        yield problem_at(case, "output.histories_sample", f"there are {n} disks")
     if region is not None:
         x_low, y_low, x_high, y_high = region
         if not (x_low < x_high and y_low < y_high):
             text = "must be [x_low, y_low, x_high, y_high], each low one below the high one"
-            yield _at(case, "output.histories_region", text)
+            yield problem_at(case, "output.histories_region", text)
         elif not box.is_open:
             length_x, length_y = box.lengths
             if x_low >= length_x or y_low >= length_y or x_high <= 0.0 or y_high <= 0.0:
                 text = f"lies outside of the box, {length_x:.5g} x {length_y:.5g}"
-                yield _at(case, "output.histories_region", text)
+                yield problem_at(case, "output.histories_region", text)
     if output.tracks and box.shear_rate:
         text = "not supported in a sheared box: leave histories out, or shear between walls that move"
         yield Problem("output.histories", None, text)
@@ -365,7 +369,7 @@ def check_room(
             else:
                 placement.lattice(free_area.box, kinds.n, 2.0 * float(kinds.radius.max()))
         except InputError as error:
-            yield _at(case, "start.positions", str(error))
+            yield problem_at(case, "start.positions", str(error))
     elif case.start.placed and case.start.positions == "random":
         # Few disks can be denser: the limit holds for many (see placement.random_positions).
         limit = placement.SATURATION + 0.5 / np.sqrt(kinds.n)
@@ -396,7 +400,7 @@ def check_open(case: CaseSections, start_region: Box | None) -> Iterator[Problem
         return
     if case.start.placed and start_region is None:
         text = f'disks that start at "{case.start.positions}" places need a rectangle to start in'
-        yield _at(case, "box.open", f"{text}: give packing_fraction or lengths too")
+        yield problem_at(case, "box.open", f"{text}: give packing_fraction or lengths too")
     if not case.start.placed and start_region is not None:
         text = "cannot be combined with box.open = true where the start says where the disks are"
         yield Problem(_size_key(case), None, text)
@@ -408,15 +412,15 @@ def check_scan(case: CaseSections) -> Iterator[Problem]:
         return
     key = "start.positions"
     if not case.box.open:
-        yield _at(case, key, "pairs that fly apart need box.open = true")
+        yield problem_at(case, key, "pairs that fly apart need box.open = true")
     numbers = [each.number for each in case.species]
     if len(numbers) != 2 or numbers[0] != numbers[1]:
         found = ", ".join(f"{each.number} of '{each.name}'" for each in case.species)
         text = f"requires two species with equal numbers, those that hit and those that are hit; there are {found}"
-        yield _at(case, key, text)
+        yield problem_at(case, key, text)
     if case.force:
         text = "no [[force]] can act in a scan: impacts are found from velocities before and after"
-        yield _at(case, key, text)
+        yield problem_at(case, key, text)
     yield from _check_speeds(case, f'{key} = "{IMPACT_SCAN}": start.speed is the speed of those that hit')
 
 
@@ -425,7 +429,7 @@ def _check_speeds(case: CaseSections, given_by: str) -> Iterator[Problem]:
     for i, each in enumerate(case.species):
         for speed in ("speed_rms", "temperature", "spin_rms"):
             if speed in each.model_fields_set:
-                yield _at(case, f"species[{i}].{speed}", f"cannot be combined with {given_by}")
+                yield problem_at(case, f"species[{i}].{speed}", f"cannot be combined with {given_by}")
 
 
 def _check_pistons(case: CaseSections, given: StartData) -> Iterator[Problem]:
@@ -437,7 +441,7 @@ def _check_pistons(case: CaseSections, given: StartData) -> Iterator[Problem]:
         for key in ("displacement", "velocity"):
             if getattr(piston, key) is not None:
                 text = "cannot be combined with a start from a frame, which has those of its pistons: leave it out"
-                yield _at(case, f"wall[{i}].piston.{key}", text)
+                yield problem_at(case, f"wall[{i}].piston.{key}", text)
 
 
 def given_start(
@@ -481,8 +485,8 @@ def given_start(
     if start.trajectory is not None and start.time is None and "collisions" not in given.past:
         counted = [i for i, wall in enumerate(free_area.walls) if wall.opens_after is not None]
         found += [
-            _at(case, f"wall[{i}].opens_after", f"requires the field collisions (output.fields) in {key} = {value}, "
-                "to count from; start.time = 0 begins a new clock")
+            problem_at(case, f"wall[{i}].opens_after", f"requires the field collisions (output.fields) in {key} = "
+                f"{value}, to count from; start.time = 0 begins a new clock")
             for i in counted
         ]  # fmt: skip
     drawn = any(each.moves for each in case.species)
@@ -496,7 +500,7 @@ def given_start(
         else:
             rest = "has only velocities vx = vy = 0: give others"
         text = f"nothing moves at the start, so nothing ever collides; {key} = {value} {rest}"
-        found.append(_at(case, "run.collisions_per_disk", text))
+        found.append(problem_at(case, "run.collisions_per_disk", text))
     if given.velocity is not None:
         file = f"velocities in the start file '{name}'"
         found += _check_speeds(case, file if start.trajectory is None else f"start.motion = true ({value})")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, nearest_file
 from . import template
 
 FOLDER = Path(__file__).parents[1] / "cases"
@@ -53,7 +53,7 @@ def find(given: str) -> Path:
     if given in names():
         return FOLDER / f"{given}.toml"
     near = [*names(), *(each.name for each in Path().glob("*.toml"))]
-    text = f"{given}: there is no such file, and no shipped case of this name{nearest(given, near)}"
+    text = f"{given}: there is no such file, and no shipped case of this name{nearest_file(given, near)}"
     raise InputError(f"{text}; shipped are {', '.join(names())} (`ifrdem cases`)")
 
 

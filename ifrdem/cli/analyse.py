@@ -346,13 +346,18 @@ def plot(
     """Draw a trajectory, several, or a study: temperatures, disks, velocity, rdf, structure-factor, msd.
 
     Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
-    and so on; of a study, with bands of two standard errors over seeds, and kinetic theory. Of one trajectory,
-    temperatures, energy, ledger, mechanisms, walls and piston can be drawn `--over tau`, too.
+    and so on; of a study, with the 95 % interval of the mean over seeds, and kinetic theory. Of one trajectory,
+    temperatures, energy, ledger, mechanisms, walls, piston and species can be drawn `--over tau` or `t`.
     For a column of a journal: `--size 3.4in --dpi 300 --no-title --style paper -o NAME.pdf`.
     """
     if list:
         echo(PICTURE_LIST)
         return
+    if len(words) == 1 and words[0].endswith(".nc"):
+        from ..study.results import Results
+
+        names = ", ".join(Results.read(words[0]).quantities)
+        raise InputError(f"WHAT is missing: a quantity of the study; there are {names}")
     if len(words) < 2:
         raise InputError("TRAJECTORY or WHAT is missing: `ifrdem plot --list` lists the plots")
     *sources, what = words
@@ -369,7 +374,7 @@ def plot(
                 frames,
                 output,
                 force=force,
-                over=over or "t",
+                over=over,
                 color=color,
                 **form,
                 **options,

@@ -42,11 +42,29 @@ LEAST, MOST = 160, 7680
 """Width and height of a movie, in pixels."""
 
 
-def info(file: File, /) -> None:
-    """Describe the content of a trajectory."""
+def info(
+    file: Annotated[
+        str,
+        Parameter(
+            name="FILE",
+            help="a trajectory (.h5), or the folder that it is in, or the results of a study (.nc)",
+        ),
+    ],
+    /,
+) -> None:
+    """Describe the content of a trajectory, or of a study with its numbers.
+
+    Of a study (NAME.nc): a table of means over seeds with standard errors, at the end of the runs, a line for each
+    point and quantity.
+    """
+    if file.endswith(".nc"):
+        from ..study.contents import describe as describe_study
+
+        echo(describe_study(file))
+        return
     from ..runs.info import describe
 
-    echo(describe(file))
+    echo(describe(one_trajectory(file)))
 
 
 def view(

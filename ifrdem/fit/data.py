@@ -66,6 +66,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """Columns that one error may stand for, and that share one error where it is estimated."""
 
 UNUSED = "columns not used"
+UNUSED_OF_COLLISIONS = ("t", "id_1", "id_2")  # which `ifrdem collisions` writes for people
 LEAST_ERROR = 1e-6  # below it, chi2 is so steep that rounding hides its minimum
 EXAMPLE_LAW = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 EXAMPLE_ERROR = 0.7  # [deg]
@@ -423,8 +424,8 @@ def read(
         columns, lines = {name: value[good] for name, value in columns.items()}, lines[good]
     if found.missing:
         notes.append(f"{found.missing} value{'s are' if found.missing > 1 else ' is'} missing and left out")
-    if found.unused:
-        notes.append(f"{UNUSED}: {', '.join(found.unused)}")
+    if unused := [name for name in found.unused if name not in UNUSED_OF_COLLISIONS]:
+        notes.append(f"{UNUSED}: {', '.join(unused)}")
     named = [columns.pop(f"material_{i}", None) for i in "12"]
     present = [name for name in columns if not name.endswith("_error")]
     whole = [name for name in present if name in _KINDS]

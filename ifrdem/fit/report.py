@@ -178,7 +178,7 @@ def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
         each_trend = [each for each in fitted.trends.each if each.against == against] if fitted.trends else []
         if each_trend:
             changes = (
-                f"{each.coefficient} {each.change:+.2g} +- {each.error:.1g} (p = {each.probability:.2g})"
+                f"{each.coefficient} {each.change:+.2g} +- {each.error:.2g} (p = {each.probability:.2g})"
                 for each in each_trend
             )
             ends = f"{each_trend[0].low:.3g} to {each_trend[0].high:.3g}"

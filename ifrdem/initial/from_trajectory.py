@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest_file
 from ..model.box import Box
 from ..model.overlaps import TOLERANCE, check_no_overlap
 from ..model.walls.checks import check as check_walls
@@ -55,7 +55,7 @@ def read(
     def rows() -> tuple[StartData, str, bool, float, Box]:
         if not path.exists():
             names = [each.name for each in path.parent.glob("*.h5")] if path.parent.is_dir() else []
-            raise InputError(f"there is no such file{nearest(path.name, names)}")
+            raise InputError(f"there is no such file{nearest_file(path.name, names)}")
         with Trajectory(path) as trajectory:
             _check_whole(trajectory, n, box)
             at = trajectory[-1 if frame is None else frame]

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError, there_are
+from ..errors import InputError, option_name, there_are
 from ..tools.checked import Count, Positive, instance, validated
 from .names import OPTIONS
 from .names import PICTURES as PICTURES
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from ..analysis.result import Evaluation
     from ..trajectory.reader import Trajectory
 
-OVER = ("temperatures", "energy", "ledger", "mechanisms", "walls", "piston")
-"""Pictures that can be drawn over collisions per disk."""
+OVER = ("temperatures", "energy", "ledger", "mechanisms", "walls", "piston", "species")
+"""Pictures that can be drawn over time or collisions per disk."""
 UPPER_AND_LOWER: dict[str, Any] = {"nrows": 2, "sharex": True, "height_ratios": (3.0, 1.0)}
 LAYOUTS: dict[str, dict[str, Any]] = {
     "piston": {"nrows": 2, "sharex": True},
@@ -32,7 +32,7 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 
 @validated
 def figure(
-    trajectory: Trajectory, what: str, *, frames: Sequence[int] | None = None, over: str = "t",
+    trajectory: Trajectory, what: str, *, frames: Sequence[int] | None = None, over: str | None = None,
     color: str | None = None, make: Callable[..., Any] | None = None, size: tuple[Positive, ...] | None = None,
     dpi: Count = 200, title: bool = True, **options: Any,
 ) -> Figure:  # fmt: skip
@@ -45,8 +45,9 @@ def figure(
         A name that `ifrdem plot --list` lists.
     frames : sequence of int, optional
         Of which frames; by default of those that suit it.
-    over : {"t", "tau"}
-        Time, or collisions per disk: of temperatures, energy, ledger, mechanisms, walls and piston.
+    over : {"t", "tau"}, optional
+        Time, or collisions per disk: of temperatures, energy, ledger, mechanisms, walls, piston and species. By default
+        time, of species collisions per disk where the file counts them.
     color : str, optional
         Of the disks, as `Frame.plot` has it.
     make : callable, optional
@@ -84,6 +85,7 @@ def figure(
 
     instance("trajectory", trajectory, Trajectory)
     layout, frames, given = _layout(trajectory, what), _numbers(trajectory, frames), size
+    _check_over(what, over)
     if is_poster.get():
         return _poster(trajectory, what, frames, color, make, size, dpi, options)
     wide = layout.get("ncols", 1) > 1
@@ -200,6 +202,7 @@ def panels(
     layout = _layout(trajectory, what)
     count = layout.get("ncols", 1) * layout.get("nrows", 1)
     given = checked_axes(f"the picture {what}", axes, count, 1 if layout is UPPER_AND_LOWER else count)
+    _check_over(what, options.get("over"))
     _draw(given, trajectory, what, _numbers(trajectory, frames), **options)
 
 
@@ -274,18 +277,12 @@ def _numbers(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int] 
 
 
 def _draw(
-    axes: Sequence[Axes], trajectory: Trajectory, what: str, frames: Sequence[int] | None = None, over: str = "t",
-    color: str | None = None, **options: Any,
+    axes: Sequence[Axes], trajectory: Trajectory, what: str, frames: Sequence[int] | None = None,
+    over: str | None = None, color: str | None = None, **options: Any,
 ) -> Evaluation | None:  # fmt: skip
     """Draw a picture into its axes; return the result if it is an analysis."""
-    from ..tools import checked
     from . import disks, dissipation, series, temperatures
 
-    checked.choice("over", over, tuple(series.AXES))
-    if over != "t" and what not in OVER:
-        raise InputError(
-            f"over = {over}: cannot be combined with {what}; it is an option of {', '.join(OVER)}"
-        )
     if color is not None and what != "disks":
         raise InputError(f"color = {color}: cannot be combined with {what}; it is an option of disks")
     for name, value in options.items():
@@ -297,14 +294,29 @@ def _draw(
         disks.last_frame(axes[0], trajectory, frames[-1] if frames else -1, color)
     elif what == "dissipation":
         dissipation.draw(axes[0], axes[1], trajectory, frames)
-    elif what in OVER:
+    elif what in OVER and what != "species":
         draw = temperatures.draw if what == "temperatures" else getattr(series, what)
-        draw(trajectory, over, *axes)
+        draw(trajectory, over or "t", *axes)
     else:
         from ..analysis.catalogue import ANALYSES
         from .analyses import PANELS
 
         evaluation = ANALYSES[what].of(trajectory, frames, **options)
-        PANELS[what].draw(*axes, trajectory, evaluation)
+        PANELS[what].draw(*axes, trajectory, evaluation, **({"over": over} if what == "species" else {}))
         return evaluation
     return None
+
+
+def _check_over(what: str, over: str | None) -> None:
+    """Refuse an axis that a picture has not got."""
+    from ..tools import checked
+    from . import series
+
+    if over is None:
+        return
+    checked.choice("over", over, tuple(series.AXES))
+    if what not in OVER:
+        option = option_name("--over", "over =")
+        raise InputError(
+            f"{option} {over}: cannot be combined with {what}; it is an option of {', '.join(OVER)}"
+        )

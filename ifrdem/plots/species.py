@@ -8,16 +8,26 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..analysis.result import Evaluation
+from ..errors import InputError, option_name
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .series import AXES
-from .style import KINDS, foreground, from_zero, grid, label, legend, legend_above, positive
+from .style import KINDS, foreground, from_zero, grid, label, legend_above, positive
 
 
-def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: Evaluation) -> None:
-    """T of each species against collisions per disk, and ratios to the first one and theta below."""
+def temperatures(
+    upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: Evaluation, over: str | None = None
+) -> None:  # fmt: skip
+    """T of each species against collisions per disk, and ratios to the first one and theta below.
+
+    Against time if that is what `over` says, or the file does not count collisions.
+    """
     found = evaluation.result
-    tau = found.collisions_per_disk
+    tau = None if over == "t" else found.collisions_per_disk
+    if over == "tau" and tau is None:
+        raise InputError(
+            f"{option_name('--over', 'over =')} tau: {trajectory.path} does not count collisions; must be t"
+        )
     x = found.time if tau is None else tau
     thetas: list[tuple[Array, str, dict[str, Any]]] = []
     for i, name in enumerate(found.names):
@@ -51,5 +61,5 @@ def temperatures(upper: Axes, lower: Axes, trajectory: Trajectory, evaluation: E
     lower.set_ylabel("ratio")
     from_zero(lower)
     legend_above(upper)
-    legend(lower)
+    legend_above(lower)
     grid(upper, lower)

@@ -34,7 +34,7 @@ from ..simulation.measuring.tracking import Events
 from ..simulation.simulation import Simulation
 from ..simulation.steps.schedule import RunPlan, RunPoint, end_at
 from ..tools.checked import Array
-from ..tools.progress import Progress, Stage
+from ..tools.progress import DELAY, Progress, Stage, drawing
 from ..tools.versions import revision
 from ..trajectory import layout, parts
 from ..trajectory.background import AsyncWriter
@@ -458,6 +458,8 @@ def finish(running: Run, started: float, before: int, rate: float, log: Callable
     if running.outputs.views:
         write_views(running.outputs.trajectory)
     if running.outputs.picture is not None:
+        if ran >= DELAY:  # the progress was shown
+            drawing(running.outputs.picture.name)
         _draw(running.file.case)(running.outputs.trajectory, running.outputs.picture)
     overall = (last.collisions - before) / ran
     first, done = running.ledger.first, f"done in {time.perf_counter() - started:.1f} s: "

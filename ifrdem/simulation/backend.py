@@ -440,7 +440,8 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
             cpu_max_num_threads=settings.threads,
             offline_cache=cache is not None,
             offline_cache_file_path=cache or "",
-            log_level=ti.WARN,
+            # Its warnings, as of a cache that another process writes, are raw lines that --quiet would not hide.
+            log_level=ti.WARN if LOG.isEnabledFor(logging.DEBUG) else ti.ERROR,
             enable_fallback=False,
             unrolling_limit=0,  # no warning of its own copies of walls, which have 38 columns, to a GPU
             cfg_optimization=False,  # the same bits and speed, a quarter of the time to compile

@@ -1088,8 +1088,10 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         if not frame_callbacks:
             return
         state, totals = self._engine.observed(stored)
-        measured = from_totals(self.disks, totals, self.time, self.wall_collisions, **self._energy_terms())
-
+        species = self._engine.species_totals()
+        measured = from_totals(
+            self.disks, totals, self.time, self.wall_collisions, species=species, **self._energy_terms()
+        )
         recorded = self._engine.options.recorded
 
         def call_back() -> None:

@@ -19,14 +19,14 @@ from ..plots.style import (
     fit_to_column,
     grid,
     is_narrow,
-    legend,
+    legend_above,
     legend_of_figure,
     written,
 )
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
-from .results import Results, theory_between
+from .results import SEED, Results, theory_between
 from .task import Variable
 
 if TYPE_CHECKING:
@@ -50,12 +50,10 @@ KEY_SYMBOLS = {
 """Symbols of keys of a case, by their last part."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # Okabe and Ito's
 MOST_PANELS = 12
-BAND = 2.0
-"""Standard errors that a band reaches to both sides: 95 % of a normal distribution."""
+BAND = 0.95
+"""Probability that the interval of a mean holds the true one, by Student's t for so many seeds."""
 AT_POINTS = "theory at points"
 """Mark of the markers of theory that stand at swept values only."""
-RATIO = "species_T_ratio_"
-"""Beginning of the names of ratios of temperatures to that of the first species."""
 SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
 FILE = "file"
@@ -83,7 +81,7 @@ def draw(
     results: Results, what: str, over: str | None = None, by: str | None = None, *,
     size: tuple[float, ...] | None = None, dpi: int = 200, title: bool = True,
 ) -> Figure:  # fmt: skip
-    """Draw a quantity: its mean over seeds, a band of two standard errors, and kinetic theory, dashed.
+    """Draw a quantity: its mean over seeds, a band of its 95 % interval, and kinetic theory, dashed.
 
     `what` is its name, or T, T_rot. It is drawn over the rows (tau, t), or `over` another of its dimensions, or a swept
     key, where the last row counts. Each value of the swept key `by` (the first one without it) is a curve, every
@@ -96,11 +94,13 @@ def draw(
 
     swept = list(results.axes)
     name = SHORT.get(what, what)
-    known = [each.removesuffix("_mean") for each in results.variables if each.endswith("_mean")]
     if f"{name}_mean" not in results.variables:
+        known = results.quantities
         near = nearest(what, [*known, *SHORT])
         raise InputError(f"no quantity is called '{what}'{near}; there are: {', '.join(known)}")
     mean = results.variables[f"{name}_mean"]
+    if not mean.dims:
+        raise InputError(f"{name}: is one number and has no axis; `ifrdem info` prints it")
     x, curve = _x(results, over, mean.dims), None
     split = [*swept, *(dim for dim in mean.dims if dim in PARTS)]
     if left := [dim for dim in split if dim != x]:
@@ -131,7 +131,7 @@ def draw(
     first = all_axes[0]
     _scales(all_axes[: len(panels_at)])
     _legend(
-        first, _theory(results, name) is not None, f"{name}_error" in results.variables, x not in swept,
+        first, _theory(results, name) is not None, _seeds(results, name), x not in swept,
         several=len(panels_at) > 1,
     )  # fmt: skip
     for axes in table[-1]:
@@ -148,6 +148,41 @@ def _theory(results: Results, name: str) -> str | None:
     """The variable with kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
     names = (f"{name}_theory", f"{name}_theory_mean", f"{name}_by_theory_mean")
     return next((each for each in names if each in results.variables), None)
+
+
+def half_interval(results: Results, name: str) -> NDArray[np.float64] | None:
+    """Half the 95 % interval of the mean of a quantity over its seeds, by Student's t; nan of a single seed.
+
+    None for quantities of no seeds.
+    """
+    if f"{name}_error" not in results.variables:
+        return None
+    from scipy.special import stdtrit
+
+    count = _finite_seeds(results, name)
+    factor = stdtrit(np.maximum(count - 1, 1), 0.5 * (1.0 + BAND))
+    return np.asarray(factor * results.values(f"{name}_error"))  # which is nan of a single seed
+
+
+def _finite_seeds(results: Results, name: str) -> NDArray[np.int64]:
+    """Number of seeds behind each mean of a quantity."""
+    values, dims = results.values(name), results.variables[name].dims
+    if SEED not in dims or results.variables[f"{name}_error"].dims != tuple(
+        dim for dim in dims if dim != SEED
+    ):
+        raise InputError(f"{name}: must have the dimension {SEED} and those of {name}_error")
+    return np.asarray(np.isfinite(values).sum(axis=dims.index(SEED)))
+
+
+def _seeds(results: Results, name: str) -> str | None:
+    """Numbers of seeds that have an interval, as text; None if no mean has one."""
+    if f"{name}_error" not in results.variables:
+        return None
+    count = _finite_seeds(results, name)
+    known = count[count > 1]
+    if not len(known):
+        return None
+    return f"{known.min()}" if known.min() == known.max() else f"{known.min()} to {known.max()}"
 
 
 def _x(results: Results, over: str | None, dims: tuple[str, ...]) -> str:
@@ -183,8 +218,8 @@ def _panel(
         colour = COLOURS[i % len(COLOURS)] if count <= len(COLOURS) else _shade(i, count)
         label = None if curve is None else _named(results, curve, i)
 
-        def along(which: str, panel: Mapping[str, int] = panel) -> NDArray[Any] | None:
-            one = results.variables.get(which)
+        def along(which: str | Variable, panel: Mapping[str, int] = panel) -> NDArray[Any] | None:
+            one = results.variables.get(which) if isinstance(which, str) else which
             if one is None:
                 return None
             rows = [dim for dim in one.dims if dim not in results.axes]
@@ -195,7 +230,9 @@ def _panel(
             )  # fmt: skip
             return one.values[taken]
 
-        y, error = along(f"{name}_mean"), along(f"{name}_error")
+        y = along(f"{name}_mean")
+        half = half_interval(results, name)
+        part = None if half is None else along(results.variables[f"{name}_mean"]._replace(values=half))
         theory = along(_theory(results, name) or "")
         own = x in results.variables and results.variables[x].dims == (x,)
         where = results.values(x) if own else along(f"{x}_mean")
@@ -206,11 +243,11 @@ def _panel(
             axes.set_xticks(where, [str(each) for each in results.values(x)])
         rows = x not in results.axes
         axes.plot(where, y, "-" if rows else "o", color=colour, lw=1.4, ms=4, label=label)
-        if error is not None and np.isfinite(error).any():
+        if part is not None and np.isfinite(part).any():
             if rows:
-                axes.fill_between(where, y - BAND * error, y + BAND * error, color=colour, alpha=0.25, lw=0)
+                axes.fill_between(where, y - part, y + part, color=colour, alpha=0.25, lw=0)
             else:
-                axes.errorbar(where, y, BAND * error, fmt="none", color=colour, capsize=2)
+                axes.errorbar(where, y, part, fmt="none", color=colour, capsize=2)
         if theory is None or not np.isfinite(theory).any():
             continue
         if rows:
@@ -242,11 +279,12 @@ def _scales(panels: Sequence[Axes]) -> None:
         panels[0].set_xlim(left=float(later.min()))
 
 
-def _legend(axes: Axes, theory: bool, error: bool, rows: bool, *, several: bool) -> None:
-    label = f"$\\pm {BAND:g}$ standard errors"
-    if error and rows:
+def _legend(axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several: bool) -> None:
+    """`seeds`: their number, as text, if means have intervals."""
+    label = f"{100.0 * BAND:g} % interval of the mean (Student's $t$, {seeds} seeds)"
+    if seeds is not None and rows:
         axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)
-    elif error:
+    elif seeds is not None:
         axes.errorbar([], [], [], fmt="none", color="black", capsize=2, label=label)
     if theory:
         at_points = any(line.get_gid() == AT_POINTS for line in axes.lines)
@@ -256,7 +294,7 @@ def _legend(axes: Axes, theory: bool, error: bool, rows: bool, *, several: bool)
     if several:
         legend_of_figure(axes.get_figure(), axes, 6 if not is_narrow(axes) else 2)
     else:
-        legend(axes)
+        legend_above(axes, 2 if is_narrow(axes) else 3)
 
 
 def _shade(i: int, count: int) -> Any:
@@ -278,17 +316,14 @@ def _label(results: Results, name: str) -> str:
     key = json.loads(results.attributes["keys"]).get(name)
     one = results.variables.get(name) or results.variables.get(f"{name}_mean")
     unit = f" ({written(one.unit)})" if one is not None and one.unit else ""
-    if name.startswith(RATIO) and "species" in results.variables:
-        first = results.values("species")[0]
-        return f"$T$ of {name.removeprefix(RATIO).replace('_', ' ')} / $T$ of {first}"
-    return (_symbol(results, name) if key else _quantity(name)) + unit
+    return (_symbol(results, name) if key else _quantity(name, results.texts.get(name))) + unit
 
 
-def _quantity(name: str) -> str:
-    """A quantity of the results in words and symbols: species_T_heavy as $T$ heavy."""
+def _quantity(name: str, text: str | None = None) -> str:
+    """A quantity of the results in words, those of its analysis if given, and symbols: "T of a" as $T$ of a."""
     if name in SYMBOLS:
         return SYMBOLS[name]
-    text = name.replace("_", " ")
+    text = name.replace("_", " ") if text is None else text.replace("$", r"\$")
     for words, symbol in (
         ("T rot", r"$T_\mathrm{rot}$"),
         ("T", "$T$"),

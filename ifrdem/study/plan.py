@@ -21,7 +21,7 @@ from pydantic_core import PydanticCustomError
 from ..case import file as case_file
 from ..case import shipped
 from ..case.case import CaseSections
-from ..case.estimate import LEDGER, OBSERVABLES
+from ..case.estimate import LEDGER, OBSERVABLES, long_steps
 from ..case.messages import spelled
 from ..errors import InputError, listed, nearest, option_name
 from ..tools.versions import __version__
@@ -226,10 +226,14 @@ class Plan:
         swept = [one for axis, i in zip(self.axes, point, strict=True) for one in axis.assignments(i)]
         return [*self.overrides, *swept, f"run.seed={seed}"]
 
-    def checked_cases(self) -> tuple[dict[tuple[int, ...], CaseSections], list[str]]:
-        """Cases of the points that are in order, and a line for each thing that `check` refuses of the others."""
+    def checked_cases(self) -> tuple[dict[tuple[int, ...], CaseSections], list[str], list[str]]:
+        """Cases of the points that are in order, lines on what `check` refuses of the others, and warnings.
+
+        Warnings are those of long steps of forces.
+        """
         good: dict[tuple[int, ...], CaseSections] = {}
         labels_of: dict[str, list[str]] = {}
+        warned: list[str] = []
         for point in self.points:
             try:
                 file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
@@ -239,6 +243,7 @@ class Plan:
                         "(without the key it is the time of the frame)"
                     )
                 good[point] = file.case  # without its arrays, of which there may be many
+                warned += [f"{self.label(point)}: {line}" for line in long_steps(file.gas)]
             except InputError as error:
                 for line in str(error).replace(" [set on the command line]", "").splitlines():
                     line = line.removeprefix(f"{self.path}: ").removeprefix("--set ").removeprefix("set: ")
@@ -248,7 +253,7 @@ class Plan:
         for line, labels in labels_of.items():
             more = f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
             problems.append(line if len(labels) == of_all else f"{labels[0]}{more}: {line}")
-        return good, problems
+        return good, problems, warned
 
     def tasks(self, good: dict[tuple[int, ...], CaseSections], folder: Path) -> Iterator[Task]:
         """The runs of the points that are in order, whose results stand in a folder."""

@@ -121,6 +121,9 @@ def _check(
             if sizes.setdefault(dim, size) != size:
                 raise ValueError(f"{name} has {size} values along {dim}, others have {sizes[dim]}")
     axes, keys = json.loads(attributes["axes"]), json.loads(attributes["keys"])
+    texts = json.loads(attributes.get("texts", "{}"))
+    if not isinstance(texts, dict) or not all(isinstance(text, str) for text in texts.values()):
+        raise ValueError("texts are no names of quantities")
     for axis, names in axes.items():
         if axis not in names:
             raise ValueError(f"axis {axis} has the keys {names}")

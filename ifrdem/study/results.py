@@ -76,6 +76,17 @@ class Results:
     attributes: dict[str, str] = field(default_factory=dict)
 
     @property
+    def quantities(self) -> list[str]:
+        """Names of what has a mean over seeds."""
+        return [name.removesuffix("_mean") for name in self.variables if name.endswith("_mean")]
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """The names of numbers of analyses as these print them."""
+        found: dict[str, str] = json.loads(self.attributes.get("texts", "{}"))
+        return found
+
+    @property
     def axes(self) -> dict[str, list[str]]:
         """The names of the keys that vary along each swept dimension, which is called like the first of them."""
         found: dict[str, list[str]] = json.loads(self.attributes["axes"])
@@ -133,12 +144,13 @@ class Results:
     def _texts(self, name: str) -> dict[str, str]:
         """The attributes of a variable: `units` ("1" for a pure number, none for texts) and `long_name`."""
         one, keys = self.variables[name], json.loads(self.attributes.get("keys", "{}"))
-        text = about(keys[name])[0] if name in keys else TEXTS.get(name)
+        texts = TEXTS | self.texts
+        text = about(keys[name])[0] if name in keys else texts.get(name)
         for suffix, statistic in STATISTICS.items():
             if text is None and name.endswith(suffix):
                 stem = name.removesuffix(suffix)
                 described = (
-                    WHOLE_GAS[stem].text if stem in WHOLE_GAS else TEXTS.get(stem, stem.replace("_", " "))
+                    WHOLE_GAS[stem].text if stem in WHOLE_GAS else texts.get(stem, stem.replace("_", " "))
                 )
                 text = described + statistic
         units = {} if one.values.dtype.kind in "UO" else {"units": one.unit or NUMBER}
@@ -205,7 +217,7 @@ def collect(
             room = grown(whole.values, shape)
             corner: Any = (*task.index, *(slice(size) for size in one.values.shape))
             room[corner] = one.values
-            found[name] = Variable(whole.dims, room, one.unit)
+            found[name] = Variable(whole.dims, room, one.unit, one.text)
     unit = UNITS[case.run.units]["time"] if row_axis == "time" else ""
     variables[row_axis] = Variable((row_axis,), positions, unit)
     variables |= {name: Variable((*swept, SEED), each) for name, each in texts.items()}
@@ -219,6 +231,7 @@ def collect(
         "title": f"{plan.name}: {math.prod(plan.shape[:-1])} points, {len(plan.seeds)} seeds",
         "axes": json.dumps({axis.names[0]: axis.names for axis in plan.axes}),
         "keys": json.dumps(dict(keys)),
+        "texts": json.dumps({name: one.text for name, one in found.items() if one.text}),
         "case": plan.text,
         "path": str(plan.path.resolve()),
         "overrides": "\n".join(plan.overrides),
@@ -238,7 +251,8 @@ def _coordinate(values: tuple[Any, ...]) -> NDArray[Any]:
 def _means(found: Mapping[str, Variable], over: int) -> dict[str, Variable]:
     """Each variable, its mean over seeds and the standard error of that, without runs that are missing."""
     made = {}
-    for name, (dims, values, unit) in found.items():
+    for name, one in found.items():
+        dims, values, unit, _ = one
         finite = np.isfinite(values)
         count = finite.sum(axis=over)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -246,7 +260,7 @@ def _means(found: Mapping[str, Variable], over: int) -> dict[str, Variable]:
             spread = np.where(finite, values - np.expand_dims(mean, over), 0.0)
             error = np.sqrt((spread**2).sum(axis=over) / (count - 1) / count)
         less = dims[:over] + dims[over + 1 :]
-        made[name] = Variable(dims, values, unit)
+        made[name] = one
         made[f"{name}_mean"] = Variable(less, mean, unit)
         made[f"{name}_error"] = Variable(less, np.where(count > 1, error, np.nan), unit)
     return made

@@ -103,7 +103,7 @@ class Study:
         self.folder: Path = self.output.with_name(self.output.name.removesuffix(ENDING) + RUNS)
 
     @cached_property
-    def _checked_cases(self) -> tuple[dict[tuple[int, ...], Any], list[str]]:
+    def _checked_cases(self) -> tuple[dict[tuple[int, ...], Any], list[str], list[str]]:
         return self.plan.checked_cases()
 
     @cached_property
@@ -124,7 +124,7 @@ class Study:
         Raises InputError if a point is refused (unless `keep_going`), there is no room, or the results cannot be
         written.
         """
-        good, problems = self._checked_cases
+        good, problems, _ = self._checked_cases
         if problems and not (keep_going and good):
             more = f"\n{option_name('--keep-going', 'keep_going=True')} runs the other points" if good else ""
             raise InputError(listed([f"{self.plan.path}: {line}" for line in problems]) + more)
@@ -254,6 +254,8 @@ class Study:
         """
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
             warn(f"left out: {line}")
+        if warned := self._checked_cases[2]:
+            warn(warned[0] + (f" (and {len(warned) - 1} more)" if len(warned) > 1 else ""))
         if workers != 0 and (trouble := backend.kernel_cache_trouble()):  # workers do not report it
             warn(trouble)
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
@@ -416,14 +418,15 @@ class Study:
 
 
 class StudyProgress:
-    """Runs that are done and the time that is left: a line that stays in its place on a terminal, else a line every
-    5 seconds."""
+    """Runs that are done and the time that is left: a line that stays in its place on a terminal, else a
+    line every 5 seconds, if more runs are done."""
 
     def __init__(self, runs: int, weights: list[float], status: Status) -> None:
         self._runs, self._all, self._status = runs, sum(weights) or 1.0, status
         self._done, self._weight = runs - len(weights), 0.0
         self._first: tuple[float, float] | None = None
         self._printed, self._bar = time.perf_counter(), sys.stderr.isatty()
+        self._runs_printed = ""
 
     def __call__(self, weight: float | None, failed: int) -> None:
         """Update after a finished run with this part of the work; None only updates the clock."""
@@ -440,12 +443,12 @@ class StudyProgress:
         counts = {"runs": self._runs, "runs_done": self._done, "runs_failed": failed}
         self._status.update(fraction=fraction, eta_seconds=left, **counts)
         due = now - self._printed >= (0.2 if self._bar else 5.0)
-        if not quiet() and (due or self._done == self._runs):
-            runs = f"{self._done} of {self._runs} runs" + (f", {failed} failed" if failed else "")
+        runs = f"{self._done} of {self._runs} runs" + (f", {failed} failed" if failed else "")
+        if not quiet() and (due or self._done == self._runs) and (self._bar or runs != self._runs_printed):
             text = f"{100.0 * fraction:5.1f} %  {runs}, ETA {clock_face(left)}"
             shown, end = (f"\r{text:<60}", "") if self._bar else (text, "\n")
             print(shown, end=end, file=sys.stderr, flush=True)
-            self._printed = now
+            self._printed, self._runs_printed = now, runs
 
     def close(self) -> None:
         """Release the terminal."""

@@ -46,11 +46,12 @@ LOG = logging.getLogger("ifrdem")
 
 
 class Variable(NamedTuple):
-    """A quantity: the names of its dimensions, its values, its unit ("" for none)."""
+    """A quantity: the names of its dimensions, its values, its unit ("" for none), its name as it is printed."""
 
     dims: tuple[str, ...]
     values: NDArray[Any]
     unit: str = ""
+    text: str = ""  # of a number of an analysis; others are described by their names
 
 
 @dataclass(frozen=True)
@@ -225,8 +226,8 @@ def _analysed(trajectory: Any, name: str, at: tuple[float, ...], axis: str) -> d
 def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str, Variable]:
     found: dict[str, Variable] = {}
     for i, outcome in enumerate(outcomes):
-        parts: list[tuple[tuple[str, ...], str, NDArray[np.float64], str]] = [
-            ((), _named(name, row.key or row.name), np.array(float(row.value)), row.unit)
+        parts = [
+            (_named(name, row.key or row.name), Variable((), np.array(float(row.value)), row.unit, row.name))
             for row in outcome.rows
         ]
         for table, columns in outcome.tables.items():
@@ -234,15 +235,14 @@ def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str,
             for one, values in columns.items():
                 if values.dtype.kind not in "biuf":  # names of quantities
                     continue
-                parts.append(((row,), _named(name, table, one), np.asarray(values, float), ""))
-        for inner, key, values, unit in parts:
-            if key not in found:
-                found[key] = Variable((*dims, *inner), np.full((len(outcomes), *values.shape), np.nan), unit)
-            stored = grown(found[key].values, (len(outcomes), *values.shape))
-            corner: Any = (i, *(slice(size) for size in values.shape))
-            stored[corner] = values
-            found[key] = Variable((*dims, *inner), stored, unit)
-    return found if dims else {key: Variable(one.dims, one.values[0], one.unit) for key, one in found.items()}
+                parts.append((_named(name, table, one), Variable((row,), np.asarray(values, float))))
+        for key, part in parts:
+            shape = (len(outcomes), *part.values.shape)
+            stored = grown(found[key].values if key in found else np.full(shape, np.nan), shape)
+            corner: Any = (i, *(slice(size) for size in part.values.shape))
+            stored[corner] = part.values
+            found[key] = part._replace(dims=(*dims, *part.dims), values=stored)
+    return found if dims else {key: one._replace(values=one.values[0]) for key, one in found.items()}
 
 
 def grown(values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
@@ -260,7 +260,10 @@ def _named(*parts: str) -> str:
 
 def save(path: Path, found: dict[str, Variable], *, seconds: float) -> None:
     """Write a result; it appears whole or not at all."""
-    head = {"seconds": seconds, "variables": {name: [one.dims, one.unit] for name, one in found.items()}}
+    head = {
+        "seconds": seconds,
+        "variables": {name: [one.dims, one.unit, one.text] for name, one in found.items()},
+    }
     arrays = {name: one.values for name, one in found.items()}
 
     def write(aside: Path) -> None:
@@ -287,8 +290,8 @@ def load(path: Path) -> tuple[dict[str, Variable], float]:
 
             head = json.loads(str(read("head")))
             found = {}
-            for name, (dims, unit) in head["variables"].items():
-                found[str(name)] = Variable(tuple(map(str, dims)), read(name), str(unit))
+            for name, (dims, unit, text) in head["variables"].items():
+                found[str(name)] = Variable(tuple(map(str, dims)), read(name), str(unit), str(text))
                 if len(found[name].dims) != found[name].values.ndim:
                     raise ValueError(f"{name} has {found[name].values.ndim} axes, and {len(dims)} have names")
         return found, float(head["seconds"])

@@ -206,6 +206,12 @@ class Compilation:
         return text, is_slow
 
 
+def drawing(name: str) -> None:
+    """Say that a picture is drawn, which takes seconds, where progress is shown."""
+    if not quiet():
+        print(f"drawing {name}", file=sys.stderr, flush=True)
+
+
 class Stage:
     """Prints the part of a long step of the preparation that is done, every `interval` seconds at most."""
 

@@ -7,7 +7,7 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest_file
 
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe is opened without waiting for a writer
 
@@ -21,7 +21,9 @@ def opened(path: Path) -> BinaryIO:
     except FileNotFoundError:
         folder = path.parent
         near = sorted((*folder.glob("*.toml"), *folder.glob("*.csv"))) if folder.is_dir() else []
-        raise InputError(f"there is no such file{nearest(path.name, [each.name for each in near])}") from None
+        raise InputError(
+            f"there is no such file{nearest_file(path.name, [each.name for each in near])}"
+        ) from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}") from None
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):

@@ -55,7 +55,10 @@ WHOLE_GAS = {
     "translational_energy": Described("kinetic energy of translation", "energy"),
     "rotational_energy": Described("kinetic energy of rotation", "energy"),
     "energy": Described("kinetic energy, translational and rotational", "energy"),
-    "temperature": Described("translational temperature T = <m v^2> / 2, about the mean velocity", "energy"),
+    "temperature": Described(
+        "translational temperature T = <m v^2> / 2, v relative to the mean velocity where the whole gas can drift "
+        "freely, otherwise in the lab", "energy",
+    ),
     "rotational_temperature": Described("rotational temperature T_rot = <I w^2>", "energy"),
     "momentum": Described("total momentum", "momentum"),
     "potential_energy": Described("potential energy in gravity, 0 at the lower left corner of the box", "energy"),
@@ -70,7 +73,7 @@ WHOLE_GAS = {
     "ledger_residual": Described("initial energy + input - dissipated - present energy: rounding", "energy"),
     "stress": Described("pressure tensor, mean since the row before", "energy length-2"),
     "stress_kinetic": Described("kinetic part of stress, mean of this row and the row before", "energy length-2"),
-    "species_temperature": Described("translational temperature of each species", "energy"),
+    "species_temperature": Described("translational temperature of each species, v as in temperature", "energy"),
     "species_rotational_temperature": Described("rotational temperature of each species", "energy"),
     "species_collisions": Described("collisions since the start, counted at each disk of a species"),
     "piston_displacement": Described("displacement of each piston along its line of motion", "length"),

@@ -21,10 +21,10 @@ from .history import History
 from .reader import SPIN, Trajectory
 from .repair import write_whole
 from .species import named_species
-from .views import CONSTANT
 
 FORMATS = ("gsd", "extxyz", "csv", "h5")
 EXTXYZ_NAMES = {"position": "pos", "velocity": "velo"}  # what OVITO calls them
+CONSTANT = ("radius", "mass", "material")  # properties of disks that other formats are given
 CSV_KEYS = ("frame", "time", "id")  # first columns of a CSV
 
 

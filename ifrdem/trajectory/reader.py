@@ -870,8 +870,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
 
     @validated
     def plot(
-        self, what: str = "temperatures", ax: Any = None, *, frames: Sequence[int] | None = None, over: str = "t",
-        color: str | None = None, axis: str | None = None, bins: int | None = None,
+        self, what: str = "temperatures", ax: Any = None, *, frames: Sequence[int] | None = None,
+        over: str | None = None, color: str | None = None, axis: str | None = None, bins: int | None = None,
         cells: tuple[int, int] | None = None, average: bool = False, **unknown: Any,
     ) -> Any:  # fmt: skip
         """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, rdf, ...
@@ -885,8 +885,9 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
             do, for the upper panel. By default those of a new figure of `pyplot`.
         frames : sequence of int, optional
             Of which frames; by default of those that suit the picture.
-        over : {"t", "tau"}
-            Time, or collisions per disk: of temperatures, energy, ledger, mechanisms, walls and piston.
+        over : {"t", "tau"}, optional
+            Time, or collisions per disk: of temperatures, energy, ledger, mechanisms, walls, piston and species. By
+            default time, of species collisions per disk where the file counts them.
         color : str, optional
             Of "disks", as `Frame.plot` has it.
         axis, bins, cells, average

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..study.figure import BAND
 from ..study.results import ENDING, RUNS, SEED, Results
 from ..tools.checked import Array
 from .content import numbers
 
 FIRST = ("temperature", "rotational_temperature", "theta")
+BAND = 2.0
+"""Standard errors that a band reaches to both sides."""
 
 
 class StudyPoints:
@@ -54,9 +55,8 @@ class StudyPoints:
         """The content except curves of single points, for JSON."""
         it = self._results
         keys = json.loads(it.attributes["keys"])
-        known = [name.removesuffix("_mean") for name in it.variables if name.endswith("_mean")]
         ends = {}
-        for name in sorted(known, key=lambda one: FIRST.index(one) if one in FIRST else len(FIRST)):
+        for name in sorted(it.quantities, key=lambda one: FIRST.index(one) if one in FIRST else len(FIRST)):
             if (mean := self._end(name, "mean")) is not None:
                 parts = {kind: self._end(name, kind) for kind in ("error", "theory")}
                 ends[name] = {"unit": it.variables[f"{name}_mean"].unit, "mean": numbers(mean)} | {

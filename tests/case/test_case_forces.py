@@ -207,6 +207,16 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
         r" +force 0: step / shortest mean free time at the start +[\d.]+\n",
         shown,
     )
+    free_time = re.search(r"mean free time at the start +([\d.]+)\n", shown)
+    assert free_time
+    for part, warned in ((0.19, False), (0.25, True)):
+        sets = ["species[0].speed_rms=2.0", f"force[0].step={part * float(free_time[1])}"]
+        assert main(["check", str(case), *(word for each in sets for word in ("--set", each))]) == 0
+        err = capsys.readouterr().err
+        assert ("force[0].step = " in err) == warned
+    most = re.search(r"0\.25 mean free times at the start; use at most ([\d.]+) \(0\.05 mean", err)
+    assert most
+    assert float(most[1]) == pytest.approx(0.05 * float(free_time[1]), rel=2e-3)
     at_random = ["--set", "force[0].step=", "--set", "force[0].rate=20.0"]
     assert main(["check", str(case), *at_random]) == 0
     assert re.search(

@@ -213,11 +213,12 @@ def test_a_law_that_adds_energy_is_reported_by_check_and_run(
     settings = sets(*GAINING, "material[0].gain=1.1")
     assert executed(case, "check", *settings) == 0
     shown = capsys.readouterr()
-    assert "law Gaining: of 4096 random collisions 4096 added energy, one of them" in shown.err
+    at = f'{case}: material[0].law = "laws/mylaw.py:Gaining": '
+    assert f"{at}law Gaining: of 4096 random collisions 4096 added energy, one of them" in shown.err
     assert "custom, tried on 4096 random pairs" in shown.out
     assert executed(case, "run", "-o", case.with_name("gas.h5"), *settings) == 0
     shown = capsys.readouterr()
-    assert "law Gaining: of 4096 random collisions 4096 added energy" in shown.err
+    assert f"{at}law Gaining: of 4096 random collisions 4096 added energy" in shown.err
     assert "collisions have added energy" in shown.err
     with pytest.warns(ifrdem.EnergyWarning, match="law Gaining: of 4096"):
         ifrdem.Case.read(case, set=[*GAINING, "material[0].gain=1.1"]).simulation()
@@ -225,7 +226,9 @@ def test_a_law_that_adds_energy_is_reported_by_check_and_run(
     out = case.with_name("weak.h5")
     for command in (["check"], ["run", "-o", out]):
         assert executed(case, *command, *sets(*GAINING, "material[0].gain=-0.1")) == 2
-        assert "go through each other" in capsys.readouterr().err
+        err = capsys.readouterr().err
+        assert f"{at}law Gaining: " in err
+        assert "go through each other" in err
     assert not out.exists()
 
 

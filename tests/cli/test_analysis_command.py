@@ -546,8 +546,8 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
         (
             ("rdf", "--over", "tau"),
-            "over = tau: cannot be combined with rdf; it is an option of temperatures, energy, ledger, mechanisms, "
-            "walls, piston",
+            "--over tau: cannot be combined with rdf; it is an option of temperatures, energy, ledger, mechanisms, "
+            "walls, piston, species",
         ),
     ):
         assert run("plot", "run.h5", *words, "-o", "no.png") == 2
@@ -684,6 +684,10 @@ def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) 
         found = catalogue.ANALYSES["velocity"].of(trajectory, None)
         assert list(found.result) == ["material 0, R = 0.4", "material 1, R = 0.2"]
         assert [one.sonine.disks for one in found.result.values()] == [149, 150]
+        for over, x in (("t", trajectory.times), ("tau", 2.0 * trajectory.observables["collisions"] / N)):
+            upper, lower = trajectory.plot("species", ax=Figure().subplots(2), over=over)
+            np.testing.assert_allclose(upper.lines[0].get_xdata(), x)
+            assert lower.get_legend().get_bbox_to_anchor().y0 >= lower.bbox.y1  # above the curves
     many = Disks(N, mass=1.0, radius=np.linspace(0.1, 0.2, N))
     with Trajectory(write(tmp_path / "many.h5", disks=many)) as trajectory:
         assert list(outcome.kinds(trajectory)) == ["disks of 300 kinds together, as if at one temperature"]

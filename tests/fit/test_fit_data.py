@@ -166,6 +166,10 @@ def test_missing_file_names_the_nearest(tmp_path: Path) -> None:
     (tmp_path / "coins.csv").write_text(GOOD, encoding="utf-8")
     with pytest.raises(InputError, match=r"coin\.csv: there is no such file \(did you mean 'coins\.csv'\?\)"):
         fit.read(tmp_path / "coin.csv", {"angles": 0.7})
+    with pytest.raises(
+        InputError, match=r"hits\.csv: there is no such file$"
+    ):  # of coins only .csv is like it
+        fit.read(tmp_path / "hits.csv", {"angles": 0.7})
 
 
 def test_arrays_are_checked_as_files_are() -> None:

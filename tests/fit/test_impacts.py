@@ -178,6 +178,7 @@ def test_command_writes_tables_that_a_fit_takes(
     assert any(
         each.startswith(f"{len(every) - len(data)} of {len(every)} lines are left out") for each in data.notes
     )
+    assert not any(each.startswith("columns not used") for each in data.notes)  # of t, id_1, id_2
     law = fit.fit(of_walls, model=["ifr-percussion"], profile=False).laws["ifr-percussion"]
     for name, true in zip(("e_n", "e_t", "mu"), simulator.WALL, strict=True):
         each = law.estimates[name]

@@ -170,8 +170,9 @@ def test_over_tau_is_collisions_per_disk(tmp_path: Path, what: str) -> None:
         axes = run.plot(what, ax=pyplot.figure().subplots(), over="tau")
         assert axes.get_xlabel() == r"collisions per disk $\tau$"
         np.testing.assert_allclose(np.asarray(axes.lines[0].get_xdata())[-5:], 3.0 * np.arange(1.0, 6.0))
-        with pytest.raises(InputError, match="over = tau: cannot be combined with"):
-            run.plot("velocity", over="tau")
+        for over in ("t", "tau"):
+            with pytest.raises(InputError, match=f"over = {over}: cannot be combined with velocity"):
+                run.plot("velocity", over=over)
         with pytest.raises(InputError, match=r"over = 'taw': must be one of 't', 'tau' \(did you mean"):
             run.plot(what, over="taw")
 

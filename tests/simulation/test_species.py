@@ -36,8 +36,9 @@ def gas(**options: Any) -> ifrdem.Simulation:
 ], ids=["periodic", "drift", "sheared", "walls"])  # fmt: skip
 def test_sums_over_a_species(options: dict[str, Any]) -> None:
     """Sums in the kernel are those of NumPy over its disks, written out here."""
-    simulation = gas(**options)
-    simulation.run(collisions_per_disk=2.0)
+    simulation, frames = gas(**options), []
+    callbacks = [lambda state, measure: frames.append((state, measure))]
+    simulation.run(collisions_per_disk=2.0, frames=2, frame_callbacks=callbacks)
     found, state, disks = simulation.measure(), simulation.state, simulation.disks
     v = state.peculiar_velocity
     walled = not all(simulation.box.periodic)
@@ -53,9 +54,10 @@ def test_sums_over_a_species(options: dict[str, Any]) -> None:
     mean = np.array([0.6, 0.4]) @ found.species_temperature
     assert mean == pytest.approx(found.temperature, rel=1e-9)
     assert found.species_collisions.sum() == 2 * found.collisions
-    by_numpy = ifrdem.observables.measure(disks, state, about_mean=(not walled, not walled))
-    for name in ("species_temperature", "species_rotational_temperature", "species_collisions"):
-        assert getattr(by_numpy, name) == pytest.approx(getattr(found, name), rel=1e-9)
+    for then, measured in ((state, found), *frames):  # in the middle of the run, too
+        by_numpy = ifrdem.observables.measure(disks, then, about_mean=(not walled, not walled))
+        for name in ("species_temperature", "species_rotational_temperature", "species_collisions"):
+            assert getattr(by_numpy, name) == pytest.approx(getattr(measured, name), rel=1e-9)
 
 
 @pytest.mark.parametrize(("species", "message"), [

@@ -24,6 +24,7 @@ from ifrdem.errors import DamageError, DamageWarning, InputError
 from ifrdem.study.figure import draw
 from ifrdem.study.plan import ClusterSection
 from ifrdem.study.results import Results
+from ifrdem.study.study import StudyProgress
 from ifrdem.study.task import Variable, load
 from ifrdem.study.workers import dask, pool
 
@@ -188,6 +189,11 @@ trajectories = true
     assert found.velocity_a20_mean.values == pytest.approx(found.velocity_a20.values.mean(axis=0))
     assert found.velocity_P_c.dims == ("seed", "at", "velocity_row")
     assert any(str(each).startswith("impact") for each in found)
+    assert found.impact_mean_b_error.long_name == "mean of b = sin psi: standard error of the mean over seeds"
+    with pytest.raises(InputError, match="impact_mean_b: is one number"):
+        draw(study.results(), "impact_mean_b")
+    (axes,) = draw(study.results(), "velocity_a20").axes
+    assert found.velocity_a20.long_name == axes.get_ylabel()
 
 
 def test_a_failed_run_is_listed_and_the_others_continue(case, tmp_path, capsys):
@@ -262,6 +268,14 @@ def test_points_that_check_refuses_are_left_out_by_keep_going_only(case, tmp_pat
     assert cli.main([*words, "--keep-going"]) == 0
     found = xarray.open_dataset(tmp_path / "k.nc", engine="h5netcdf")
     assert found.runs.values.tolist() == [1, 0]
+
+
+def test_points_with_long_steps_of_forces_are_named(case):
+    force = 'force=[{ kind = "drag", rate = 0.1, step = 0.01 }]'
+    plan = ifrdem.Study(case, vary=["force[0].step=0.01,9.0"], set=[force]).plan
+    good, problems, warned = plan.checked_cases()
+    assert (len(good), problems, len(warned)) == (2, [], 1)
+    assert "force[0].step = 9: " in warned[0]
 
 
 def test_a_dry_run_starts_nothing(case, tmp_path, capsys):
@@ -343,6 +357,26 @@ def test_species_of_a_quantity_are_curves_or_panels_beside_their_theory() -> Non
     assert found == [[0.5, 0.6], [0.55, 0.65]]
 
 
+class Unwritten:
+    """Status that is written nowhere."""
+
+    def update(self, **given: object) -> None:
+        """Accept what a study reports."""
+
+
+def test_progress_in_a_pipe_has_a_line_for_more_runs_only(capsys, monkeypatch) -> None:
+    clock = iter(np.arange(0.0, 1000.0, 6.0))
+    monkeypatch.setattr("time.perf_counter", lambda: next(clock))
+    progress = StudyProgress(2, [1.0, 1.0], Unwritten())
+    for weight in (None, None, None, 1.0, None, 1.0):
+        progress(weight, 0)
+    runs = [line.split("%")[1].split(",")[0].strip() for line in capsys.readouterr().err.splitlines()]
+    assert runs == ["0 of 2 runs", "1 of 2 runs", "2 of 2 runs"]
+
+
+INTERVAL = "95 % interval of the mean (Student's $t$, 2 seeds)"
+
+
 def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     study = ifrdem.Study(case, vary=[VARY, "material[0].mu=0.1,0.5"], seeds=2, output=tmp_path / "t")
     study.run(workers=0)
@@ -355,7 +389,7 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     assert labels[:2] == ["$e_n$ = 0.7", "$e_n$ = 0.9"]
     assert any("kinetic theory" in label for label in labels)
     handles = dict(zip(labels, panels[0].get_legend_handles_labels()[0], strict=True))
-    assert isinstance(handles[r"$\pm 2$ standard errors"], PolyCollection)  # a band, as is drawn
+    assert isinstance(handles[INTERVAL], PolyCollection)  # a band, as is drawn
     assert (
         cli.main(["plot", str(study.output), "T", "--over", "material[0].e_n", "-o", f"{tmp_path}/ends"]) == 0
     )
@@ -371,7 +405,7 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
         assert np.interp(at, x, y) == pytest.approx(stored[:, i, -1], rel=2e-5)  # both in 1500 times
         straight = np.interp(x, at, stored[:, i, -1])
         assert np.max(np.abs(y / straight - 1.0)) > 1e-3  # it is bent, which a line of two points is not
-    assert isinstance(ends[names.index(r"$\pm 2$ standard errors")], ErrorbarContainer)
+    assert isinstance(ends[names.index(INTERVAL)], ErrorbarContainer)
     solid = next(line for line in panels[0].lines if line.get_label() == "$e_n$ = 0.9")
     found = study.dataset()
     assert all("long_name" in each.attrs for each in found.variables.values())
@@ -379,7 +413,21 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     assert {name: found[name].units for name in units} == units
     mean = found.temperature_mean
     assert np.array_equal(solid.get_ydata(), mean.sel(e_n=0.9, mu=0.1))
+    band = panels[0].collections[1].get_paths()[0].vertices[:, 1]  # of e_n = 0.9
+    error = found.temperature_error.sel(e_n=0.9, mu=0.1).values
+    # Of two values: tan(0.95 pi / 2), the quantile of a Cauchy distribution.
+    assert band.max() == pytest.approx(np.max(mean.sel(e_n=0.9, mu=0.1) + np.tan(0.475 * np.pi) * error))
     assert cli.main(["plot", str(study.output), "theta", "--by", "foo"]) == 2
+    capsys.readouterr()
+    assert cli.main(["plot", str(study.output)]) == 2
+    assert "temperature, rotational_temperature" in capsys.readouterr().err
+    assert cli.main(["info", str(study.output)]) == 0
+    printed = capsys.readouterr().out
+    row = next(line for line in printed.splitlines() if line.split()[:3] == ["temperature", "0.9", "0.1"])
+    last = found.isel(collisions_per_disk=-1).sel(e_n=0.9, mu=0.1)
+    assert [float(each) for each in row.split()[3:6]] == pytest.approx(
+        [last.temperature_mean.item(), last.temperature_error.item(), 2], rel=1e-4
+    )
 
 
 def run_it(case: Path, out: Path, engine: str) -> subprocess.Popen[str]:

@@ -307,11 +307,11 @@ def result_of_a_run(folder: Path, made: Mapping[str, bytes], chance: random.Rand
     path.write_bytes(damaged(made["result"], chance))
     found, seconds = task.load(path)
     same = found.keys() == whole[0].keys() and seconds == whole[1]
-    for name, (dims, values, unit) in whole[0].items():
+    for name, (dims, values, unit, text) in whole[0].items():
         other = found[name]
         if not (
             same
-            and (other.dims, other.unit) == (dims, unit)
+            and (other.dims, other.unit, other.text) == (dims, unit, text)
             and np.array_equal(other.values, values, equal_nan=True)
         ):
             raise AssertionError(f"another {name}")

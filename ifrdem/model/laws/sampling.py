@@ -79,7 +79,7 @@ def check_by_sampling(
     if gaining := np.count_nonzero(gain > _ROUND_OFF):
         most = f"one of them {100.0 * gain.max():.3g} % of the pair's"
         text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
-        more = "Simulation.dissipated_energy counts it, as a negative loss"
+        more = "dissipated_energy counts it as a negative loss"
         warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=outside_level())
 
 
