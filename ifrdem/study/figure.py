@@ -26,7 +26,7 @@ from ..plots.style import (
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
-from .results import SEED, Results, theory_between
+from .results import BAND, Results, finite_seeds, half_interval, theory_between
 from .task import Variable
 
 if TYPE_CHECKING:
@@ -50,8 +50,6 @@ KEY_SYMBOLS = {
 """Symbols of keys of a case, by their last part."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # Okabe and Ito's
 MOST_PANELS = 12
-BAND = 0.95
-"""Probability that the interval of a mean holds the true one, by Student's t for so many seeds."""
 AT_POINTS = "theory at points"
 """Mark of the markers of theory that stand at swept values only."""
 SEVERAL_DECADES = 10.0
@@ -150,35 +148,11 @@ def _theory(results: Results, name: str) -> str | None:
     return next((each for each in names if each in results.variables), None)
 
 
-def half_interval(results: Results, name: str) -> NDArray[np.float64] | None:
-    """Half the 95 % interval of the mean of a quantity over its seeds, by Student's t; nan of a single seed.
-
-    None for quantities of no seeds.
-    """
-    if f"{name}_error" not in results.variables:
-        return None
-    from scipy.special import stdtrit
-
-    count = _finite_seeds(results, name)
-    factor = stdtrit(np.maximum(count - 1, 1), 0.5 * (1.0 + BAND))
-    return np.asarray(factor * results.values(f"{name}_error"))  # which is nan of a single seed
-
-
-def _finite_seeds(results: Results, name: str) -> NDArray[np.int64]:
-    """Number of seeds behind each mean of a quantity."""
-    values, dims = results.values(name), results.variables[name].dims
-    if SEED not in dims or results.variables[f"{name}_error"].dims != tuple(
-        dim for dim in dims if dim != SEED
-    ):
-        raise InputError(f"{name}: must have the dimension {SEED} and those of {name}_error")
-    return np.asarray(np.isfinite(values).sum(axis=dims.index(SEED)))
-
-
 def _seeds(results: Results, name: str) -> str | None:
     """Numbers of seeds that have an interval, as text; None if no mean has one."""
     if f"{name}_error" not in results.variables:
         return None
-    count = _finite_seeds(results, name)
+    count = finite_seeds(results, name)
     known = count[count > 1]
     if not len(known):
         return None

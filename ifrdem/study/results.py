@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     import xarray
 
 SEED = "seed"
+BAND = 0.95
+"""Probability that the interval of a mean holds the true one, by Student's t for so many seeds."""
 ENDING, RUNS = ".nc", ".runs"
 """Endings of the file of results, and of the folder of runs next to it."""
 THEORY = ("temperature", "rotational_temperature", "theta")
@@ -388,3 +390,27 @@ def predicted(case: CaseSections, folder: Path, end: float) -> tuple[NDArray[np.
     except (InputError, TheoryError):  # rolling friction, forces that are not linear, ...: there is no theory
         return None
     return steps, found.collisions_per_disk, found.temperature, found.rotational_temperature
+
+
+def half_interval(results: Results, name: str) -> NDArray[np.float64] | None:
+    """Half the 95 % interval of the mean of a quantity over its seeds, by Student's t; nan of a single seed.
+
+    None for quantities of no seeds.
+    """
+    if f"{name}_error" not in results.variables:
+        return None
+    from scipy.special import stdtrit
+
+    count = finite_seeds(results, name)
+    factor = stdtrit(np.maximum(count - 1, 1), 0.5 * (1.0 + BAND))
+    return np.asarray(factor * results.values(f"{name}_error"))  # which is nan of a single seed
+
+
+def finite_seeds(results: Results, name: str) -> NDArray[np.int64]:
+    """Number of seeds behind each mean of a quantity."""
+    values, dims = results.values(name), results.variables[name].dims
+    if SEED not in dims or results.variables[f"{name}_error"].dims != tuple(
+        dim for dim in dims if dim != SEED
+    ):
+        raise InputError(f"{name}: must have the dimension {SEED} and those of {name}_error")
+    return np.asarray(np.isfinite(values).sum(axis=dims.index(SEED)))

@@ -11,13 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..study.results import ENDING, RUNS, SEED, Results
+from ..study.results import BAND, ENDING, RUNS, SEED, Results, half_interval
 from ..tools.checked import Array
 from .content import numbers
 
 FIRST = ("temperature", "rotational_temperature", "theta")
-BAND = 2.0
-"""Standard errors that a band reaches to both sides."""
 
 
 class StudyPoints:
@@ -60,9 +58,8 @@ class StudyPoints:
             if (mean := self._end(name, "mean")) is not None:
                 parts = {kind: self._end(name, kind) for kind in ("error", "theory")}
                 ends[name] = {"unit": it.variables[f"{name}_mean"].unit, "mean": numbers(mean)} | {
-                    kind: numbers(part * (BAND if kind == "error" else 1.0))
-                    for kind, part in parts.items() if part is not None
-                }  # fmt: skip
+                    kind: numbers(part) for kind, part in parts.items() if part is not None
+                }
         runs, failures = it.values("run"), it.values("failure")
         return {
             "title": it.attributes.get("title", self.path.stem),
@@ -90,12 +87,17 @@ class StudyPoints:
         return numbers(values) if values.dtype.kind == "f" else values.tolist()
 
     def _end(self, name: str, kind: str) -> NDArray[np.float64] | None:
-        """A quantity of each point at the last row that is known; None if it has other dimensions."""
+        """A quantity of each point at the last row that is known; None if it has other dimensions.
+
+        An "error" is half the interval of the mean.
+        """
         one = self._results.variables.get(f"{name}_{kind}")
         dims = ((*self._axes,), (*self._axes, self._rows))
         if one is None or one.dims not in dims or one.values.dtype.kind not in "iuf":
             return None
-        return np.array([_last(one.values[index]) for index in self._indices])
+        values = half_interval(self._results, name) if kind == "error" else one.values
+        assert values is not None  # its errors are there
+        return np.array([_last(values[index]) for index in self._indices])
 
     @property
     def _rows(self) -> str:
@@ -111,12 +113,12 @@ class StudyPoints:
             mean = it.variables.get(f"{name}_mean")
             if mean is None or mean.dims != (*self._axes, rows):
                 continue
-            error, theory = (it.variables.get(f"{name}_{kind}") for kind in ("error", "theory"))
+            half, theory = half_interval(it, name), it.variables.get(f"{name}_theory")
             lines: list[dict[str, Any]] = [
-                {"name": f"mean, {BAND:g} standard errors", "y": numbers(mean.values[index])}
+                {"name": f"mean, {100.0 * BAND:g} % interval", "y": numbers(mean.values[index])}
             ]
-            if error is not None:
-                lines[0]["error"] = numbers(BAND * error.values[index])
+            if half is not None:
+                lines[0]["error"] = numbers(half[index])
             if theory is not None:
                 lines.append({"name": "kinetic theory", "y": numbers(theory.values[index]), "dashed": True})
             unit = "" if name == "theta" else mean.unit

@@ -377,6 +377,9 @@ def some_results(folder: Path) -> Path:
     variables = {
         "e_n": Variable(("e_n",), e_n), "seed": Variable(("seed",), np.array([1, 2])),
         "collisions_per_disk": Variable(("collisions_per_disk",), np.arange(4.0)),
+        "temperature": Variable(
+            ("e_n", "seed", "collisions_per_disk"), np.stack([0.9 * T, 1.1 * T], axis=1), "J"
+        ),
         "temperature_mean": Variable(("e_n", "collisions_per_disk"), T, "J"),
         "temperature_error": Variable(("e_n", "collisions_per_disk"), 0.1 * T, "J"),
         "run": Variable(("e_n", "seed"), runs), "failure": Variable(("e_n", "seed"), np.full((3, 2), "", object)),
@@ -389,14 +392,15 @@ def some_results(folder: Path) -> Path:
 
 
 def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept(tmp_path):
-    path = some_results(tmp_path)
+    path, tan = some_results(tmp_path), np.tan(0.475 * np.pi)
     for place in (path, tmp_path / "scan.runs"):
         with Server(StudyPoints(place)) as server:
             head = json.loads(server.answer("head", {})[1])
             assert head["ends"]["temperature"] == {
                 "unit": "J",
                 "mean": [4.0, 8.0, 12.0],
-                "error": [0.8, 1.6, 2.4],
+                # Student's t of two seeds is 12.706 at 97.5 % (tan(0.475 pi), Cauchy's distribution).
+                "error": pytest.approx([0.4 * tan, 0.8 * tan, 1.2 * tan], rel=1e-6),
             }
             assert [one["label"] for one in head["points"]] == ["e_n = 0.7", "e_n = 0.8", "e_n = 0.9"]
             assert [one["runs"] for one in head["points"]] == [["", "run01"], ["", ""], ["", ""]]
