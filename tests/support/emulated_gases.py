@@ -36,9 +36,9 @@ class Gas(NamedTuple):
 
 GASES = {
     # Tiles of which several make the gas, each with a halo that takes most of the box.
-    "small tiles": Gas(500, 80, [RunPoint(collisions=1000)]),
+    "small tiles": Gas(500, 80, [RunPoint(collisions=600)]),
     # A tile and its halo have more disks than a block has room for.
-    "dense tiles": Gas(1100, 550, [RunPoint(collisions=1100)]),
+    "dense tiles": Gas(1100, 550, [RunPoint(collisions=700)]),
     # Several numbers of collisions and several times in each window.
     "moments": Gas(
         400,
@@ -68,7 +68,7 @@ def engine_of(gas: Gas, device: Literal["cpu", "cuda"], **options: Any) -> Engin
         walls=[Wall.post((middle[0], middle[1]), 2.0)],
         gravity=(0.0, -0.1),
         # Two in the same steps, and one at random times.
-        forces=[Drag(0.04, rate=0.1), RandomKicks(0.04, power=0.2), PoissonKicks(2.0, power=0.1)],
+        forces=[Drag(0.08, rate=0.1), RandomKicks(0.08, power=0.2), PoissonKicks(1.0, power=0.1)],
         record=["energy"],
         **options,
     )
