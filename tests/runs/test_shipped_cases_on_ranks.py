@@ -16,8 +16,8 @@ from ifrdem.case import file as case_file
 from ifrdem.case import shipped
 
 SCRIPT = Path(__file__).parents[1] / "support" / "ranks" / "commands.py"
-# A free gas with a history, kicks at random times, sums of a table, disks at rest, pairs, a piston, a sheared box.
-NAMES = ["cooling", "driven_mixture", "coins_on_table", "heap", "impact_scan", "piston", "shear"]
+# A free gas with a history, friction on a table, disks at rest, a piston, a sheared box.
+NAMES = ["cooling", "coins_on_table", "heap", "piston", "shear"]
 DIVIDED = ["cooling"]  # more than one tile of some 5000 disks, and nothing that cannot be divided
 
 
@@ -27,7 +27,7 @@ def shortened(name: str) -> list[str]:
     changes = ["output.frames=2", "output.picture=false", "output.views=false", "run.threads=1"]
     if run.t_end is not None:
         changes.append(f"run.t_end={run.t_end / 500.0:.3g}")
-    elif name != "impact_scan":  # in which each pair collides once
+    else:
         changes.append("run.collisions_per_disk=0.25")
     return [word for change in changes for word in ("--set", change)]
 

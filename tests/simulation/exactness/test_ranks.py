@@ -16,7 +16,7 @@ from ifrdem.simulation import backend
 GASES = Path(__file__).parents[2] / "support" / "ranks" / "gases.py"
 
 
-RUNS = ["1:elastic", "2:walls", "2:sizes"]  # on two, both neighbours are one rank
+RUNS = ["1:elastic", "2:sizes"]  # on two, both neighbours are one rank
 RUNS += [f"3:{name}" for name in ("cooling", "mixture", "walls", "shear", "driven", "fast", "spreading")]
 RUNS += ["2:driven sizes", "3:fast sizes", "3:spreading sizes", "4:sizes", "4:elastic:ids_below_0"]
 FAULTS = (
