@@ -134,7 +134,7 @@ def nearest_file(name: str, names: Iterable[str]) -> str:
     stem, ending = os.path.splitext(name)
     files = sorted(names, key=lambda each: not each.endswith(ending))  # of the same ending first
     stems = [os.path.splitext(each)[0] for each in files]
-    found = difflib.get_close_matches(stem, stems, n=1, cutoff=0.75)
+    found = difflib.get_close_matches(stem, stems, n=1, cutoff=0.65)
     return f" (did you mean '{files[stems.index(found[0])]}'?)" if found else ""
 
 
