@@ -1,4 +1,7 @@
-"""Access of lower layers to the plots, a higher layer, which `ifrdem/__init__.py` sets; imports nothing heavy."""
+"""Access of lower layers to the plots, a higher layer.
+
+Apart from `notebook.py`, which imports NumPy: `ifrdem/__init__.py` sets the access, and its import is quick.
+"""
 
 from __future__ import annotations
 

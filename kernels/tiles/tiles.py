@@ -237,7 +237,8 @@ def position_from(s, step_y, shift_x, shift_y, gas: ti.template()):
 
 @ti.func
 def position_in_tile(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
-    """The same in the box where one region is all of it; also boxes that the disk crossed."""
+    """Position of a listed disk as by `position_from`, wrapped into the box if one region is the box; and box lengths
+    by which it was wrapped."""
     x, y, row = position_from(s, step_y, shift_x, shift_y, gas)
     lap_x, lap_y = 0, 0
     if region.wrap_x == 1:

@@ -58,6 +58,7 @@ from ..compiler.signature import Arrays, kernel
 from ..tiles.sums import sum_tiles
 from ..tiles.tiles import (
     begin,
+    bounds_of,
     cell_at,
     clear,
     gather_tile,
@@ -176,26 +177,10 @@ def region_around(tile, halo, reach, gas: ti.template()):
 
 
 @ti.func
-def sides_around(tile, block: ti.template()):
-    """Left, right, lower and upper side of a tile, from its corner; ends of the box that are no periodic sides: far."""
-    tx = tile // block.grid.tiles_y
-    ty = tile - tx * block.grid.tiles_y
-    width, height = sides_of(tile, block)
-    left, right, below, above = 0.0 * width, width, 0.0 * height, height
-    if block.grid.periodic_x == 0:
-        left = ti.select(tx == 0, -FAR, left)
-        right = ti.select(tx == block.grid.tiles_x - 1, FAR, right)
-    if block.grid.periodic_y == 0:
-        below = ti.select(ty == 0, -FAR, below)
-        above = ti.select(ty == block.grid.tiles_y - 1, FAR, above)
-    return left, right, below, above
-
-
-@ti.func
 def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
     """List the disks in a tile and its halo as candidates, count them, and note the largest square of a speed."""
     part = block.grid.part
-    left, right, below, above = sides_around(tile, block)
+    left, right, below, above = bounds_of(0.0, tile, block)  # of the tile alone
     fastest = 0
     for step in range(9):
         other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = gather_tile(tile, step, block)

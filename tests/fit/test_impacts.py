@@ -10,20 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support import track_simulator as simulator
+from support.track_coverage import WALLS, X, Y
 
 from ifrdem import fit
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.fit import impacts, tracks
-from ifrdem.model.walls.wall import Wall
 
-X, Y = simulator.TRAY
-WALLS = [
-    Wall.line((0, 0), (1, 0)),
-    Wall.line((0, 0), (0, 1)),
-    Wall.line((X, Y), (-1, 0)),
-    Wall.line((X, Y), (0, -1)),
-]
 MATERIAL = np.arange(20) % 2
 DISKS = {i: fit.Disk(mass=simulator.MASS[m], radius=simulator.RADIUS[m]) for i, m in enumerate(MATERIAL)}
 

@@ -77,7 +77,7 @@ def comparison(data: fit.Collisions, truth: Sequence[float], robust: float | Non
 
 
 def of_set(fps: float, seconds: float, seed: int, *, with_robust: bool) -> dict[str, object]:
-    """What the fits of one film give, by pair."""
+    """Chi-square, deviations and coverage of the fits of one film, by pair and kind of fit."""
     found: dict[str, object] = {"fps": fps, "seed": seed}
     with tempfile.TemporaryDirectory() as folder:
         for pair, data in tables(fps, seconds, seed, Path(folder)):

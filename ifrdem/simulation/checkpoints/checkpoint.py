@@ -341,7 +341,7 @@ def report_runtime(record: Mapping[str, Any], path: str | os.PathLike[str]) -> N
 
 
 def _remedy(name: str, version: str) -> str:
-    """How to resume with a runtime of this version; empty for an unknown runtime."""
+    """Sentence that tells how to resume with this version of a runtime; an empty text for an unknown runtime."""
     if name not in runtime.NAMES:
         return ""
     chosen = option_name(f"--runtime {name}", f"{runtime.VARIABLE}={name}")
