@@ -7,7 +7,7 @@ kernels reach columns by name through `compiler/records.py`, the host through `n
 
 import functools
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +95,7 @@ class Columns:
 class Named:
     """An array of NumPy whose last axis is columns with names: they are read and written as attributes.
 
-    Several columns are an array too, those of another table `Named`.
+    Several columns are an array too, those of another table `Named`. Each table has a class of its own.
 
     Attributes
     ----------
@@ -103,36 +103,57 @@ class Named:
         The array itself, not a copy.
     """
 
-    __slots__ = ("_columns", "array")
+    __slots__ = ("array",)
 
     array: NDArray[Any]
     _columns: Columns
 
-    def __init__(self, array: NDArray[Any], columns: Columns) -> None:
-        object.__setattr__(self, "array", array)
-        object.__setattr__(self, "_columns", columns)
-
-    def __getattr__(self, name: str) -> Any:
-        column = self._columns.at.get(name)
-        if type(column) is int:  # is called a thousand times a second
-            array = self.array
-            return array[column] if array.ndim == 1 else array[..., column]
-        column = self._columns.column(name)
-        part = self.array[..., column.first : column.first + column.width]
-        if isinstance(column, Several) and column.of is not None:
-            return Named(part.reshape(*part.shape[:-1], column.count, column.step), column.of)
-        return Named(part, column.moved(0)) if isinstance(column, Columns) else part
+    def __new__(cls, array: NDArray[Any], columns: Columns) -> "Named":
+        named: Named = object.__new__(_class_of(columns))
+        named.array = array
+        return named
 
     def copy(self) -> "Named":
         """This with a copy of the array."""
         return Named(self.array.copy(), self._columns)
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        column = self._columns.at.get(name)
-        if type(column) is not int:
-            column = self._columns.column(name)
-            column = slice(column.first, column.first + column.width)
-        self.array[column if self.array.ndim == 1 else (..., column)] = value
+    def __getattr__(self, name: str) -> Any:  # without such a property
+        return self._columns.column(name)
+
+    if TYPE_CHECKING:
+
+        def __setattr__(self, name: str, value: Any) -> None: ...
+
+
+@functools.cache
+def _class_of(columns: Columns) -> type[Named]:
+    """Class of arrays with these columns, each of which is a property."""
+    properties = {name: _property_of(column) for name, column in columns.at.items()}
+    return type("Named", (Named,), {"__slots__": (), "_columns": columns, **properties})
+
+
+def _property_of(column: Any) -> property:
+    """The property of `Named` for a column, several, or a table."""
+    at: Any = column if isinstance(column, int) else slice(column.first, column.first + column.width)
+    table = column.moved(0) if isinstance(column, Columns) else None
+
+    def read(rows: Named) -> Any:
+        array = rows.array
+        return array[at] if array.ndim == 1 else array[..., at]
+
+    def read_several(rows: Named) -> Any:
+        part = rows.array[..., at]
+        return Named(part.reshape(*part.shape[:-1], column.count, column.step), column.of)
+
+    def read_table(rows: Named) -> Any:
+        return Named(rows.array[..., at], table)
+
+    def write(rows: Named, value: Any) -> None:
+        rows.array[..., at] = value
+
+    if table is not None:
+        return property(read_table, write)
+    return property(read_several if isinstance(column, Several) and column.of else read, write)
 
 
 def columns(*names: str) -> dict[str, None]:
