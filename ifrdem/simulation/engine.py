@@ -43,7 +43,7 @@ from ..model.gravity import Gravity, RotatingGravity
 from ..model.gravity import validate as validate_gravity
 from ..model.laws.ifr import IFRLaw
 from ..model.laws.law import CollisionLaw, compiled
-from ..model.observables import from_totals
+from ..model.observables import measure_of_totals
 from ..model.state import Disks, FrameRows, State
 from ..model.walls.wall import Wall, free_directions, rows_of, sides, smooth_materials
 from ..mpi import Communicator
@@ -661,6 +661,8 @@ class Engine:
         """Refuse a run to `t_end` [time] that is too long for this gas (`checks.check_duration`)."""
         self.check_valid()
         lone = not self.box.is_open and (self._no_future_collisions or self._is_alone)
+        if not (lone or self.box.shear_rate):
+            return
         speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
         radius = float(self.kinds.radius.min(initial=math.inf))
         speed = self.comm.largest(speed)
@@ -881,7 +883,7 @@ class Engine:
 
     def _thermal_part(self) -> float:
         """Thermal speed over the rms speed, which includes a drift; 1 if all velocities are equal, to rounding."""
-        found = from_totals(self.kinds, self._totals(), self.time, 0, about_mean=self.free)
+        found = measure_of_totals(self.kinds, self._totals(), self.time, 0, about_mean=self.free)
         thermal, whole = found.translational_energy - found.drift_energy, found.translational_energy
         return math.sqrt(thermal / whole) if thermal > 1e-12 * whole else 1.0
 
