@@ -152,11 +152,12 @@ def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
     yield f"mean over {len(records)} files, with the standard error of the scatter between them"
     for name in NAMES:
         values = [record["analyses"][name]["values"] for record in records if name in record["analyses"]]
-        for row, found in values[0].items() if len(values) == len(records) else ():
-            each = [one[row]["value"] for one in values if one.get(row, {}).get("value") is not None]
+        for key, found in values[0].items() if len(values) == len(records) else ():
+            each = [one[key]["value"] for one in values if one.get(key, {}).get("value") is not None]
             if len(each) == len(values):
                 error = float(np.std(each, ddof=1) / len(each) ** 0.5)
-                yield f"  {name}: {row:<40} {number(Reading(row, float(np.mean(each)), error, found['unit']))}"
+                mean = Reading(found["name"], float(np.mean(each)), error, found["unit"])
+                yield f"  {name}: {mean.name:<40} {number(mean)}"
 
 
 def _analyse(
@@ -278,12 +279,18 @@ def _wanted(
 
 def _record(evaluation: Evaluation, files: list[str]) -> dict[str, Any]:
     from ..analysis.catalogue import json_number
+    from ..analysis.result import identifier
 
     return {
         "frames": evaluation.frames,
         "times": list(evaluation.times),
         "values": {
-            row.name: {"value": json_number(row.value), "error": json_number(row.error), "unit": row.unit}
+            identifier(row.key or row.name): {
+                "name": row.name,
+                "value": json_number(row.value),
+                "error": json_number(row.error),
+                "unit": row.unit,
+            }
             for row in evaluation.rows
         },
         "warnings": evaluation.warnings,
