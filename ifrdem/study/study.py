@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 RATE, ROW_SECONDS, RUN_SECONDS = 2e5, 2e-3, 0.1
 """Collisions a second and core, seconds of a row of series and of a further gas: before any run is done."""
-MOST_OF_DISK = 0.9
+MOST_OF_DISK, MOST_WARNINGS = 0.9, 5
 LOCK = "study.lock"
 """File in the folder of runs that a running study has locked."""
 
@@ -119,12 +119,14 @@ class Study:
     def check(
         self, *, keep_going: bool = False, workers: int | None = None, scheduler: str | None = None
     ) -> list[str]:
-        """Refuse what can be refused before anything starts; returns lines on points that are left out.
+        """Refuse what can be refused before anything starts; returns warnings.
+
+        They name points that are left out, and points with long steps of forces, each text once.
 
         Raises InputError if a point is refused (unless `keep_going`), there is no room, or the results cannot be
         written.
         """
-        good, problems, _ = self._checked_cases
+        good, problems, warned = self._checked_cases
         if problems and not (keep_going and good):
             more = f"\n{option_name('--keep-going', 'keep_going=True')} runs the other points" if good else ""
             raise InputError(listed([f"{self.plan.path}: {line}" for line in problems]) + more)
@@ -155,7 +157,9 @@ class Study:
                 f"{self.output.parent.resolve()}: use fewer rows, seeds or points, or another disk "
                 f"({option_name('-o', 'output')})"
             )
-        return problems
+        more = len(warned) - MOST_WARNINGS
+        warned = [*warned[:MOST_WARNINGS], *([f"and {more} more warnings of long steps"] if more > 0 else [])]
+        return [*(f"left out: {line}" for line in problems), *warned]
 
     @property
     def bytes(self) -> int:
@@ -253,9 +257,7 @@ class Study:
         what is done is kept, and the results of it are written.
         """
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
-            warn(f"left out: {line}")
-        if warned := self._checked_cases[2]:
-            warn(warned[0] + (f" (and {len(warned) - 1} more)" if len(warned) > 1 else ""))
+            warn(line)
         if workers != 0 and (trouble := backend.kernel_cache_trouble()):  # workers do not report it
             warn(trouble)
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
