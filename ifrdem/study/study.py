@@ -149,7 +149,8 @@ class Study:
             processes, _ = self._processes(cluster)
             largest = max(sum(each.number for each in case.species) for case in good.values())
             case = next(iter(good.values()))
-            summary.refuse_beyond_memory(largest * max(processes, 1), case.run.device, case.start.positions)
+            run, n = case.run, largest * max(processes, 1)
+            summary.refuse_beyond_memory(n, run.device, case.start.positions, low_memory=run.low_memory)
         needed, free = self.bytes, shutil.disk_usage(self.output.parent).free
         if needed > MOST_OF_DISK * free:
             raise InputError(
