@@ -18,7 +18,7 @@ from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
 from ..case.objects import choose_runtime, device_of
-from ..errors import DamageError, DamageWarning, InputError, listed, option_name
+from ..errors import DamageError, DamageWarning, InputError, counted, listed, option_name
 from ..runs.signals import Stopped, Stops
 from ..runs.status import Status
 from ..simulation import backend
@@ -158,9 +158,10 @@ class Study:
                 f"{self.output.parent.resolve()}: use fewer rows, seeds or points, or another disk "
                 f"({option_name('-o', 'output')})"
             )
-        more = len(warned) - MOST_WARNINGS
-        warned = [*warned[:MOST_WARNINGS], *([f"and {more} more warnings of long steps"] if more > 0 else [])]
-        return [*(f"left out: {line}" for line in problems), *warned]
+        lines = [*(f"left out: {line}" for line in problems), *warned[:MOST_WARNINGS]]
+        if (others := len(warned) - MOST_WARNINGS) > 0:
+            lines.append(f"and {others} more warnings of long steps")
+        return lines
 
     @property
     def bytes(self) -> int:
@@ -208,8 +209,8 @@ class Study:
         plan, (finished, _, damaged) = self.plan, self._state(self.tasks)
         done = len(finished)
         processes, _ = self._processes(self._cluster(workers, scheduler))
-        points = f"{math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds"
-        lines = [f"{plan.name}: {points} = {self.runs} runs of {plan.path}"]
+        points = f"{counted(math.prod(plan.shape[:-1]), 'point')} x {counted(len(plan.seeds), 'seed')}"
+        lines = [f"{plan.name}: {points} = {counted(self.runs, 'run')} of {plan.path}"]
         for axis in plan.axes:
             for name, key, values in zip(axis.names, axis.keys, zip(*axis.values, strict=True), strict=True):
                 shown = [str(each) for each in values]
