@@ -252,10 +252,13 @@ def _summary_record(trajectory: Trajectory, summary: Path, *, force: bool) -> di
     try:
         old = json.loads(summary.read_text(encoding="utf-8"))
         held = {key: dict(old[key]) for key in ("analyses", "not_possible")}
+        rows = [row for one in held["analyses"].values() for row in one["values"].values()]
+        if not all({"name", "value", "unit"} <= row.keys() for row in rows):
+            raise KeyError("values")
         if all(old[key] == new[key] for key in ("disks", "run")):
             return {**new, **held}
         problems = f"holds analyses of another run ({old['file']})"
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         problems = "is no summary of `ifrdem analyse` to add to"
     if force:
         return new
