@@ -253,6 +253,7 @@ class Engine:
         self._check_collapse(self._law_table, law, self.gravity, forces)
         checks.check_pistons(walls, self.n, given, comm.size)
         checks.check_ranks(comm.size, self.n, box, given, tracked)
+        self._check_low_memory(forces)
         self._check_alike(forces)
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
@@ -485,6 +486,14 @@ class Engine:
             law.column(law_table, "e_n") if law.is_proved and "e_n" in law.coefficients else None, self.options.device,
         )  # fmt: skip
 
+    def _check_low_memory(self, forces: Sequence[Force]) -> None:
+        """Refuse low memory if the gas or these forces need room for the state within a window."""
+        given = self.options
+        try:
+            checks.check_low_memory(given.device.low_memory, given.collapse, self.box, self.walls, forces)
+        except InputError as error:
+            raise InputError(f"low_memory = True: {error}") from None
+
     def _wake(self) -> None:
         """Wake all disks at the present time, between windows, before their support changes."""
         if self.options.resting_speed:
@@ -515,6 +524,7 @@ class Engine:
             hottest = checks.hottest(self.walls, steps.forces)
             checks.check_magnitudes(self.disks_here, self.box, 0.0, self.precision, hottest)
             self._check_collapse(self._law_table, self._law, self.gravity, steps.forces)
+            self._check_low_memory(forces)
             return steps
 
         steps = self.comm.run_on_all(checked)
