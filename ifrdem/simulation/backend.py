@@ -88,7 +88,7 @@ def check_process() -> None:
         )
 
 
-class sole_use(contextlib.ContextDecorator):  # noqa: N801
+class sole_use(contextlib.ContextDecorator):
     """Keep the runtime to the present thread; a decorator too.
 
     EngineError if another thread uses it, or the process is a forked copy (`check_process`).
