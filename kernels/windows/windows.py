@@ -27,7 +27,7 @@ LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have b
 def tile_of(k, gas: ti.template()):
     """Tile number k of those that are run."""
     found = k
-    if ti.static(gas.uses.shared):
+    if ti.static(gas.uses.shared or not on_gpu()):
         found = gas.listed[k]
     elif gas.counter.again == 1:
         found = gas.listed[k]

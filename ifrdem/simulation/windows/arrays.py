@@ -32,6 +32,7 @@ from ...kernels.columns import (
     SMALL,
     SNAPSHOT_DISKS,
     TABLES,
+    TALLY,
     TOTAL,
     TYPES,
     WALL,
@@ -357,6 +358,7 @@ class DeviceArrays:
             from_numpy(getattr(self, name), edges[axis])
         self._make_table("tile", total)
         self.make("listed", total)
+        from_numpy(self.listed, np.zeros(total, dtype=np.int32))  # the first one, where one tile is the whole box
         self.make("dense", total if self.on_gpu else 1)
         self._make_table("reach", total)
         blocks = -(-total // k.BLOCK_OF_TILES)
@@ -366,6 +368,17 @@ class DeviceArrays:
         self._make_sums()
         self.scale.length_x, self.scale.length_y = (edge[-1] - edge[0] for edge in edges)
         self.scale.least_side = self.least_side
+
+    @property
+    def costliest_first(self) -> NDArray[np.intp]:
+        """Tiles of this process; on a CPU, whose threads take them one by one, those with most collisions come first.
+
+        Collisions are those of the last window: a dense cluster that a thread begins late would hold up all others.
+        """
+        if self.on_gpu:
+            return self.own
+        collisions = self.values("tally")[self.own, k.AT_END, TALLY.collisions]
+        return self.own[np.argsort(-collisions, kind="stable")]
 
     @property
     def least_side(self) -> float:

@@ -118,6 +118,7 @@ class Domain:
 
     def run_whole_box(self, runner: TileRunner) -> None:
         """Run the window by one thread, which has all disks."""
+        runner.select(np.zeros(1, dtype=np.int32))
         runner.launch(1)
 
 

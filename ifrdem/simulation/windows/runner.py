@@ -78,8 +78,8 @@ class TileRunner:
             if again:
                 self.clear()
                 self._n_ghosts = 0
-            if again or a.uses.shared:
-                self.select(a.own)
+            if again or a.uses.shared or not (a.on_gpu or a.single_tile):
+                self.select(a.costliest_first)
             try:
                 return self.launch(len(a.own), most, again=again, pausing=pausing, resuming=resuming)
             except _GhostsDidNotFit:
