@@ -151,9 +151,9 @@ STUDY = """### A study: Haff's law and the ratio of temperatures for e_n and mu
 
 ![Temperatures of nine gases with bands over twenty seeds](gallery/study.png)
 
-180 gases of 2,000 coins. Bands: two standard errors over 20 seeds. Dashed: kinetic theory of a homogeneous gas, which
-holds until velocities and spins become correlated, the sooner the more is lost in a collision. [Studies](studies.md)
-says how it is done.
+180 gases of 2,000 coins. Bands: 95 % intervals of the mean over 20 seeds. Dashed: kinetic theory of a homogeneous
+gas, which holds until velocities and spins become correlated, the sooner the more is lost in a collision.
+[Studies](studies.md) says how it is done.
 
 ```sh
 ifrdem new study
@@ -180,7 +180,7 @@ MIXTURE = f"""### A study: temperatures and stresses of a driven mixture
 
 ![Temperatures of two species, their ratio, and the pressure tensor over e_n](gallery/mixture_study.png)
 
-36 gases of 400 heavy and 400 light coins. Bars: two standard errors over six seeds. Ticks: kinetic theory of a
+36 gases of 400 heavy and 400 light coins. Bars: 95 % intervals of the mean over six seeds. Ticks: kinetic theory of a
 homogeneous mixture. [Studies](studies.md#species-and-stresses) has the numbers. The study file:
 
 ```toml
@@ -192,9 +192,9 @@ LAWS = """### Two laws that agree on single impacts
 
 ![Single impacts, cooling, clusters and a driven gas under two laws, with bands over ten seeds](gallery/laws.png)
 
-Coins of one peseta under the IFR law, and under Walton's law fitted to the same impacts. Bands: two standard errors
-over ten seeds. Dashed: kinetic theory of a homogeneous gas. [Collision laws](own-law.md#compare-two-laws-in-a-gas) has
-the numbers.
+Coins of one peseta under the IFR law, and under Walton's law fitted to the same impacts. Bands: 95 % intervals of the
+mean over ten seeds. Dashed: kinetic theory of a homogeneous gas.
+[Collision laws](own-law.md#compare-two-laws-in-a-gas) has the numbers.
 
 ```sh
 ifrdem validate gas_laws -o laws-report
@@ -260,7 +260,7 @@ def study(runs: Path) -> None:
         both.paste(upper, (0, 0))
         both.paste(lower, (0, upper.height))
         both.save(runs / "study.png")
-    shrink(runs / "study.png", DOCS / "gallery" / "study.png")
+    shrink(runs / "study.png", DOCS / "gallery" / "study.png", WIDTH, 96, Image.Quantize.FASTOCTREE)
 
 
 def mixture_study(runs: Path) -> None:

@@ -22,7 +22,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InelasticCollapse, InputError
+from .errors import InelasticCollapse, InputError, install_extra
 from .model.laws.collision import collide
 from .model.laws.ifr import IFRLaw
 from .tools.checked import Array, Integer, NonNegative, Numbers, Positive, Real, validated
@@ -47,7 +47,7 @@ def absence() -> str | None:
             f"not installed, and PyBullet has no wheel for Python {here[0]}.{here[1]} (only up to 3.11): "
             "use Python 3.11 for comparisons with it; everything else works without"
         )
-    return "not installed: `pip install 'ifrdem[bullet]'` adds it; everything else works without"
+    return f"not installed: {install_extra('bullet')}; everything else works without"
 
 
 def describe() -> str:

@@ -102,6 +102,11 @@ def option_name(option: str, argument: str) -> str:
     return option if _on_command_line else argument
 
 
+def install_extra(extra: str) -> str:
+    """Clause of a message on how to install what a feature needs."""
+    return f"`pip install '.[{extra}]'` in the clone of ifrdem adds it"
+
+
 def printable(text: str) -> str:
     """A text of a file with its control characters escaped, so that it can do nothing to a terminal."""
     return "".join(

@@ -7,7 +7,7 @@ kernels reach columns by name through `compiler/records.py`, the host through `n
 
 import functools
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +95,7 @@ class Columns:
 class Named:
     """An array of NumPy whose last axis is columns with names: they are read and written as attributes.
 
-    Several columns are an array too, those of another table `Named`.
+    Several columns are an array too, those of another table `Named`. Each table has a class of its own.
 
     Attributes
     ----------
@@ -103,36 +103,57 @@ class Named:
         The array itself, not a copy.
     """
 
-    __slots__ = ("_columns", "array")
+    __slots__ = ("array",)
 
     array: NDArray[Any]
     _columns: Columns
 
-    def __init__(self, array: NDArray[Any], columns: Columns) -> None:
-        object.__setattr__(self, "array", array)
-        object.__setattr__(self, "_columns", columns)
-
-    def __getattr__(self, name: str) -> Any:
-        column = self._columns.at.get(name)
-        if type(column) is int:  # is called a thousand times a second
-            array = self.array
-            return array[column] if array.ndim == 1 else array[..., column]
-        column = self._columns.column(name)
-        part = self.array[..., column.first : column.first + column.width]
-        if isinstance(column, Several) and column.of is not None:
-            return Named(part.reshape(*part.shape[:-1], column.count, column.step), column.of)
-        return Named(part, column.moved(0)) if isinstance(column, Columns) else part
+    def __new__(cls, array: NDArray[Any], columns: Columns) -> "Named":
+        named: Named = object.__new__(_class_of(columns))
+        named.array = array
+        return named
 
     def copy(self) -> "Named":
         """This with a copy of the array."""
         return Named(self.array.copy(), self._columns)
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        column = self._columns.at.get(name)
-        if type(column) is not int:
-            column = self._columns.column(name)
-            column = slice(column.first, column.first + column.width)
-        self.array[column if self.array.ndim == 1 else (..., column)] = value
+    def __getattr__(self, name: str) -> Any:  # without such a property
+        return self._columns.column(name)
+
+    if TYPE_CHECKING:
+
+        def __setattr__(self, name: str, value: Any) -> None: ...
+
+
+@functools.cache
+def _class_of(columns: Columns) -> type[Named]:
+    """Class of arrays with these columns, each of which is a property."""
+    properties = {name: _property_of(column) for name, column in columns.at.items()}
+    return type("Named", (Named,), {"__slots__": (), "_columns": columns, **properties})
+
+
+def _property_of(column: Any) -> property:
+    """The property of `Named` for a column, several, or a table."""
+    at: Any = column if isinstance(column, int) else slice(column.first, column.first + column.width)
+    table = column.moved(0) if isinstance(column, Columns) else None
+
+    def read(rows: Named) -> Any:
+        array = rows.array
+        return array[at] if array.ndim == 1 else array[..., at]
+
+    def read_several(rows: Named) -> Any:
+        part = rows.array[..., at]
+        return Named(part.reshape(*part.shape[:-1], column.count, column.step), column.of)
+
+    def read_table(rows: Named) -> Any:
+        return Named(rows.array[..., at], table)
+
+    def write(rows: Named, value: Any) -> None:
+        rows.array[..., at] = value
+
+    if table is not None:
+        return property(read_table, write)
+    return property(read_several if isinstance(column, Several) and column.of else read, write)
 
 
 def columns(*names: str) -> dict[str, None]:
@@ -280,11 +301,13 @@ MOST_MOMENTS = 8
 # Box; least side of a cell; window; largest diameter; what rounds positions; gravity; cut-off; contact time; shear
 # rate; speed of a row of tiles relative to the one below, and its shift beyond whole tiles; the largest radius of disks
 # in small cells; the halo that tiles begin with, and the widest; the part of it for disks that hit one another in
-# chains; the least side of a tile; moments in the window, in order, FAR behind the last.
+# chains; the least side of a tile; the time since the beginning of the window of the state that is stored as that at
+# its end; moments in the window, in order, FAR behind the last.
 SCALE = Columns(
     **columns(
         "length_x", "length_y", "cell_side", "window", "widest", "rounding_constant", "gx", "gy", "cutoff",
         "contact_time", "shear", "drift", "aside", "split", "usual_halo", "most_halo", "chain", "least_side",
+        "stored_at",
     ),
     moment=MOST_MOMENTS + 1,
 )  # fmt: skip
@@ -505,18 +528,13 @@ def bytes_of(*names: str) -> int:
 
 MOST_WALLS = 100_000
 ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
-MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers
 # Disks of a gas on several ranks. Its ids have 32 bits: those of more than 2^31 - 1 disks begin below 0 there.
 MOST_IDS = 2**32 - 1
-_PARTS = 3  # of the state: at the beginning and end of a window, and at a moment in it
+_PARTS = 3  # of the state: at the beginning and end of a window, and at a moment in it, unless memory is low
 GHOST_BYTES = 7  # of ghost records of disks in halos, for each disk
-# Bytes that the arrays take for each disk in double precision. Further moments of gases of up to SNAPSHOT_DISKS disks
-# have another 28 MB in all. Frames at numbers of collisions in tiles take PAIR_BYTES for each collision in a window.
-BYTES_PER_DISK = (
-    _PARTS * bytes_of("disk", "meta") + bytes_of("history_hash", "displacement", "slot_before") + GHOST_BYTES
-)
+# Frames at numbers of collisions in tiles take these bytes for each collision in a window.
 PAIR_BYTES = bytes_of("pair_time", "pair")
-SNAPSHOT_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment
+SNAPSHOT_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment: 28 MB
 CONTACTS_PER_DISK = 8  # for which there is room, on average
 RESTING_BYTES = (  # more, of disks that may rest: room for contacts of each, and the forces at four
     _PARTS * bytes_of("asleep", "held")
@@ -525,3 +543,14 @@ RESTING_BYTES = (  # more, of disks that may rest: room for contacts of each, an
 )
 
 SINGLE_TILE = 20_000  # up to so many disks, one thread runs the whole box as one tile
+
+
+def bytes_per_disk(low_memory: bool = False) -> int:
+    """Bytes that the arrays take for each disk, with or without room for a moment in a window."""
+    constant = bytes_of("history_hash", "displacement", "slot_before") + GHOST_BYTES
+    return (_PARTS - low_memory) * bytes_of("disk", "meta") + constant
+
+
+def most_disks(low_memory: bool = False) -> int:
+    """Largest number of disks of a process: the longest array has eight numbers, rounded up, of each in each part."""
+    return ADDRESSABLE // (8 * (_PARTS - low_memory))

@@ -223,7 +223,9 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "Box.unwrap": {"self": SMALL, "position": POINTS, "image": np.zeros((400, 2), dtype=int), "time": 1.0},
     "CollisionLaw": {},
     "ContactTime": {"time": 0.1},
-    "Device": {"name": "cpu", "threads": 1, "precision": "f64", "window_collisions": 0.4},
+    "Device": {
+        "name": "cpu", "threads": 1, "precision": "f64", "window_collisions": 0.4, "low_memory": False,
+    },
     "Disks": {"n": 2, "mass": [1.0, 2.0], "radius": 0.5, "k": 2.0, "material": [0, 1],
               "species": {"a": 1, "b": 1}},
     "IFRLaw": {"e_n": 0.9, "e_t": -0.8, "mu": 0.2, "sticking": "contact_point", "rho": 0.0, "k": 2.0},

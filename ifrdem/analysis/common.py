@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import InputError, install_extra
 from ..model.box import Box
 from ..tools.checked import LEAST, Array, Numbers, Real, check_of, is_masked, must_be, validated
 
@@ -28,7 +28,7 @@ def load(name: str, purpose: str) -> ModuleType:
         return importlib.import_module(name)
     except ImportError as error:
         raise InputError(
-            f'{purpose} requires the package {PACKAGES[name]}: `pip install "ifrdem[analysis]"` adds it ({error})'
+            f"{purpose} requires the package {PACKAGES[name]}: {install_extra('analysis')} ({error})"
         ) from None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -156,8 +157,15 @@ Groups = dict[str, NDArray[np.intp]]
 """Names of groups of disks, and the ids of each."""
 
 
+def identifier(*parts: str) -> str:
+    """Parts of a name joined by underscores: valid in NetCDF, JSON and Python."""
+    text = "_".join(part.replace(" / ", " over ") for part in parts if part)
+    name = re.sub(r"\W+", "_", text).strip("_")
+    return re.sub("_error$", "_uncertainty", name)  # in studies, errors are those of means over seeds
+
+
 class Reading(NamedTuple):
-    """A named number with its standard error (nan for none) and unit ("" for none), and its key in studies."""
+    """A named number with its standard error (nan for none) and unit ("" for none), and its key in files."""
 
     name: str  # as it is printed
     value: float

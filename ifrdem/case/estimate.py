@@ -331,7 +331,10 @@ class RunEstimate:
             wall_collisions=_wall_hits(gas),
             file_bytes=_trajectory_bytes(n, case, frames=frames, rows=rows, tracked=tracked, events=events),
             array_bytes=n
-            * (columns.BYTES_PER_DISK + (columns.RESTING_BYTES if case.run.resting_speed else 0)),
+            * (
+                columns.bytes_per_disk(case.run.low_memory)
+                + (columns.RESTING_BYTES if case.run.resting_speed else 0)
+            ),
             frames=frames,
             rows=rows,
             tracked=tracked,

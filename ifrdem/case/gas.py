@@ -576,6 +576,9 @@ class CaseGas:
             ("run", "t_end"): lambda: checks.check_duration(
                 self.begin[0], run.t_end or 0.0, smallest, self.box, alone
             ),
+            ("run", "low_memory"): lambda: checks.check_low_memory(
+                run.low_memory, collapse_of(run), self.box, walls, case.force
+            ),
             ("run", "collapse"): lambda: checks.check_collapse(
                 collapse_of(run),
                 self.kinds,

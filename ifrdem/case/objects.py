@@ -17,7 +17,7 @@ def choose_runtime(run: RunSection) -> None:
 
 def device_of(run: RunSection) -> Device:
     """The device of a run."""
-    return Device(run.device, threads=run.threads, precision=run.precision)
+    return Device(run.device, threads=run.threads, precision=run.precision, low_memory=run.low_memory)
 
 
 def collapse_of(run: RunSection) -> Collapse | None:

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from ..errors import InputError, option_name, refuse
-from ..kernels.columns import BYTES_PER_DISK
+from ..kernels.columns import bytes_per_disk
 from ..kernels.compiler import runtime
 from ..simulation import backend
 from ..simulation.start import checks
+from ..simulation.windows.tiling import split_of
 from .case import GROWN, CaseSections
 from .estimate import (
     GROWTH_BYTES_PER_DISK,
@@ -27,8 +28,11 @@ WRITER_BYTES_PER_DISK = 200
 """Memory [bytes per disk] of frames that are made, wait or are written.
 
 A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
-GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500
-"""State and claims of a disk on a GPU; scratch space of the tiles that run at the same time; all of it, if few do."""
+GPU_BYTES_PER_DISK, GPU_SCRATCH = 120, 200_000_000
+"""Memory [bytes] of a GPU beyond `bytes_per_disk`: for ghost records of a disk in small tiles, 1.2 instead of 0.4, and
+arrays of tiles; scratch space of the blocks that run at the same time."""
+LAYERED_SCRATCH, LAYERED_BYTES_OF_FEW = 9_000_000_000, 2500
+"""The same scratch space of two layers of cells, which threads run; all bytes of a disk, if few of them run."""
 
 COMPILING = "a second or two if this machine has compiled them before, else about ten seconds"
 
@@ -113,13 +117,21 @@ def refused_here(
     Other machines may have it. `share`, `ranks` and `sliced` are as for `refuse_beyond_memory`.
     """
     start = strip_bytes(gas, ranks) * min(share * ranks, gas.strips) if ranks > 1 else 0.0
-    run, found = gas.case.run, []
+    run, found, walled = gas.case.run, [], bool(gas.free_area.all_walls)
     needs: list[Callable[[], None]] = [
         lambda: runtime.check(run.runtime, "run.runtime"),
         lambda: backend.check(device_of(run)),
-        lambda: checks.check_number(gas.n, ranks),
+        lambda: checks.check_number(gas.n, ranks, low_memory=run.low_memory),
         lambda: refuse_beyond_memory(
-            gas.n, run.device, gas.case.start.positions, share, ranks=ranks, sliced=sliced, start=start
+            gas.n,
+            run.device,
+            gas.case.start.positions,
+            share,
+            ranks=ranks,
+            sliced=sliced,
+            start=start,
+            low_memory=run.low_memory,
+            layered=not walled and split_of(gas.kinds.radius) is not None,
         ),
         lambda: refuse_beyond_disk(estimate.file_bytes, folder),
     ]
@@ -142,22 +154,32 @@ def refuse_beyond_memory(
     ranks: int = 1,
     sliced: bool = False,
     start: float = 0.0,
+    low_memory: bool = False,
+    layered: bool = False,
 ) -> None:
     """Raise InputError if n disks need more memory than is free, or than a GPU has.
 
     `positions` is start.positions: growth needs more. Of several `ranks`, with a GPU each, a `share` is on this
     machine, with the first one, which has all disks, unless each makes its own ones (`sliced`); where they place them
-    at random, in so much memory (`start`, [bytes]) here.
+    at random, in so much memory (`start`, [bytes]) here. `layered` gases have two layers of cells.
     """
+    per_disk = bytes_per_disk(low_memory)
     if arch != "cpu":
         memory = backend.gpu_memory()
-        most = int(max((memory - GPU_SCRATCH) / GPU_BYTES_PER_DISK, memory / GPU_BYTES_OF_FEW))
+        most = int((memory - GPU_SCRATCH) / (per_disk + GPU_BYTES_PER_DISK))
+        if layered:
+            most = int(
+                max(
+                    (memory - LAYERED_SCRATCH) / (per_disk + GPU_BYTES_PER_DISK),
+                    memory / LAYERED_BYTES_OF_FEW,
+                )
+            )
         if n > ranks * most:
             have = f"{ranks} GPUs have {size(memory)} of memory each" if ranks > 1 else ""
             have = have or f"the GPU has {size(memory)} of memory"
             raise InputError(f"{n} disks: {have}, in which {ranks * most} fit")
     host = GROWTH_BYTES_PER_DISK if positions == GROWN else HOST_BYTES_PER_DISK
-    engine = BYTES_PER_DISK if arch == "cpu" else 0
+    engine = per_disk if arch == "cpu" else 0
     here = share * n if sliced else n
     placing = start if sliced and start else here * host
     needed = int(placing + here * WRITER_BYTES_PER_DISK + share * n * engine)

@@ -152,11 +152,12 @@ def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
     yield f"mean over {len(records)} files, with the standard error of the scatter between them"
     for name in NAMES:
         values = [record["analyses"][name]["values"] for record in records if name in record["analyses"]]
-        for row, found in values[0].items() if len(values) == len(records) else ():
-            each = [one[row]["value"] for one in values if one.get(row, {}).get("value") is not None]
+        for key, found in values[0].items() if len(values) == len(records) else ():
+            each = [one[key]["value"] for one in values if one.get(key, {}).get("value") is not None]
             if len(each) == len(values):
                 error = float(np.std(each, ddof=1) / len(each) ** 0.5)
-                yield f"  {name}: {row:<40} {number(Reading(row, float(np.mean(each)), error, found['unit']))}"
+                mean = Reading(found["name"], float(np.mean(each)), error, found["unit"])
+                yield f"  {name}: {mean.name:<40} {number(mean)}"
 
 
 def _analyse(
@@ -251,10 +252,13 @@ def _summary_record(trajectory: Trajectory, summary: Path, *, force: bool) -> di
     try:
         old = json.loads(summary.read_text(encoding="utf-8"))
         held = {key: dict(old[key]) for key in ("analyses", "not_possible")}
+        rows = [row for one in held["analyses"].values() for row in one["values"].values()]
+        if not all({"name", "value", "unit"} <= row.keys() for row in rows):
+            raise KeyError("values")
         if all(old[key] == new[key] for key in ("disks", "run")):
             return {**new, **held}
         problems = f"holds analyses of another run ({old['file']})"
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         problems = "is no summary of `ifrdem analyse` to add to"
     if force:
         return new
@@ -278,12 +282,18 @@ def _wanted(
 
 def _record(evaluation: Evaluation, files: list[str]) -> dict[str, Any]:
     from ..analysis.catalogue import json_number
+    from ..analysis.result import identifier
 
     return {
         "frames": evaluation.frames,
         "times": list(evaluation.times),
         "values": {
-            row.name: {"value": json_number(row.value), "error": json_number(row.error), "unit": row.unit}
+            identifier(row.key or row.name): {
+                "name": row.name,
+                "value": json_number(row.value),
+                "error": json_number(row.error),
+                "unit": row.unit,
+            }
             for row in evaluation.rows
         },
         "warnings": evaluation.warnings,

@@ -113,14 +113,14 @@ def bench(
     they send. A grid of gases, start times and the cost of output are scripts (`ifrdem docs performance`).
     """
     choose_runtime(runtime, "--runtime")
-    from ..kernels.columns import MOST_DISKS
+    from ..kernels.columns import most_disks
     from ..simulation import backend
     from ..simulation.device import Device as OfSimulation
     from ..validation.speed import bench as timing
 
     problems = _conflicts({"n": n, "phi": phi}, {"after": after, "set": set}, case)
-    if n is not None and n > MOST_DISKS:
-        problems.append(f"--n {n}: must be an integer from 2 to {MOST_DISKS}")
+    if n is not None and n > most_disks():
+        problems.append(f"--n {n}: must be an integer from 2 to {most_disks()}")
     if threads is not None and threads > backend.cores():
         problems.append(
             f"--threads {threads}: must be an integer from 1 to {backend.cores()}, the cores here"

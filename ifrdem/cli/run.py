@@ -234,12 +234,12 @@ def study(
     from ..study.study import Study
 
     it = Study(file, vary=vary or [], set=set or [], seeds=seeds, output=output)
-    problems = it.check(keep_going=keep_going, workers=workers, scheduler=scheduler)
+    warnings = it.check(keep_going=keep_going, workers=workers, scheduler=scheduler)
     for line in it.summary(workers, scheduler):
         (echo if dry_run else note)(line)
     if dry_run:
-        for line in problems:
-            warn(f"left out: {line}")
+        for line in warnings:
+            warn(line)
         return 0
     try:
         failed = it.run(

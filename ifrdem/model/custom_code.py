@@ -124,12 +124,17 @@ def why_not_compiled(
 _used: weakref.WeakKeyDictionary[type, dict[str, Any]] = weakref.WeakKeyDictionary()
 
 
+def is_custom(kind: type) -> bool:
+    """True if a class is none of this package."""
+    return kind.__module__.split(".")[0] != "ifrdem"
+
+
 def check_constants(owner: str, kind: type, *methods: str) -> None:
     """Raise InputError if a variable from outside that methods of a custom class use has changed since their first use.
 
     The compiler takes numbers from outside as constants, so that a new value would have no effect.
     """
-    if kind.__module__.split(".")[0] == "ifrdem":
+    if not is_custom(kind):
         return
     present = {name: value for method in methods for name, value in _constants(getattr(kind, method), set())}
     before = _used.setdefault(kind, present)

@@ -176,7 +176,7 @@ def measure(
     energy_terms = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
     wall_collisions = int(np.sum(state.wall_collisions, dtype=np.int64))
-    return from_totals(
+    return measure_of_totals(
         disks, totals, float(state.time), wall_collisions, about_mean=about_mean, species=of_species,
         **energy_terms, **counted,
     )  # fmt: skip
@@ -251,6 +251,22 @@ def from_totals(
     >>> found.temperature, found.collisions
     (0.5, 2)
     """
+    return measure_of_totals(
+        disks, totals, time, wall_collisions, about_mean=about_mean, species=species, **energy_terms
+    )
+
+
+def measure_of_totals(
+    disks: Disks,
+    totals: Array,
+    time: float,
+    wall_collisions: int,
+    *,
+    about_mean: tuple[bool, bool] = (True, True),
+    species: Array | None = None,
+    **energy_terms: Any,
+) -> Measure:
+    """The measure of `from_totals`, without a check of the arguments, which takes as long: for the engine."""
     translational, rotational, *momentum, xy, fall, events, _, mass, xx = totals.tolist()
     n = max(disks.n_movable, 1)
     if disks.n_movable < disks.n:  # which hold the gas
@@ -268,7 +284,7 @@ def from_totals(
         rotational_temperature=2.0 * rotational / n,
         momentum=np.array(momentum),
         drift_energy=drift_energy,
-        momentum_flux=_about_mean(xx, xy, 2.0 * translational - xx, np.array(momentum), np.array(mean), mass),
+        momentum_flux=_about_mean(xx, xy, 2.0 * translational - xx, momentum, mean, mass),
         potential_energy=-fall or 0.0,
         wall_collisions=wall_collisions,
         **({} if species is None else _of_species(species, np.array(mean))),
@@ -288,11 +304,15 @@ def _of_species(totals: Array, mean: Array) -> dict[str, Any]:
     }
 
 
-def _about_mean(xx: float, xy: float, yy: float, momentum: Array, mean: Array, mass: float) -> Array:
+def _about_mean(
+    xx: float, xy: float, yy: float, momentum: list[float], mean: list[float], mass: float
+) -> Array:
     """Sum of m (v_a - u_a) (v_b - u_b) from those of m v_a v_b, shape (2, 2)."""
-    drift = np.outer(momentum, mean)
-    whole: Array = np.array([[xx, xy], [xy, yy]]) - drift - drift.T + mass * np.outer(mean, mean)
-    return whole
+    (p_x, p_y), (u_x, u_y) = momentum, mean
+    return np.array([
+        [xx - p_x * u_x - p_x * u_x + mass * (u_x * u_x), xy - p_x * u_y - p_y * u_x + mass * (u_x * u_y)],
+        [xy - p_y * u_x - p_x * u_y + mass * (u_y * u_x), yy - p_y * u_y - p_y * u_y + mass * (u_y * u_y)],
+    ])  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

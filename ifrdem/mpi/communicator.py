@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError, InputError, Stopped, TrajectoryError
+from ..errors import EngineError, InputError, Stopped, TrajectoryError, install_extra
 from .distribution import Distribution
 
 Result = TypeVar("Result")
@@ -325,7 +325,7 @@ def world() -> Communicator:
             from mpi4py import MPI
         except (ImportError, RuntimeError) as error:  # no mpi4py, or no MPI that it finds
             raise InputError(
-                f"started on several ranks, which requires the extra mpi: pip install 'ifrdem[mpi]' ({error})"
+                f"started on several ranks, which requires the extra mpi: {install_extra('mpi')} ({error})"
             ) from None
         if MPI.COMM_WORLD.size == 1:  # mpi4py speaks another MPI than the launcher: each rank would do all
             raise InputError(

@@ -13,6 +13,7 @@ from ..errors import TheoryWarning
 from ..model.laws.viscoelastic import Viscoelastic
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Driving
+from ..tools.intervals import PERCENT, standard_errors
 from ..trajectory.reader import Trajectory
 from .series import along, axis_label
 from .style import (
@@ -37,8 +38,6 @@ NAMES = (
     r"rotational, $T_\mathrm{rot} = \langle I \omega^2 \rangle$",
     None,
 )
-BAND = 2.0
-"""Standard errors that a band reaches to both sides: 95 % of a normal distribution."""
 
 
 def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:
@@ -131,8 +130,8 @@ def _points(
 
     `zeros` are drawn on plain axes: disks at rest.
 
-    Bands reach two standard errors of n independent disks, whose velocities and spins are Gaussian, to both sides: the
-    relative variance of T is 1 / n, that of T_rot 2 / n. Streams and clusters make it larger.
+    Bands are 95 % intervals of means over n independent disks, whose velocities and spins are Gaussian: the relative
+    variance of T is 1 / n, that of T_rot 2 / n. Streams and clusters make it larger.
     """
     T, T_rot = (trajectory.observables[name] for name in ("temperature", "rotational_temperature"))
     movable = trajectory.n if trajectory.missing else int(trajectory.disks.movable.sum())
@@ -144,12 +143,12 @@ def _points(
     ):
         if axes is None or (value is not T and not np.any(np.nan_to_num(value))):  # nothing spins
             continue
-        y, part = value[shown] if zeros else positive(value[shown]), BAND * variance**0.5
+        y, part = value[shown] if zeros else positive(value[shown]), float(standard_errors(n)) * variance**0.5
         # Open, so that the theory shows where it agrees.
         axes.plot(x, y, "o", ms=5, mfc="none", color=colour, label=name)
         axes.fill_between(x, y * max(1.0 - part, 0.0), y * (1.0 + part), color=colour, alpha=0.25, lw=0.0)
     upper.fill_between(
-        [], [], [], color=RATIO, alpha=0.4, lw=0.0, label=rf"$\pm {BAND:g}$ standard errors of {n} disks"
+        [], [], [], color=RATIO, alpha=0.4, lw=0.0, label=f"{PERCENT} interval, {n} independent disks"
     )
 
 

@@ -126,7 +126,8 @@ def resume(
             case = _with(case, threads=threads)
         backend.check(device_of(case.run))
         n = sum(each.number for each in case.species)
-        summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size)
+        low = case.run.low_memory
+        summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size, low_memory=low)
         try:
             gas = CaseGas.from_case(case, original[0].parent, start=False)
         except InputError as error:

@@ -88,52 +88,79 @@ def check_process() -> None:
         )
 
 
-@contextlib.contextmanager
-def sole_use() -> Iterator[None]:
+class sole_use(contextlib.ContextDecorator):
     """Keep the runtime to the present thread; a decorator too.
 
     EngineError if another thread uses it, or the process is a forked copy (`check_process`).
     """
-    check_process()
-    if not _in_use.acquire(blocking=False):
-        raise EngineError(
-            "another thread of this process is running a simulation: one thread at a time can, because a process has "
-            "one runtime. Wait until it is done, or run each simulation in a process of its own: "
-            'multiprocessing.get_context("spawn")'
-        )
+
+    def __enter__(self) -> None:
+        check_process()
+        if not _in_use.acquire(blocking=False):
+            raise EngineError(
+                "another thread of this process is running a simulation: one thread at a time can, because a process "
+                "has one runtime. Wait until it is done, or run each simulation in a process of its own: "
+                'multiprocessing.get_context("spawn")'
+            )
+
+    def __exit__(self, *_: object) -> None:
+        _in_use.release()
+
+
+_handling = False  # Ctrl-C is ours
+_deferring = False  # it waits for the end of a block
+_interrupted = False  # it was pressed in that block
+
+
+def _on_interrupt(_number: int, _frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, or leave that to the end of a block of `deferred_interrupts`; the second time, do."""
+    global _interrupted
+    if _interrupted or not _deferring:
+        raise KeyboardInterrupt
+    _interrupted = True
+
+
+@contextlib.contextmanager
+def handled_interrupts() -> Iterator[None]:
+    """Install the handler of `deferred_interrupts` once for all its blocks in this one: it takes as long as a launch.
+
+    Nothing is installed in a thread other than the main one, or where a handler other than Python's own is installed
+    for SIGINT, such as that of the command `ifrdem run`.
+    """
+    global _handling
+    usual = signal.default_int_handler
+    if (
+        _handling
+        or threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not usual
+    ):
+        yield
+        return
+    signal.signal(signal.SIGINT, _on_interrupt)
+    _handling = True
     try:
         yield
     finally:
-        _in_use.release()
+        _handling = False
+        present = signal.signal(signal.SIGINT, usual)
+        if present is not _on_interrupt:  # a callback has installed another one
+            signal.signal(signal.SIGINT, present)
 
 
 @contextlib.contextmanager
 def deferred_interrupts() -> Iterator[None]:
     """Delay Ctrl-C: KeyboardInterrupt is raised at the end of the block, where the gas is in a whole state.
 
-    A second Ctrl-C raises it at once. Nothing is delayed in a thread other than the main one, or where a handler other
-    than Python's own is installed for SIGINT, such as that of the command `ifrdem run`.
+    A second Ctrl-C raises it at once. Nothing is delayed where `handled_interrupts` installs nothing.
     """
-    usual, interrupted = signal.default_int_handler, False
-    if (
-        threading.current_thread() is not threading.main_thread()
-        or signal.getsignal(signal.SIGINT) is not usual
-    ):
-        yield
-        return
-
-    def note(_number: int, _frame: FrameType | None) -> None:
-        nonlocal interrupted
-        if interrupted:
-            raise KeyboardInterrupt
-        interrupted = True
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, usual)
-    if interrupted:
+    global _deferring, _interrupted
+    with handled_interrupts():
+        _deferring, _interrupted = True, False
+        try:
+            yield
+        finally:
+            _deferring = False
+    if _interrupted:
         raise KeyboardInterrupt
 
 

@@ -43,7 +43,7 @@ from ..model.gravity import Gravity, RotatingGravity
 from ..model.gravity import validate as validate_gravity
 from ..model.laws.ifr import IFRLaw
 from ..model.laws.law import CollisionLaw, compiled
-from ..model.observables import from_totals
+from ..model.observables import measure_of_totals
 from ..model.state import Disks, FrameRows, State
 from ..model.walls.wall import Wall, free_directions, rows_of, sides, smooth_materials
 from ..mpi import Communicator
@@ -253,6 +253,7 @@ class Engine:
         self._check_collapse(self._law_table, law, self.gravity, forces)
         checks.check_pistons(walls, self.n, given, comm.size)
         checks.check_ranks(comm.size, self.n, box, given, tracked)
+        self._check_low_memory(forces)
         self._check_alike(forces)
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
@@ -485,6 +486,14 @@ class Engine:
             law.column(law_table, "e_n") if law.is_proved and "e_n" in law.coefficients else None, self.options.device,
         )  # fmt: skip
 
+    def _check_low_memory(self, forces: Sequence[Force]) -> None:
+        """Refuse low memory if the gas or these forces need room for the state within a window."""
+        given = self.options
+        try:
+            checks.check_low_memory(given.device.low_memory, given.collapse, self.box, self.walls, forces)
+        except InputError as error:
+            raise InputError(f"low_memory = True: {error}") from None
+
     def _wake(self) -> None:
         """Wake all disks at the present time, between windows, before their support changes."""
         if self.options.resting_speed:
@@ -515,6 +524,7 @@ class Engine:
             hottest = checks.hottest(self.walls, steps.forces)
             checks.check_magnitudes(self.disks_here, self.box, 0.0, self.precision, hottest)
             self._check_collapse(self._law_table, self._law, self.gravity, steps.forces)
+            self._check_low_memory(forces)
             return steps
 
         steps = self.comm.run_on_all(checked)
@@ -661,6 +671,8 @@ class Engine:
         """Refuse a run to `t_end` [time] that is too long for this gas (`checks.check_duration`)."""
         self.check_valid()
         lone = not self.box.is_open and (self._no_future_collisions or self._is_alone)
+        if not (lone or self.box.shear_rate):
+            return
         speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
         radius = float(self.kinds.radius.min(initial=math.inf))
         speed = self.comm.largest(speed)
@@ -881,7 +893,7 @@ class Engine:
 
     def _thermal_part(self) -> float:
         """Thermal speed over the rms speed, which includes a drift; 1 if all velocities are equal, to rounding."""
-        found = from_totals(self.kinds, self._totals(), self.time, 0, about_mean=self.free)
+        found = measure_of_totals(self.kinds, self._totals(), self.time, 0, about_mean=self.free)
         thermal, whole = found.translational_energy - found.drift_energy, found.translational_energy
         return math.sqrt(thermal / whole) if thermal > 1e-12 * whole else 1.0
 

@@ -23,7 +23,7 @@ from ..model.gravity import RotatingGravity
 from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw, check_law_constants
 from ..model.laws.pairs import PairLaws
-from ..model.observables import Measure, from_totals, sums
+from ..model.observables import Measure, measure_of_totals, sums
 from ..model.overlaps import check_no_overlap
 from ..model.state import (
     COLUMNS,
@@ -817,7 +817,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         end = end_at(self.disks.n, now, t_end=t_end, collisions_per_disk=collisions_per_disk)
         if end.reached(*now) and any(now) and self.comm.is_root:
             warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
-        self._run(end, frames, frame_callbacks, series, series_callbacks, progress)
+        self._run(now, end, frames, frame_callbacks, series, series_callbacks, progress)
 
     @validated
     def run_for(
@@ -861,11 +861,13 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         Simulation: 2 disks, box 10 x 10 (periodic), IFRLaw, cpu f64
         t = 3, 1 collision (1 per disk)
         """
-        end = end_after(self.disks.n, self._now, time=time, collisions_per_disk=collisions_per_disk)
-        self._run(end, frames, frame_callbacks, series, series_callbacks, progress)
+        now = self._now
+        end = end_after(self.disks.n, now, time=time, collisions_per_disk=collisions_per_disk)
+        self._run(now, end, frames, frame_callbacks, series, series_callbacks, progress)
 
     def _run(
         self,
+        now: RunPoint,
         end: RunPoint,
         frames: int | Trigger,
         frame_callbacks: Iterable[FrameCallback],
@@ -879,7 +881,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             frames = Trigger(number=checked.integer("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Trigger):
             series = Trigger(number=checked.integer("series", series, 1, MOST))
-        n, now, comm, bar = self.disks.n, self._now, self.comm, None
+        n, comm, bar = self.disks.n, self.comm, None
         plan = RunPlan(n, now, end, frames, series)
         self._warn_of_pinches(end.time)
         if progress is True or (progress is None and comm.size == 1 and output_is_interactive()):
@@ -966,7 +968,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 no_callback: list[Any] = [lambda *_: None]
                 series_callbacks = no_callback * numbers[1]
                 frame_callbacks = frame_callbacks if comm.is_distributed else no_callback * numbers[0]
-        with backend.sole_use(), contextlib.suppress(_Stopped):
+        with backend.sole_use(), backend.handled_interrupts(), contextlib.suppress(_Stopped):
             self._follow(plan, frame_callbacks, series_callbacks, progress, between, stored)
         if not self._passive_known:
             self._report_gain()
@@ -1073,7 +1075,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         found = [CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int64))]
         self._engine.keep_collisions = True
         try:
-            with backend.sole_use():
+            with backend.sole_use(), backend.handled_interrupts():
                 while unfinished():
                     self._engine.advance(**end)  # type: ignore[arg-type]
                     if self._engine.last_collisions is not None:
@@ -1089,7 +1091,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             return
         state, totals = self._engine.observed(stored)
         species = self._engine.species_totals()
-        measured = from_totals(
+        measured = measure_of_totals(
             self.disks, totals, self.time, self.wall_collisions, species=species, **self._energy_terms()
         )
         recorded = self._engine.options.recorded
@@ -1121,7 +1123,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         if "wall" in self._engine.options.record:
             ledger["walls"] = self._engine.wall_sums
         ledger["species"] = self._engine.species_totals()
-        return from_totals(
+        return measure_of_totals(
             self.disks, totals, self.time, self.wall_collisions, **self._energy_terms(), **ledger
         )
 

@@ -23,10 +23,11 @@ from ..plots.style import (
     legend_of_figure,
     written,
 )
+from ..tools.intervals import PERCENT
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
-from .results import BAND, Results, finite_seeds, half_interval, theory_between
+from .results import Results, finite_seeds, half_interval, theory_between
 from .task import Variable
 
 if TYPE_CHECKING:
@@ -255,7 +256,7 @@ def _scales(panels: Sequence[Axes]) -> None:
 
 def _legend(axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several: bool) -> None:
     """`seeds`: their number, as text, if means have intervals."""
-    label = f"{100.0 * BAND:g} % interval of the mean (Student's $t$, {seeds} seeds)"
+    label = f"{PERCENT} interval of the mean (Student's $t$, {seeds} seeds)"
     if seeds is not None and rows:
         axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)
     elif seeds is not None:

@@ -232,8 +232,8 @@ class Plan:
         Warnings are those of long steps of forces.
         """
         good: dict[tuple[int, ...], CaseSections] = {}
-        labels_of: dict[str, list[str]] = {}
-        warned: list[str] = []
+        refused: dict[str, list[str]] = {}
+        warned: dict[str, list[str]] = {}
         for point in self.points:
             try:
                 file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
@@ -243,17 +243,14 @@ class Plan:
                         "(without the key it is the time of the frame)"
                     )
                 good[point] = file.case  # without its arrays, of which there may be many
-                warned += [f"{self.label(point)}: {line}" for line in long_steps(file.gas)]
+                for line in long_steps(file.gas):
+                    warned.setdefault(line, []).append(self.label(point))
             except InputError as error:
                 for line in str(error).replace(" [set on the command line]", "").splitlines():
                     line = line.removeprefix(f"{self.path}: ").removeprefix("--set ").removeprefix("set: ")
-                    labels_of.setdefault(line, []).append(self.label(point))
-        of_all = 0 if good else math.prod(self.shape[:-1])
-        problems = []
-        for line, labels in labels_of.items():
-            more = f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
-            problems.append(line if len(labels) == of_all else f"{labels[0]}{more}: {line}")
-        return good, problems, warned
+                    refused.setdefault(line, []).append(self.label(point))
+        count = math.prod(self.shape[:-1])
+        return good, _of_points(refused, 0 if good else count), _of_points(warned, count)
 
     def tasks(self, good: dict[tuple[int, ...], CaseSections], folder: Path) -> Iterator[Task]:
         """The runs of the points that are in order, whose results stand in a folder."""
@@ -273,6 +270,15 @@ class Plan:
                     trajectory=self.output.trajectories,
                     weight=sum(each.number for each in case.species) * (case.run.collisions_per_disk or 1.0),
                 )  # fmt: skip
+
+
+def _of_points(labels_of: dict[str, list[str]], of_all: int) -> list[str]:
+    """Texts with the label of their first point and the number of the others; without, if of all points."""
+    lines = []
+    for text, labels in labels_of.items():
+        more = f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
+        lines.append(text if len(labels) == of_all else f"{labels[0]}{more}: {text}")
+    return lines
 
 
 def read(

@@ -28,6 +28,7 @@ from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..tools import files
 from ..tools.files import NO_VALUES
+from ..tools.intervals import standard_errors
 from ..tools.versions import __version__
 from ..trajectory.descriptions import NUMBER, REDUCED, WHOLE_GAS
 from ..trajectory.tables import optional_import
@@ -39,8 +40,6 @@ if TYPE_CHECKING:
     import xarray
 
 SEED = "seed"
-BAND = 0.95
-"""Probability that the interval of a mean holds the true one, by Student's t for so many seeds."""
 ENDING, RUNS = ".nc", ".runs"
 """Endings of the file of results, and of the folder of runs next to it."""
 THEORY = ("temperature", "rotational_temperature", "theta")
@@ -399,10 +398,7 @@ def half_interval(results: Results, name: str) -> NDArray[np.float64] | None:
     """
     if f"{name}_error" not in results.variables:
         return None
-    from scipy.special import stdtrit
-
-    count = finite_seeds(results, name)
-    factor = stdtrit(np.maximum(count - 1, 1), 0.5 * (1.0 + BAND))
+    factor = standard_errors(finite_seeds(results, name))
     return np.asarray(factor * results.values(f"{name}_error"))  # which is nan of a single seed
 
 

@@ -18,7 +18,7 @@ from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
 from ..case.objects import choose_runtime, device_of
-from ..errors import DamageError, DamageWarning, InputError, listed, option_name
+from ..errors import DamageError, DamageWarning, InputError, counted, listed, option_name
 from ..runs.signals import Stopped, Stops
 from ..runs.status import Status
 from ..simulation import backend
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 RATE, ROW_SECONDS, RUN_SECONDS = 2e5, 2e-3, 0.1
 """Collisions a second and core, seconds of a row of series and of a further gas: before any run is done."""
-MOST_OF_DISK = 0.9
+MOST_OF_DISK, MOST_WARNINGS = 0.9, 5
 LOCK = "study.lock"
 """File in the folder of runs that a running study has locked."""
 
@@ -119,12 +119,14 @@ class Study:
     def check(
         self, *, keep_going: bool = False, workers: int | None = None, scheduler: str | None = None
     ) -> list[str]:
-        """Refuse what can be refused before anything starts; returns lines on points that are left out.
+        """Refuse what can be refused before anything starts; returns warnings.
+
+        They name points that are left out, and points with long steps of forces, each text once.
 
         Raises InputError if a point is refused (unless `keep_going`), there is no room, or the results cannot be
         written.
         """
-        good, problems, _ = self._checked_cases
+        good, problems, warned = self._checked_cases
         if problems and not (keep_going and good):
             more = f"\n{option_name('--keep-going', 'keep_going=True')} runs the other points" if good else ""
             raise InputError(listed([f"{self.plan.path}: {line}" for line in problems]) + more)
@@ -147,7 +149,8 @@ class Study:
             processes, _ = self._processes(cluster)
             largest = max(sum(each.number for each in case.species) for case in good.values())
             case = next(iter(good.values()))
-            summary.refuse_beyond_memory(largest * max(processes, 1), case.run.device, case.start.positions)
+            run, n = case.run, largest * max(processes, 1)
+            summary.refuse_beyond_memory(n, run.device, case.start.positions, low_memory=run.low_memory)
         needed, free = self.bytes, shutil.disk_usage(self.output.parent).free
         if needed > MOST_OF_DISK * free:
             raise InputError(
@@ -155,7 +158,10 @@ class Study:
                 f"{self.output.parent.resolve()}: use fewer rows, seeds or points, or another disk "
                 f"({option_name('-o', 'output')})"
             )
-        return problems
+        lines = [*(f"left out: {line}" for line in problems), *warned[:MOST_WARNINGS]]
+        if (others := len(warned) - MOST_WARNINGS) > 0:
+            lines.append(f"and {others} more warnings of long steps")
+        return lines
 
     @property
     def bytes(self) -> int:
@@ -203,8 +209,8 @@ class Study:
         plan, (finished, _, damaged) = self.plan, self._state(self.tasks)
         done = len(finished)
         processes, _ = self._processes(self._cluster(workers, scheduler))
-        points = f"{math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds"
-        lines = [f"{plan.name}: {points} = {self.runs} runs of {plan.path}"]
+        points = f"{counted(math.prod(plan.shape[:-1]), 'point')} x {counted(len(plan.seeds), 'seed')}"
+        lines = [f"{plan.name}: {points} = {counted(self.runs, 'run')} of {plan.path}"]
         for axis in plan.axes:
             for name, key, values in zip(axis.names, axis.keys, zip(*axis.values, strict=True), strict=True):
                 shown = [str(each) for each in values]
@@ -253,9 +259,7 @@ class Study:
         what is done is kept, and the results of it are written.
         """
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
-            warn(f"left out: {line}")
-        if warned := self._checked_cases[2]:
-            warn(warned[0] + (f" (and {len(warned) - 1} more)" if len(warned) > 1 else ""))
+            warn(line)
         if workers != 0 and (trouble := backend.kernel_cache_trouble()):  # workers do not report it
             warn(trouble)
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]

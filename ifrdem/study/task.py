@@ -6,7 +6,6 @@ import contextlib
 import io
 import json
 import logging
-import re
 import struct
 import time
 import tokenize
@@ -224,18 +223,23 @@ def _analysed(trajectory: Any, name: str, at: tuple[float, ...], axis: str) -> d
 
 
 def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str, Variable]:
+    from ..analysis.result import identifier
+
     found: dict[str, Variable] = {}
     for i, outcome in enumerate(outcomes):
         parts = [
-            (_named(name, row.key or row.name), Variable((), np.array(float(row.value)), row.unit, row.name))
+            (
+                identifier(name, row.key or row.name),
+                Variable((), np.array(float(row.value)), row.unit, row.name),
+            )
             for row in outcome.rows
         ]
         for table, columns in outcome.tables.items():
-            row = _named(name, table, "row")
+            row = identifier(name, table, "row")
             for one, values in columns.items():
                 if values.dtype.kind not in "biuf":  # names of quantities
                     continue
-                parts.append((_named(name, table, one), Variable((row,), np.asarray(values, float))))
+                parts.append((identifier(name, table, one), Variable((row,), np.asarray(values, float))))
         for key, part in parts:
             shape = (len(outcomes), *part.values.shape)
             stored = grown(found[key].values if key in found else np.full(shape, np.nan), shape)
@@ -249,13 +253,6 @@ def grown(values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
     """The array padded with nan to a shape."""
     more = [(0, max(0, new - old)) for old, new in zip(values.shape, shape, strict=True)]
     return np.pad(values, more, constant_values=np.nan) if any(each for _, each in more) else values
-
-
-def _named(*parts: str) -> str:
-    """A name valid in NetCDF and Python."""
-    text = "_".join(part.replace(" / ", " over ") for part in parts if part)
-    name = re.sub(r"\W+", "_", text).strip("_")
-    return re.sub("_error$", "_uncertainty", name)  # errors are those of means over seeds
 
 
 def save(path: Path, found: dict[str, Variable], *, seconds: float) -> None:

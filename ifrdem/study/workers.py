@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from multiprocessing import connection
 from typing import Any
 
-from ..errors import InputError, nearest
+from ..errors import InputError, install_extra, nearest
 from ..tools.processes import ProcessDied, Worker
 from .plan import ClusterSection
 from .task import Task
@@ -100,7 +100,7 @@ def dask(
     Raises InputError if the cluster does not answer, or cannot be asked.
     """
     if not has_dask():
-        raise InputError('Dask is not installed, which this cluster needs: pip install "ifrdem[cluster]"')
+        raise InputError(f"Dask is not installed, which this cluster needs: {install_extra('cluster')}")
     import distributed
     from distributed.comm import get_address_host_port
 
@@ -182,7 +182,7 @@ def _jobs(cluster: ClusterSection, threads: int) -> Any:
     try:
         import dask_jobqueue
     except ImportError:
-        text = 'dask-jobqueue is not installed: pip install "ifrdem[cluster]"'
+        text = f"dask-jobqueue is not installed: {install_extra('cluster')}"
         raise InputError(f'cluster.kind = "{cluster.kind}": {text}') from None
     kind = str(cluster.kind)
     if shutil.which(COMMANDS[kind]) is None:

@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..errors import DamageError, InputError
+from ..errors import DamageError, InputError, install_extra
 from ..kernels.columns import FRAME, FrameField, rows_dtype
 from ..kernels.compiler.runtime import of_versions
 from ..model.box import Box
@@ -404,7 +404,7 @@ def need_zstd(what: str) -> None:
         import hdf5plugin  # noqa: F401 importing it is what makes the filter known
     except ImportError as error:
         raise InputError(
-            f'{what} requires the package hdf5plugin: `pip install "ifrdem[zstd]"`; "gzip" requires none'
+            f'{what} requires the package hdf5plugin: {install_extra("zstd")}; "gzip" requires none'
         ) from error
 
 
@@ -433,7 +433,7 @@ def newer(file: h5py.File, path: str) -> str:
             found, known = (".".join(map(str, one)) for one in (version, LAYOUT_VERSION))
             return (
                 f"{path} was written by a newer ifrdem: its layout is {found}, this one reads up to {known}; upgrade "
-                "with `pip install --upgrade ifrdem`"
+                "with `git pull` and `pip install .` in the clone of ifrdem"
             )
     return ""
 

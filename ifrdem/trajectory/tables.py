@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, install_extra
 from ..model.observables import MECHANISMS, SPECIES_SERIES, STRESS_SERIES
 from ..model.walls.wall import OF_PISTONS
 from ..tools import checked
@@ -35,7 +35,7 @@ def optional_import(package: str, extra: str) -> Any:
     try:
         return importlib.import_module(package)
     except ImportError:
-        raise InputError(f'{package} is not installed: pip install "ifrdem[{extra}]"') from None
+        raise InputError(f"{package} is not installed: {install_extra(extra)}") from None
 
 
 def columns(

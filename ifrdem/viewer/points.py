@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..study.results import BAND, ENDING, RUNS, SEED, Results, half_interval
+from ..study.results import ENDING, RUNS, SEED, Results, half_interval
 from ..tools.checked import Array
+from ..tools.intervals import PERCENT
 from .content import numbers
 
 FIRST = ("temperature", "rotational_temperature", "theta")
@@ -115,7 +116,7 @@ class StudyPoints:
                 continue
             half, theory = half_interval(it, name), it.variables.get(f"{name}_theory")
             lines: list[dict[str, Any]] = [
-                {"name": f"mean, {100.0 * BAND:g} % interval", "y": numbers(mean.values[index])}
+                {"name": f"mean, {PERCENT} interval", "y": numbers(mean.values[index])}
             ]
             if half is not None:
                 lines[0]["error"] = numbers(half[index])

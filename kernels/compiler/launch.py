@@ -6,6 +6,7 @@ GPU use it up: there it is written again, without checks. Either is done for the
 with; with others, and by quadrants on a GPU, a kernel is called as usual.
 """
 
+import operator
 from collections.abc import Callable, Collection
 from typing import Any
 
@@ -45,8 +46,7 @@ class Launcher:
             name for name in self._names[n_numbers:] if name not in self._given
         )
         self._held: tuple[Any, ...] = ()
-        self._arrays: dict[str, Any] = {}
-        self._identities: list[int] = []
+        self._arrays: list[Any] = []  # of the last launch, those of NumPy that are given left out
         self._kinds: dict[str, tuple[Any, int]] = {}  # types and axes of those given in the last launch
         self._set_numbers: list[Any] = []
         self._set_given: list[tuple[str, Callable[[Any], None]]] = []
@@ -58,14 +58,13 @@ class Launcher:
 
         A new list is written unless those held are the same objects as for the last launch.
         """
-        identities = [*map(id, held), *(id(each) for each in given.values() if isinstance(each, ti.Ndarray))]
+        arrays = [*held, *(each for each in given.values() if isinstance(each, ti.Ndarray))]
         if (
             (self._launch is None and self._launch_with is None)
-            or identities != self._identities
+            or not all(map(operator.is_, arrays, self._arrays))
             or self._have_changed(given)
         ):
-            # Kept, so that identities stay theirs.
-            self._held, self._identities, self._arrays = held, identities, given
+            self._held, self._arrays = held, arrays
             self._launch_first(numbers, given)
             return
         if self._launch_with is not None:

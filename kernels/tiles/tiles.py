@@ -601,7 +601,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
     offset = region.lane * gas.grid.lane_slots
     base = gas.tile[tile].start.other[gas.grid.part]
     part = 1 - gas.grid.part
-    time = gas.scale.window
+    time = gas.scale.stored_at
     if when >= AT_MOMENT:
         m = when - AT_MOMENT
         part = SNAPSHOT + m

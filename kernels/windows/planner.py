@@ -128,7 +128,7 @@ def plan(gas: ti.template()):
     gas.clock.end = ti.min(gas.clock.begin + length, gas.clock.kick)
     for m in range(MOST_MOMENTS):
         gas.scale.moment[m] = FAR
-    if gas.clock.stop < gas.clock.end:
+    if gas.clock.stop < gas.clock.end and gas.grid.moments > 0:
         gas.scale.moment[0] = ti.cast(gas.clock.stop - gas.clock.begin, float)
     set_window(gas)
 
@@ -138,6 +138,7 @@ def set_window(gas: ti.template()):
     """Set the length of a window whose end is known, and the halos for it."""
     window = gas.clock.end - gas.clock.begin
     gas.scale.window = ti.cast(window, float)
+    gas.scale.stored_at = gas.scale.window
     if gas.grid.single_tile == 0:
         halo = usual_halo(gas.scale.chain, gas.clock.fastest, pull_of(gas), gas.clock.wall_speed, window)
         if ti.static(gas.uses.sheared):

@@ -184,8 +184,8 @@ def test_counts_and_seeds_are_whole_in_json(
     record = json.loads(capsys.readouterr().out)
     for value in (
         record["run"]["seed"],
-        record["analyses"]["fields"]["values"]["cells along x"]["value"],
-        record["analyses"]["clusters"]["values"]["disks in the largest cluster"]["value"],
+        record["analyses"]["fields"]["values"]["cells_x"]["value"],
+        record["analyses"]["clusters"]["values"]["largest_disks"]["value"],
     ):
         assert isinstance(value, int)
     assert record["run"]["seed"] == 11

@@ -148,7 +148,7 @@ def test_strips_that_a_rank_places_at_random_count(monkeypatch: pytest.MonkeyPat
     plan = RankPlan.of(lattice.gas, estimate, 16)
     assert plan.memory == pytest.approx(280e6 + halos + tiles, rel=1e-4)
     # A machine with one of the 16 ranks: 200 bytes of the writer, 198 of the engine, and a strip, or 300 for each.
-    needed = 68_750 * (200 + columns.BYTES_PER_DISK) + one
+    needed = 68_750 * (200 + columns.bytes_per_disk()) + one
     options = {"share": 1 / 16, "ranks": 16, "sliced": True}
     monkeypatch.setattr(backend, "memory_available", lambda: needed - 1)
     summary.refuse_beyond_memory(1_100_000, "cpu", **options)

@@ -156,9 +156,11 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
         sonine = analysis.velocity_distribution([f.velocity for f in frames], [f.spin for f in frames]).sonine
     stored = record["analyses"]["velocity"]["values"]["a20"]
     assert (stored["value"], stored["error"]) == pytest.approx((sonine.a20, sonine.a20_error))
+    assert all(key.isidentifier() for found in record["analyses"].values() for key in found["values"])
+    assert record["analyses"]["structure-factor"]["values"]["k_of_S_max"]["name"] == "k of the highest S"
     cooling = record["analyses"]["cooling"]["values"]
     assert cooling["t_H"]["value"] == pytest.approx(2.0, rel=1e-6)
-    assert cooling["relaxation of theta, collisions per disk"]["value"] == pytest.approx(200.0, rel=1e-3)
+    assert cooling["theta_relaxation"]["value"] == pytest.approx(200.0, rel=1e-3)
     # Free flight: the exponent is 2, which is no diffusion; the temperature that is written falls: in tau, no single D.
     assert record["analyses"]["msd"]["values"]["exponent"]["value"] == pytest.approx(2.0, abs=1e-4)
     assert "D" not in record["analyses"]["msd"]["values"]
@@ -237,10 +239,13 @@ def test_analyses_of_another_run_and_foreign_files_in_the_folder_are_not_mixed_o
     assert run("analyse", "other/run.h5", "vacf", "-o", "out", "--force") == 2
     assert "is the trajectory itself" in capsys.readouterr().err
     assert (other / "run.h5").stat().st_size == size
-    Path("out/run.json").write_text("{}")
-    assert run("analyse", "other/run.h5", "psi6", "-o", "out") == 2
-    assert "is no summary of `ifrdem analyse` to add to" in capsys.readouterr().err
-    assert Path("out/run.json").read_text() == "{}"
+    record = json.loads(Path("out/run.json").read_text())
+    del record["analyses"]["velocity"]["values"]["a20"]["name"]
+    for text in ("{}", json.dumps(record), '{"analyses": {"psi6": 1}, "not_possible": {}}'):
+        Path("out/run.json").write_text(text)
+        assert run("analyse", "other/run.h5", "psi6", "-o", "out") == 2
+        assert "is no summary of `ifrdem analyse` to add to" in capsys.readouterr().err
+        assert Path("out/run.json").read_text() == text
 
 
 def test_a_gas_that_does_not_cool_by_haffs_law_is_reported_and_gets_no_errors(
@@ -631,7 +636,7 @@ def test_profiles_and_fields_take_bins_from_the_command_line(
     for name in ("profiles", "fields"):
         assert record[name]["frames"] == FRAMES - 4
         assert any("set output.histories_all = true" in note for note in record[name]["notes"])
-    assert record["profiles"]["values"]["width of a bin"]["value"] == 8.0
+    assert record["profiles"]["values"]["bin_width"]["value"] == 8.0
 
 
 def test_missing_fields_are_named_with_the_key_that_stores_them(tmp_path: Path) -> None:

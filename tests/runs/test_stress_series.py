@@ -58,7 +58,7 @@ def test_rows_are_means_since_the_row_before(folder: Path, capsys: pytest.Captur
     found = json.loads(Path("flow-analysis/flow.json").read_text())["analyses"]["stress"]["values"]
     mean = (rows[-1].virial - rows[0].virial) / (4.0 * area)
     for name, (a, b) in {"P_xy": (0, 1), "P_yy": (1, 1)}.items():
-        part = found[name]["value"] - found[f"kinetic part of {name}"]["value"]
+        part = found[name]["value"] - found[f"{name}_kinetic"]["value"]
         assert part == pytest.approx(mean[a, b], rel=1e-12)
 
 

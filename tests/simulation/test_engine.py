@@ -10,7 +10,7 @@ import ifrdem.simulation.engine
 from ifrdem import Device
 from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.initial import placement
-from ifrdem.kernels.columns import BYTES_PER_DISK
+from ifrdem.kernels.columns import bytes_per_disk
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Rescale
 from ifrdem.model.laws.ifr import IFRLaw
@@ -288,7 +288,7 @@ def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     engine.advance(t_end=1e-3)
     arrays = engine.arrays
     scratch = arrays.bytes_of("motion", "event_info", "image_info", "candidates", "head", "bin")
-    assert arrays.bytes_allocated - scratch == pytest.approx(disks.n * BYTES_PER_DISK, rel=0.04)
+    assert arrays.bytes_allocated - scratch == pytest.approx(disks.n * bytes_per_disk(), rel=0.04)
     assert scratch < 4e6
 
 

@@ -270,12 +270,16 @@ def test_points_that_check_refuses_are_left_out_by_keep_going_only(case, tmp_pat
     assert found.runs.values.tolist() == [1, 0]
 
 
-def test_points_with_long_steps_of_forces_are_named(case):
+@pytest.mark.parametrize(
+    ("steps", "points"), [("0.01,9.0", "force0_step = 9.0, e_n = 0.7 (and 1 more): "), ("9.0", "")]
+)
+def test_a_dry_run_warns_once_of_long_steps_of_forces(case, tmp_path, capsys, steps, points):
     force = 'force=[{ kind = "drag", rate = 0.1, step = 0.01 }]'
-    plan = ifrdem.Study(case, vary=["force[0].step=0.01,9.0"], set=[force]).plan
-    good, problems, warned = plan.checked_cases()
-    assert (len(good), problems, len(warned)) == (2, [], 1)
-    assert "force[0].step = 9: " in warned[0]
+    words = ["study", str(case), "-o", f"{tmp_path}/d", "--set", force, "--vary", f"force[0].step={steps}"]
+    assert cli.main([*words, "--vary", VARY, "--dry-run"]) == 0
+    printed = capsys.readouterr().err
+    assert printed.count("warning: ") == 1
+    assert f"warning: {points}force[0].step = 9: " in printed
 
 
 def test_a_dry_run_starts_nothing(case, tmp_path, capsys):

@@ -27,7 +27,7 @@ def mpiexec() -> Path | None:
 
 
 MPIEXEC = mpiexec()
-needed = pytest.mark.skipif(MPIEXEC is None, reason="needs mpi4py and mpiexec: pip install 'ifrdem[mpi]'")
+needed = pytest.mark.skipif(MPIEXEC is None, reason="needs mpi4py and mpiexec: pip install '.[mpi]'")
 
 
 def command(ranks: int, *words: object) -> list[str]:

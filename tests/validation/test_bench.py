@@ -24,6 +24,7 @@ from ifrdem.case import summary
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import EngineError, InputError
+from ifrdem.kernels.columns import bytes_per_disk
 from ifrdem.kernels.compiler import runtime
 from ifrdem.simulation import backend
 from ifrdem.simulation.simulation import Simulation
@@ -261,10 +262,16 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     assert "of memory, and 10 MB are free" in capsys.readouterr().err
     assert cli.main(["run", case_file, "--set", "species[0].number=100000"]) == cli.BAD_INPUT
     monkeypatch.setattr(backend, "gpu_memory", lambda: 1_000_000_000)
-    with pytest.raises(InputError, match=r"500000 disks: the GPU has 1 GB .*400000 fit"):
-        summary.refuse_beyond_memory(500_000, "cuda")
+    gpu = 800_000_000  # beyond scratch space
+    for options, most in (
+        ({}, gpu // (bytes_per_disk() + 120)),
+        ({"low_memory": True}, gpu // (bytes_per_disk() - 56 + 120)),
+        ({"layered": True}, 400_000),
+    ):
+        with pytest.raises(InputError, match=rf"9000000 disks: the GPU has 1 GB .*{most} fit"):
+            summary.refuse_beyond_memory(9_000_000, "cuda", **options)
     with pytest.raises(InputError, match=r"900000 disks: 2 GPUs have 1 GB .*800000 fit"):
-        summary.refuse_beyond_memory(900_000, "cuda", ranks=2)
+        summary.refuse_beyond_memory(900_000, "cuda", ranks=2, layered=True)
     with pytest.raises(InputError, match="100000 disks need some 50 MB"):
         summary.refuse_beyond_memory(100_000, "cuda")  # the GPU's own memory holds the rest
     summary.refuse_beyond_memory(1000, "cpu")

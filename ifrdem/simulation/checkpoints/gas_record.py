@@ -73,12 +73,12 @@ def arguments(
     Pistons are at these displacements [length]. `law` is used (`laws_of`), and `forces` and `device` in place of those
     of the record.
 
-    InputError if a custom force is not given, or the device is another one, but for its threads.
+    InputError if a custom force is not given, or the device is another one, but for its threads and `low_memory`.
     """
     was = Device(**record["device"])
     chosen = was if device is None else Device.of(device)
-    if replace(chosen, threads=was.threads) != was:
-        raise InputError(f"device = {chosen}: must be {was}, with any number of threads")
+    if replace(chosen, threads=was.threads, low_memory=was.low_memory) != was:
+        raise InputError(f"device = {chosen}: must be {was}, with any number of threads and any low_memory")
     gravity, collapse = record["gravity"], record["collapse"]
     given = from_json(json.dumps(record["walls"]))
     return {
@@ -99,7 +99,8 @@ def _with_tuples(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def _compared(record: dict[str, Any]) -> dict[str, Any]:
-    device = {key: value for key, value in record["device"].items() if key != "threads"}
+    free = ("threads", "low_memory")
+    device = {key: value for key, value in record["device"].items() if key not in free}
     left_out = ("k", "path")
     law = [[{key: one[key] for key in one if key not in left_out} for one in row] for row in record["law"]]
     given = [dict(wall) for wall in record["walls"]]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from ...kernels.columns import ADDRESSABLE, MOST_DISKS, MOST_IDS, SINGLE_TILE
+from ...kernels.columns import ADDRESSABLE, MOST_IDS, SINGLE_TILE, most_disks
 from ...model.box import Box
 from ...model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ...model.gravity import RotatingGravity
@@ -238,7 +238,7 @@ def check(
 
     Of ranks, `disks` and `state` may be those of a slice; `counts` are of all disks. Walls include sides of the box.
     """
-    check_number(counts.n, ranks, "partner" in options.record)
+    check_number(counts.n, ranks, "partner" in options.record, low_memory=options.device.low_memory)
     n = disks.n
     check_motion(disks, state)
     if n and int(disks.material.max()) >= materials:
@@ -268,7 +268,7 @@ def check(
     )  # fmt: skip
 
 
-def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
+def check_number(n: int, ranks: int = 1, partners: bool = False, *, low_memory: bool = False) -> None:
     """Refuse more disks than 32-bit indices reach, which count disks of each rank, and ids of all of them.
 
     Latest `partners` are stored as numbers of 32 bits, of which those below 0 mean walls.
@@ -277,10 +277,12 @@ def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
         raise InputError(
             f"record = ['partner']: {n} disks, and latest partners are known of {ADDRESSABLE} at most"
         )
-    most = min(ranks * MOST_DISKS, MOST_IDS)
+    each = most_disks(low_memory)
+    most = min(ranks * each, MOST_IDS)
     if n > most:
         on = f" on {ranks} ranks" if ranks > 1 else " in one process"
-        least = -(-n // MOST_DISKS)
+        on += "" if low_memory else f", {most_disks(True)} with low_memory = true" if ranks == 1 else ""
+        least = -(-n // each)
         instead = f": run them on {least} ranks or more (mpiexec -n {least})" if n <= MOST_IDS else ""
         raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}{instead}")
 
@@ -368,6 +370,26 @@ def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bo
         if present:
             raise InputError(
                 f"{what}: not supported on several ranks (here are {size}); run it without mpiexec"
+            )
+
+
+def check_low_memory(
+    low_memory: bool, collapse: Collapse | None, box: Box, walls: Sequence[Wall], forces: Sequence[Any]
+) -> None:
+    """Refuse low memory where the bits of a state depend on the length of the window in which it is computed.
+
+    Arguments as for `Engine`; walls include the sides of the box.
+    """
+    refused = {
+        "walls": len(walls) > 0,
+        "forces": len(forces) > 0,
+        "a sheared box": box.shear_rate != 0.0,
+        f"collapse = {collapse}": isinstance(collapse, ContactTime | Rest),
+    }
+    for what, present in refused.items():
+        if low_memory and present:
+            raise InputError(
+                f"cannot be combined with {what}: the engine then keeps the state at a time within a window"
             )
 
 

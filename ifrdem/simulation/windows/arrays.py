@@ -37,6 +37,7 @@ from ...kernels.columns import (
     WALL,
     Named,
     blank,
+    most_disks,
     named,
 )
 from ...kernels.compiler.language import from_numpy, ti, to_numpy, view
@@ -125,6 +126,7 @@ class DeviceArrays:
         self._type = getattr(ti, options.device.precision)
         self._launchers: dict[Callable[..., Any], tuple[Launcher, Callable[[Any], tuple[Any, ...]]]] = {}
         self.on_gpu: bool = options.device.name != "cpu"
+        self._low_memory = options.device.low_memory
         self._twins: dict[str, Any] = {}
         self.room: int = 0
         self.parts: int = 2
@@ -250,8 +252,15 @@ class DeviceArrays:
         self.parts, self.room = parts, room
         self.grid.moments, self.grid.room = parts - 2, room
 
+    @property
+    def keeps_moments(self) -> bool:
+        """True if there may be room for states at moments within a window."""
+        return self.single_tile or not self._low_memory
+
     def make_moments(self, needed: int = 1) -> int:
         """Make room for so many moments within a window, or for the most that there may be: for how many."""
+        if not self.keeps_moments:
+            return 0
         most = max(1, min(MOST_MOMENTS, SNAPSHOT_DISKS // max(self.n, 1)))
         moments = max(self.parts - 2, 1 if needed == 1 else most)
         if moments > self.parts - 2:
@@ -263,7 +272,7 @@ class DeviceArrays:
         if 8 * rows > ADDRESSABLE:
             raise EngineError(
                 f"{self.n} disks: 32-bit indices of kernels reach arrays of {ADDRESSABLE} numbers, which is enough for "
-                f"{ADDRESSABLE // 24} disks"
+                f"{most_disks(self._low_memory)} disks"
             )
 
     def scratch(self, lane_slots: int, cells: int, items: int) -> None:

@@ -86,7 +86,7 @@ class Domain:
 
     def sums(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Sums over all tiles of what each has, shape (tiles, columns): block by block, always in one order."""
-        return np.add.accumulate(sums_of_blocks(rows), axis=0)[-1]
+        return rows[0] if len(rows) == 1 else np.add.accumulate(sums_of_blocks(rows), axis=0)[-1]
 
     def largest(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """The largest of each column of what tiles have, shape (tiles, columns), 0 or more."""

@@ -205,7 +205,7 @@ class TileRunner:
                 clock = a.clock.copy()
                 part = int(a.grid.part)
                 moments[:] = k.FAR
-                if clock.stop < clock.end:
+                if clock.stop < clock.end and a.keeps_moments:
                     moments[0] = clock.stop - clock.begin
             resuming = False  # from the beginning of the window
             a.clock.array[:], a.grid.part, a.scale.moment = clock.array, part, moments

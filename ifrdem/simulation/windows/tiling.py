@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import EngineError
-from ...kernels.columns import MOST_DISKS, SINGLE_TILE
+from ...kernels.columns import SINGLE_TILE, most_disks
 from ...kernels.layout import BLOCK_SLOTS, FAR, MAX_TRAVEL
 from ...model.box import Box
 from ...model.density import henderson, packing_fraction, path_in_collisions
@@ -174,7 +174,7 @@ class Tiling:
         elif uses.sheared or not few or on_gpu:
             window_side = min(window_side, math.sqrt(tile_disks * free))
         # Columns and rows of cells are counted in 16 bits; of more disks no region is the whole box.
-        least = float(sides.max()) / 3e4 if n <= MOST_DISKS else 0.0
+        least = float(sides.max()) / 3e4 if n <= most_disks(options.device.low_memory) else 0.0
         cell = (RESTING_CELL if uses.rests else CELL) * widest if split is None else CELL * 2.0 * split
         cell_side = max(cell, math.sqrt(disks_per_cell(phi) * free), least)
         coarse = 1 if split is None else math.ceil(CELL * widest / cell_side)

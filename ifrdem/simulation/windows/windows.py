@@ -62,6 +62,7 @@ class Windows:
         self._paused = False
         self._recorded = 0  # what has been written down of the present window
         self._moments: list[Moment] = []  # that have been written
+        self._cut = False  # the state at the first of them stands in the place of that at the window's end
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
@@ -126,7 +127,7 @@ class Windows:
         inside, sums = self.inside, self.sums
         self.arrays.uses = uses
         if inside:
-            self._compute([self._moment_now], 1, 0)
+            self._compute_moments([self._moment_now])
             self._done += sums - self.sums
 
     def set_forces(self, forces: ForceSteps, within: tuple[k.CompiledForce, ...]) -> None:
@@ -174,7 +175,8 @@ class Windows:
             return 1 - part
         if self.now == self.begin and not self._paused:
             return part
-        return k.SNAPSHOT + self.snapshot_at(self._moment_now)
+        m = self.snapshot_at(self._moment_now)
+        return 1 - part if self._cut else k.SNAPSHOT + m
 
     @property
     def time_origin(self) -> float:
@@ -202,7 +204,7 @@ class Windows:
             self.forces.begin_window(self.moment)
         self.now = self.arrays.clock.begin = self.arrays.clock.end = time
         self._times = None
-        self._completed = self._ready = self._paused = False
+        self._completed = self._ready = self._paused = self._cut = False
         self._moments, self._moment_now = [], 0.0
 
     def snapshot(self) -> dict[str, NDArray[np.float64]]:
@@ -233,7 +235,7 @@ class Windows:
             self._counted = self.begin
             if self.now < self.end:
                 a.make_moments()
-            self._compute([self._moment_now] if self.now < self.end else [], 1, watching)
+            self._compute(self._present_moment() if self.now < self.end else [], 1, watching)
 
     # ------------------------------------------------------------------ length
 
@@ -296,21 +298,23 @@ class Windows:
         self.go_on(kick)
         if self._completed and watching & ~self._recorded:
             # From its beginning, to see what happened in it.
-            self._compute([self._moment_now], 1, watching)
-        if self._paused or not self._completed:
+            self._compute(self._present_moment(), 1, watching)
+        if self._paused or self._cut or not self._completed:
             pausing = a.single_tile and not a.on_gpu and not watching & k.TRACKED
             self._requested = [until] if pausing else [until, *next_points()]
             if pausing or (a.on_gpu and math.isfinite(stop)):
-                a.make_moments()
-                moments = [stop - self.begin] if stop < self.end else []
+                room = a.make_moments()
+                moments = [stop - self.begin][:room] if stop < self.end else []
             else:
                 moments = self.plan_snapshots(self.now)
             (a.clock.stop, a.clock.wanted), (a.clock.pause, a.clock.pause_after) = until, pause
             if not (pausing or a.on_gpu) and self._nears_count():
                 watching, most = watching | k.PAIRS, 1
-            self._compute(
-                moments, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing
-            )
+            if a.keeps_moments or a.on_gpu or watching or math.isfinite(wanted) or stop >= self.end:
+                most = min(most, a.burst, self._burst if a.on_gpu else most)
+                self._compute(moments, most, watching, pausing=pausing)
+            else:
+                self._compute_moments([stop - self.begin])
         if self._paused:
             self._moment_now = self._moments[0].time
             by_count = a.counter.paused == k.BY_COUNT
@@ -363,8 +367,33 @@ class Windows:
         for m, each in enumerate(self._moments):
             if each.time == moment:
                 return m
-        self._compute(self.plan_snapshots(self.begin + moment, moment), 1, 0)
+        self._compute_moments(self.plan_snapshots(self.begin + moment, moment) or [moment])
         return 0
+
+    def _present_moment(self) -> list[float]:
+        """The present time as a moment of the window; none without room for moments."""
+        return [self._moment_now] if self.arrays.keeps_moments else []
+
+    def _compute_moments(self, moments: list[float]) -> None:
+        """Compute the state at moments of the window; without room, at the first one, in the place of that at its end.
+
+        For that a window is run that ends there. The state has the same bits: only walls, forces within windows, shear
+        and contact times use the length of a window, and gases with these have room (`checks.check_low_memory`).
+        """
+        a = self.arrays
+        if a.keeps_moments:
+            self._compute(moments, 1, 0)
+            return
+        moment, end, at_end = moments[0], self.end, self._at_end
+        a.clock.end = self.begin + moment
+        self._plan(plans=False)
+        # With the collisions at the moment itself.
+        a.scale.window = np.nextafter(a.real(moment), a.real(np.inf))
+        a.scale.stored_at = moment
+        self._compute([], 1, 0)
+        self._moments, self._at_end, self._cut = [Moment(moment, self._at_end)], at_end, True
+        a.clock.end = end
+        self._plan(plans=False)
 
     def _sums_to(self, moment: float) -> NDArray[np.float64]:
         """Sums over the tiles from the window's beginning to a moment of it."""
@@ -399,7 +428,7 @@ class Windows:
         """
         a, runner = self.arrays, self.runner
         resuming = self._paused and pausing
-        self._paused = False
+        self._paused = self._cut = False
         begin = self.begin
         again = begin == self._counted
         self._recorded = watching | (self._recorded if again else 0)

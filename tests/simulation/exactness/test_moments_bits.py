@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_same_bits import COMPARED, GASES, NARROW, N, made, narrowed
+from test_same_bits import COMPARED, GASES, NARROW, N, made, narrowed, same
 from test_same_bits import windows_of_tiles as windows_of_tiles
 
-from ifrdem import ContactTime
+from ifrdem import ContactTime, Device
+from ifrdem.errors import InputError
 from ifrdem.model.state import State
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.steps.schedule import RunPoint
@@ -112,3 +113,37 @@ def test_collisions_of_tiles_that_are_run_again_count_once(monkeypatch: pytest.M
     assert again <= engine.statistics.windows + len(FRAMES) / 8
     for (state, *_), (state_1, *_) in zip(found, expected, strict=True):
         assert all(np.array_equal(getattr(state, each), getattr(state_1, each)) for each in LOOKED_AT)
+
+
+@pytest.mark.parametrize("name", ["phi = 0.3", "mixture"])
+def test_low_memory_keeps_the_bits_without_room_for_moments(name: str) -> None:
+    """At times, some of them in one window, and at numbers of collisions; of 40 bytes and more in each part."""
+    found, engines = [], []
+    disks, box, state, law, _ = made(name)
+    for low in (False, True):
+        device = Device(low_memory=low)
+        engine = Engine(disks, box, state, np.array([[law]]), order="tiled", tile_disks=250, device=device)
+        states = []
+        for i in range(1, 9):
+            engine.advance(t_end=0.11 * i + 0.02 * (i % 2))
+            states.append((engine.state(), engine.collisions))
+        while engine.collisions < 4 * N:
+            engine.advance(collisions=4 * N)
+        found.append([*states, (engine.state(), engine.collisions)])
+        engines.append(engine)
+    for (state_1, collisions_1), (state_2, collisions_2) in zip(*found, strict=True):
+        assert collisions_1 == collisions_2
+        assert same(state_1, state_2)
+    assert engines[0].statistics.windows == engines[1].statistics.windows
+    assert [engine.arrays.parts for engine in engines] == [3, 2]
+    assert engines[1].time == engines[0].time
+
+
+@pytest.mark.parametrize(
+    ("name", "more"), [("walls", "walls"), ("driven", "forces"), ("phi = 0.3", "collapse")]
+)
+def test_low_memory_is_refused_where_bits_depend_on_the_window(name: str, more: str) -> None:
+    disks, box, state, law, options = made(name)
+    options = options or {"collapse": ContactTime(1e-9)}
+    with pytest.raises(InputError, match=rf"low_memory = True: cannot be combined with {more}"):
+        Engine(disks, box, state, np.array([[law]]), device=Device(low_memory=True), **options)

@@ -1,0 +1,25 @@
+"""Intervals of means by Student's t."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+LEVEL = 0.95
+"""Probability that the interval of a mean holds the true value."""
+PERCENT = f"{100.0 * LEVEL:g} %"
+
+
+def standard_errors(count: ArrayLike) -> NDArray[np.float64]:
+    """Standard errors from the mean of so many values to each end of its interval, by Student's t.
+
+    Of one value, whose standard error is unknown, as of two.
+
+    Examples
+    --------
+    >>> standard_errors([2, 10, 10_000]).round(2).tolist()
+    [12.71, 2.26, 1.96]
+    """
+    from scipy.special import stdtrit
+
+    return np.asarray(stdtrit(np.maximum(np.subtract(count, 1), 1), 0.5 * (1.0 + LEVEL)))
