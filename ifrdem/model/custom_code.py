@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dis
+import functools
 import importlib
 import inspect
 import re
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -146,6 +147,12 @@ def check_constants(owner: str, kind: type, *methods: str) -> None:
             )
 
 
+@functools.cache
+def _globals_in(code: CodeType) -> frozenset[str]:
+    """Names of modules' variables that a function's code reads, without attributes."""
+    return frozenset(each.argval for each in dis.get_instructions(code) if each.opname == "LOAD_GLOBAL")
+
+
 def _constants(function: Any, visited: set[int]) -> Iterator[tuple[str, Any]]:
     """Names and values of the numbers from outside that a function uses, and those that it calls."""
     function = inspect.unwrap(function)
@@ -157,10 +164,7 @@ def _constants(function: Any, visited: set[int]) -> Iterator[tuple[str, Any]]:
         name: cell.cell_contents
         for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True)
     }
-    used = {
-        each.argval for each in dis.get_instructions(code) if each.opname == "LOAD_GLOBAL"
-    }  # no attributes
-    for name in (used | {*code.co_freevars}) & outside.keys():
+    for name in (_globals_in(code) | {*code.co_freevars}) & outside.keys():
         value = outside[name]
         if isinstance(value, bool | int | float | tuple | np.generic | np.ndarray):
             yield name, value

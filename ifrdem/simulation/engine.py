@@ -338,8 +338,9 @@ class Engine:
     def wall_heats(self) -> NDArray[np.float64]:
         """Heat that each wall, those at sides of the box last, gave so far [energy]."""
         heat = np.zeros(len(self.walls))
-        tally = self.arrays.extra_tally
-        heat[tally.thermal] = tally.heats(self.windows.sums)
+        if self.arrays.uses.thermal:
+            tally = self.arrays.extra_tally
+            heat[tally.thermal] = tally.heats(self.windows.sums)
         return heat
 
     @property

@@ -193,6 +193,7 @@ def _array_setter(context: Any, at: Any) -> Callable[[Any], None]:
     def set_array(array: Any) -> None:
         if not array.flags.c_contiguous:
             raise ValueError("an array of NumPy whose rows do not follow one another")
-        context.set_arg_external_array_with_shape(at, array.ctypes.data, array.nbytes, array.shape, 0)
+        address, _ = array.__array_interface__["data"]  # `array.ctypes` makes an object for it
+        context.set_arg_external_array_with_shape(at, address, array.nbytes, array.shape, 0)
 
     return set_array

@@ -48,6 +48,12 @@ def update_history_hash(i, t, partner, gas: ti.template()):
     Two hashes of 32 bits, by multiplication with odd constants.
     """
     info = gas.event_info[i]
+    info.hash_1, info.hash_2 = next_hash(info.hash_1, info.hash_2, t, partner)
+
+
+@ti.func
+def next_hash(hash_1, hash_2, t, partner):
+    """Hash of a history after a collision at time t, from that before it: both words."""
     low, high = ti.u32(0), ti.u32(0)
     if ti.static(is_single_precision()):
         low = ti.bit_cast(t, ti.u32)
@@ -55,14 +61,13 @@ def update_history_hash(i, t, partner, gas: ti.template()):
         word = ti.bit_cast(t, ti.u64)
         low, high = ti.cast(word, ti.u32), ti.cast(word >> ti.u64(32), ti.u32)
     code = ti.cast(partner, ti.u32)
-    one, two = ti.cast(info.hash_1, ti.u32), ti.cast(info.hash_2, ti.u32)
+    one, two = ti.cast(hash_1, ti.u32), ti.cast(hash_2, ti.u32)
     one = (one ^ low) * ti.u32(0x9E3779B1) + high
     one = (one ^ (one >> ti.u32(15)) ^ code) * ti.u32(0x85EBCA77)
     two = (two ^ high) * ti.u32(0xC2B2AE3D) + code
     two = (two ^ (two >> ti.u32(13))) * ti.u32(0x27D4EB2F)
     two = (two ^ low) * ti.u32(0x165667B1)
-    info.hash_1 = ti.cast(one ^ (one >> ti.u32(16)), ti.i32)
-    info.hash_2 = ti.cast(two ^ (two >> ti.u32(16)), ti.i32)
+    return ti.cast(one ^ (one >> ti.u32(16)), ti.i32), ti.cast(two ^ (two >> ti.u32(16)), ti.i32)
 
 
 @ti.func
@@ -92,9 +97,15 @@ def upper_half(square):
 @ti.func
 def note_speed(i, gas: ti.template()):
     """Keep the largest square of the speed of the disk in slot i: the upper half of a double, rounded up."""
-    vx, vy = ti.cast(gas.motion[i].vx, ti.f64), ti.cast(gas.motion[i].vy, ti.f64)
-    square = upper_half(1.000001 * (vx * vx + vy * vy))
+    square = speed_square(gas.motion[i].vx, gas.motion[i].vy)
     gas.event_info[i].max_speed_sq = ti.max(gas.event_info[i].max_speed_sq, square)
+
+
+@ti.func
+def speed_square(vx, vy):
+    """Bound on the square of a speed, as `upper_half` gives it."""
+    vx_, vy_ = ti.cast(vx, ti.f64), ti.cast(vy, ti.f64)
+    return upper_half(1.000001 * (vx_ * vx_ + vy_ * vy_))
 
 
 @ti.func
@@ -132,12 +143,26 @@ def latest_partner(i, gas: ti.template()):
 def fly_to(i, t, gas: ti.template()):
     """Fly the disk in slot i to time t, where its motion changes."""
     motion = gas.motion[i]
+    turn(i, t, gas)
+    x, y = position_at(i, t, gas)
+    motion.x, motion.y, motion.tau = x, y, t
+
+
+@ti.func
+def position_at(i, t, gas: ti.template()):
+    """Position of the disk in slot i at time t, where its motion changes: on the grid."""
+    motion = gas.motion[i]
     dt = t - motion.tau
-    motion.x = motion.x + on_grid(motion.vx * dt, gas)
-    motion.y = motion.y + on_grid(motion.vy * dt, gas)
+    return motion.x + on_grid(motion.vx * dt, gas), motion.y + on_grid(motion.vy * dt, gas)
+
+
+@ti.func
+def turn(i, t, gas: ti.template()):
+    """Turn the disk in slot i until time t, if angles are asked for."""
     if ti.static(gas.uses.turned):
+        motion = gas.motion[i]
+        dt = t - motion.tau
         gas.turn[i] = gas.turn[i] + ti.cast(motion.spin, ti.f64) * ti.cast(dt, ti.f64)
-    motion.tau = t
 
 
 @ti.func

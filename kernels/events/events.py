@@ -25,11 +25,11 @@ from ..layout import (
     OWN_ACTION, PAIRS,
 )  # fmt: skip
 from ..disks.particle import (
-    add, advance_to, charge, just_collided, kind_of, largest_speed, note_speed, radius_of, update_history_hash,
-    watched_row, write_motion,
+    add, charge, just_collided, kind_of, largest_speed, next_hash, note_speed, position_at, radius_of, speed_square,
+    turn, watched_row, write_motion,
 )  # fmt: skip
 from .rest import (
-    count_hit, fall_asleep, is_support, is_wedged, set_at_rest, set_in_motion, sleeps, time_to_sleeper, wake,
+    count_hit, fall_asleep, in_falling_frame, is_support, is_wedged, set_at_rest, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
 from ..disks.stress import add_virial_of_pair
 from ..tiles.tiles import head_at, layer_of, note_extremes, scale_of, write
@@ -264,15 +264,14 @@ def rest_after_hit(
 
 @ti.func
 def write_pair(a: ti.template(), b: ti.template(), t: ti.template(), tile: ti.template(), gas: ti.template()):
-    """Write a row of `pair` for a collision of the disks in slots a and b, if those of all pairs are written down."""
-    if (gas.grid.watching & PAIRS) > 0 and gas.event_info[a].own_rank > 0:
-        row = ti.atomic_add(gas.counter.n_pairs, 1)
-        if row < gas.grid.most_pairs:
-            gas.pair_time[row] = t
-            gas.pair[row].tile = tile
-            gas.pair[row].id, gas.pair[row].partner = gas.event_info[a].id, gas.event_info[b].id
-        else:
-            ti.atomic_or(gas.counter.full, FULL_PAIRS)
+    """Write a row of `pair` for a collision of the disks in slots a and b."""
+    row = ti.atomic_add(gas.counter.n_pairs, 1)
+    if row < gas.grid.most_pairs:
+        gas.pair_time[row] = t
+        gas.pair[row].tile = tile
+        gas.pair[row].id, gas.pair[row].partner = gas.event_info[a].id, gas.event_info[b].id
+    else:
+        ti.atomic_or(gas.counter.full, FULL_PAIRS)
 
 
 @ti.func
@@ -296,93 +295,108 @@ def write_collision(
 
 @ti.func
 def count_collision(
-    a: ti.template(), kind_a: ti.template(), regime: ti.template(), lost: ti.template(), rows: ti.template(),
-    faster: ti.template(), vx_a: ti.template(), new_vx_a: ti.template(), tile: ti.template(), gas: ti.template(),
+    kind_a: ti.template(), regime: ti.template(), lost: ti.template(), rows: ti.template(), faster: ti.template(),
+    vx_a: ti.template(), new_vx_a: ti.template(), tile: ti.template(), gas: ti.template(),
 ):  # fmt: skip
-    """Add a collision of the disk in slot a, whose velocity along x changed, to the tally of the tile that owns it."""
-    if gas.event_info[a].own_rank > 0:
-        add(tile, TALLY.collisions, 1.0, gas)
-        if regime >= ELASTIC:
-            add(tile, TALLY.elastics, 1.0, gas)
-        if ti.static(gas.uses.tallied):
-            enter_losses(tile, regime, lost, gas)
-        if ti.static(gas.uses.sheared):
-            if rows != 0:
-                # a got the momentum m dv, and b, in a frame that is faster, the opposite.
-                gained = ti.cast((new_vx_a - vx_a) * faster, ti.f64)
-                add(tile, TALLY.flow_work, gained / gas.kinds[kind_a].inverse_mass, gas)
+    """Add a collision to the tally of the tile that owns disk a, of this kind, whose velocity along x changed."""
+    add(tile, TALLY.collisions, 1.0, gas)
+    if regime >= ELASTIC:
+        add(tile, TALLY.elastics, 1.0, gas)
+    if ti.static(gas.uses.tallied):
+        enter_losses(tile, regime, lost, gas)
+    if ti.static(gas.uses.sheared):
+        if rows != 0:
+            # a got the momentum m dv, and b, in a frame that is faster, the opposite.
+            gained = ti.cast((new_vx_a - vx_a) * faster, ti.f64)
+            add(tile, TALLY.flow_work, gained / gas.kinds[kind_a].inverse_mass, gas)
 
 
 @ti.func
 def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
-    """Collide the disks in slots i and j at time t, the smaller id first: the same bits from either side."""
-    a, b = i, j
-    if gas.event_info[j].id < gas.event_info[i].id:
-        a, b = j, i
+    """Collide the disks in slots i and j at time t, the smaller id first: the same bits from either side.
+
+    All that is needed of both is read before the first number is written: on a GPU, what is read after that waits.
+    """
+    a = ti.select(gas.event_info[j].id < gas.event_info[i].id, j, i)
+    b = i + j - a
+    motion_a, motion_b, info_a, info_b = gas.motion[a], gas.motion[b], gas.event_info[a], gas.event_info[b]
+    since_a, since_b = motion_a.tau, motion_b.tau
+    vx_a, vy_a, w_a = motion_a.vx, motion_a.vy, motion_a.spin
+    vx_b, vy_b, w_b = motion_b.vx, motion_b.vy, motion_b.spin
+    x_a, y_a = position_at(a, t, gas)
+    x_b, y_b = position_at(b, t, gas)
+    number_a, number_b = info_a.number, info_b.number
+    fastest_a, fastest_b = info_a.max_speed_sq, info_b.max_speed_sq
+    owned = info_a.own_rank > 0
+    writes = ti.select(owned, gas.grid.watching & PAIRS, 0)
+    hash_1_a, hash_2_a = next_hash(info_a.hash_1, info_a.hash_2, t, info_b.id)
+    hash_1_b, hash_2_b = next_hash(info_b.hash_1, info_b.hash_2, t, info_a.id)
+    kind_a, kind_b = kind_of(a, gas), kind_of(b, gas)
+    one, other = gas.kinds[kind_a], gas.kinds[kind_b]
+    p, q = ti.cast(one.material, ti.i32), ti.cast(other.material, ti.i32)
+    inverse_a, inverse_b = one.inverse_mass, other.inverse_mass
+    radius_a, k_a, radius_b, k_b = one.radius, one.k, other.radius, other.k
     persistent = 0
     if ti.static(gas.uses.remembers):
         persistent = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
-        gas.since[a] = t
-        gas.since[b] = t
-    since_a, since_b = gas.motion[a].tau, gas.motion[b].tau
-    advance_to(a, t, gas)
-    advance_to(b, t, gas)
     asleep_a, asleep_b = sleeps(a, gas), sleeps(b, gas)
     if ti.static(gas.uses.rests):
         if asleep_a:
-            set_in_motion(a, t, gas)
+            x_a, y_a, vx_a, vy_a = in_falling_frame(x_a, y_a, t, gas)
         if asleep_b:
-            set_in_motion(b, t, gas)
-    rx = gas.motion[b].x - gas.motion[a].x
-    ry = gas.motion[b].y - gas.motion[a].y
-    vx_b = gas.motion[b].vx
+            x_b, y_b, vx_b, vy_b = in_falling_frame(x_b, y_b, t, gas)
+    rx = x_b - x_a
+    ry = y_b - y_a
     faster = 0.0 * t
     rows = 0
     if ti.static(gas.uses.sheared):
         # In the frame of a's row, where b is faster.
-        rows = gas.event_info[b].shear_row - gas.event_info[a].shear_row
+        rows = info_b.shear_row - info_a.shear_row
         faster = rows * gas.scale.drift
         rx += rows * gas.scale.aside + faster * t
         vx_b += faster
     rx += nearest(rx, gas.scale.length_x, region.wrap_x)
     ry += nearest(ry, gas.scale.length_y, region.wrap_y)
     r = ti.sqrt(rx * rx + ry * ry)
-    kind_a, kind_b = kind_of(a, gas), kind_of(b, gas)
-    p = ti.cast(gas.kinds[kind_a].material, ti.i32)
-    q = ti.cast(gas.kinds[kind_b].material, ti.i32)
-    vx_a = gas.motion[a].vx
-    vy_a_0, w_a_0, vy_b_0, w_b_0 = gas.motion[a].vy, gas.motion[a].spin, gas.motion[b].vy, gas.motion[b].spin
-    inverse_a, inverse_b = gas.kinds[kind_a].inverse_mass, gas.kinds[kind_b].inverse_mass
     if ti.static(gas.uses.rests):
-        slow = ((vx_a - vx_b) * rx + (vy_a_0 - vy_b_0) * ry) / r < gas.scale.cutoff
+        slow = ((vx_a - vx_b) * rx + (vy_a - vy_b) * ry) / r < gas.scale.cutoff
         hit_sleepers(a, b, t, since_a, since_b, asleep_a, asleep_b, slow, inverse_a, inverse_b, tile, gas)
-    new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b, regime, lost = collided(
-        p, q, rx / r, ry / r, inverse_a, gas.kinds[kind_a].radius, gas.kinds[kind_a].k, vx_a, gas.motion[a].vy,
-        gas.motion[a].spin, inverse_b, gas.kinds[kind_b].radius, gas.kinds[kind_b].k, vx_b, gas.motion[b].vy,
-        gas.motion[b].spin, persistent, gas,
+    new_vx_a, new_vy_a, new_w_a, new_vx_b, new_vy_b, new_w_b, regime, lost = collided(
+        p, q, rx / r, ry / r, inverse_a, radius_a, k_a, vx_a, vy_a, w_a, inverse_b, radius_b, k_b, vx_b, vy_b, w_b,
+        persistent, gas,
     )  # fmt: skip
-    gas.motion[a].vx, gas.motion[a].vy, gas.motion[a].spin = new_vx_a, vy_a, w_a
-    gas.motion[b].vx, gas.motion[b].vy, gas.motion[b].spin = new_vx_b - faster, vy_b, w_b
+    if ti.static(gas.uses.remembers):
+        gas.since[a], gas.since[b] = t, t
+    turn(a, t, gas)
+    turn(b, t, gas)
+    motion_a.x, motion_a.y, motion_a.tau = x_a, y_a, t
+    motion_b.x, motion_b.y, motion_b.tau = x_b, y_b, t
+    motion_a.vx, motion_a.vy, motion_a.spin = new_vx_a, new_vy_a, new_w_a
+    motion_b.vx, motion_b.vy, motion_b.spin = new_vx_b - faster, new_vy_b, new_w_b
+    info_a.number, info_b.number = number_a + 1, number_b + 1
+    info_a.hash_1, info_a.hash_2, info_b.hash_1, info_b.hash_2 = hash_1_a, hash_2_a, hash_1_b, hash_2_b
+    info_a.last, info_b.last = b, a
     if ti.static(gas.uses.rests):
         rest_after_hit(a, b, t, tile, gas)
-    update_history_hash(a, t, gas.event_info[b].id, gas)
-    update_history_hash(b, t, gas.event_info[a].id, gas)
-    note_speed(a, gas)
-    note_speed(b, gas)
-    gas.event_info[a].last = b
-    gas.event_info[b].last = a
-    write_pair(a, b, t, tile, gas)
+        note_speed(a, gas)
+        note_speed(b, gas)
+    else:
+        info_a.max_speed_sq = ti.max(fastest_a, speed_square(new_vx_a, new_vy_a))
+        info_b.max_speed_sq = ti.max(fastest_b, speed_square(new_vx_b - faster, new_vy_b))
+    if writes > 0:
+        write_pair(a, b, t, tile, gas)
     if ti.static(gas.uses.watched):
-        before = ti.Vector([vx_a, vy_a_0, w_a_0, vx_b, vy_b_0, w_b_0])
-        after = ti.Vector([new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b])
+        before = ti.Vector([vx_a, vy_a, w_a, vx_b, vy_b, w_b])
+        after = ti.Vector([new_vx_a, new_vy_a, new_w_a, new_vx_b, new_vy_b, new_w_b])
         write_collision(a, b, t, rx, ry, r, before, after, regime, tile, region, gas)
     if ti.static(gas.uses.itemised):
         charge_half(a, regime, lost, gas)
         charge_half(b, regime, lost, gas)
-    count_collision(a, kind_a, regime, lost, rows, faster, vx_a, new_vx_a, tile, gas)
+    if owned:
+        count_collision(kind_a, regime, lost, rows, faster, vx_a, new_vx_a, tile, gas)
     if ti.static(gas.uses.stressed):
         add_virial_of_pair(
-            tile, a, b, kind_a, kind_b, new_vx_a - vx_a, vy_a - vy_a_0, new_vx_b - vx_b, vy_b - vy_b_0, rx, ry, gas
+            tile, a, b, kind_a, kind_b, new_vx_a - vx_a, new_vy_a - vy_a, new_vx_b - vx_b, new_vy_b - vy_b, rx, ry, gas
         )  # fmt: skip
 
 

@@ -81,12 +81,11 @@ def sleeps(i, gas: ti.template()):
 
 
 @ti.func
-def set_in_motion(i, t, gas: ti.template()):
-    """Set position and velocity of the sleeping disk in slot i in the falling frame."""
-    motion = gas.motion[i]
-    motion.x = motion.x - on_grid(0.5 * gas.scale.gx * t * t, gas)
-    motion.y = motion.y - on_grid(0.5 * gas.scale.gy * t * t, gas)
-    motion.vx, motion.vy = -gas.scale.gx * t, -gas.scale.gy * t
+def in_falling_frame(x, y, t, gas: ti.template()):
+    """Position and velocity in the falling frame of a disk that sleeps at (x, y)."""
+    x_ = x - on_grid(0.5 * gas.scale.gx * t * t, gas)
+    y_ = y - on_grid(0.5 * gas.scale.gy * t * t, gas)
+    return x_, y_, -gas.scale.gx * t, -gas.scale.gy * t
 
 
 @ti.func

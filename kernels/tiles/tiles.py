@@ -43,12 +43,11 @@ from ..layout import (
 from ..disks.particle import (
     add,
     collisions_in_window,
-    kind_of,
     largest_speed,
     latest_partner,
     listed_kind,
-    note_speed,
     radius_of,
+    speed_square,
     square_of,
 )
 from ..walls.pistons import write_pistons
@@ -264,30 +263,37 @@ def team_of(uses: Uses) -> int:
 
 
 @ti.func
-def begin(tile, gas: ti.template()):
-    """Set the halo of a tile, and its sums over a window to 0; those of all tiles where one is the whole box."""
-    part = 1 - gas.grid.part
+def begin(tile, thread, team, gas: ti.template()):
+    """Set the halo of a tile, and its sums over a window to 0; those of all tiles where one is the whole box.
+
+    A `team` of threads shares that.
+    """
     last = tile
     if gas.grid.single_tile == 1:
         last = gas.grid.tiles_x * gas.grid.tiles_y - 1
     for k in range(tile, last + 1):
-        clear(k, gas)
-    if gas.counter.again == 0:
-        decay = ti.static(BLOCK_HALO_DECAY if on_gpu() and gas.uses.blockwise else HALO_DECAY)
-        gas.reach[tile].halo_factor = ti.max(decay * gas.reach[tile].halo_factor, 1.0)
-    gas.reach[tile].halo = ti.min(gas.scale.usual_halo * gas.reach[tile].halo_factor, gas.scale.most_halo)
-    gas.tile[tile].count[part], gas.tile[tile].gathered, gas.tile[tile].n_ghosts = 0, 0, 0
-    gas.tile[tile].mark, gas.tile[tile].bad = 0, 0
+        clear(k, thread, team, gas)
+    if thread == 0:
+        part = 1 - gas.grid.part
+        if gas.counter.again == 0:
+            decay = ti.static(BLOCK_HALO_DECAY if on_gpu() and gas.uses.blockwise else HALO_DECAY)
+            gas.reach[tile].halo_factor = ti.max(decay * gas.reach[tile].halo_factor, 1.0)
+        gas.reach[tile].halo = ti.min(gas.scale.usual_halo * gas.reach[tile].halo_factor, gas.scale.most_halo)
+        gas.tile[tile].count[part], gas.tile[tile].gathered, gas.tile[tile].n_ghosts = 0, 0, 0
+        gas.tile[tile].mark, gas.tile[tile].bad = 0, 0
 
 
 @ti.func
-def clear(tile, gas: ti.template()):
-    """Set the sums of a tile over a window to 0."""
+def clear(tile, thread, team, gas: ti.template()):
+    """Set the sums of a tile over a window to 0; a `team` of threads shares that."""
     for when in range(AT_MOMENT + gas.grid.moments):
-        for column in range(gas.tally.shape[2]):
+        column = thread
+        while column < gas.tally.shape[2]:
             gas.tally[tile, when][column] = 0.0
-    gas.reach[tile].excursion, gas.reach[tile].max_displacement = -ENDLESS, 0.0
-    gas.reach[tile].overhang = 0.0
+            column += team
+    if thread == 0:
+        gas.reach[tile].excursion, gas.reach[tile].max_displacement = -ENDLESS, 0.0
+        gas.reach[tile].overhang = 0.0
 
 
 @ti.func
@@ -416,22 +422,33 @@ def slot_of(m, region: ti.template(), gas: ti.template()):
 @ti.func
 def load(m, i, tile, region: ti.template(), gas: ti.template()):
     """Load candidate m into slot i."""
+    step = gas.candidates[region.lane * gas.grid.lane_slots + m].step
+    _other, step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, step, gas)
+    load_from(step_y, shift_x, shift_y, boxes_x, boxes_y, m, i, tile, region, gas)
+
+
+@ti.func
+def load_from(
+    step_y, shift_x, shift_y, boxes_x, boxes_y, m, i, tile, region: ti.template(), gas: ti.template()
+):  # fmt: skip
+    """Load candidate m from a tile of which `gather_tile` returns this.
+
+    All that is read is read before the first number is written (`events.collide`).
+    """
     part = gas.grid.part
     chosen = gas.candidates[region.lane * gas.grid.lane_slots + m]
     s, c, rank, step = chosen.slot, chosen.cell, chosen.own_rank, chosen.step
-    _other, step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, step, gas)
     x, y, lap_x, lap_y, row = position_in_tile(s, step_y, shift_x, shift_y, region, gas)
-    vx, vy = gas.disk[s].vx, gas.disk[s].vy
-    gas.image_info[i].step = step
-    gas.image_info[i].slot = s - part * gas.grid.room
-    gas.event_info[i].id = gas.meta[s].id
-    gas.event_info[i].own_rank = rank
-    gas.image_info[i].lap_x, gas.image_info[i].lap_y = lap_x - boxes_x, lap_y - boxes_y
-    gas.event_info[i].shear_row = row
-    gas.image_info[i].wall_collisions = 0
-    gas.image_info[i].events_before = gas.meta[s].events
+    vx, vy, spin = gas.disk[s].vx, gas.disk[s].vy, gas.disk[s].spin
+    disk_id, events, kind = gas.meta[s].id, gas.meta[s].events, listed_kind(s, gas)
+    slot, cx = s - part * gas.grid.room, c // region.ny
+    info, motion, image = gas.event_info[i], gas.motion[i], gas.image_info[i]
+    image.step, image.slot = step, slot
+    info.id, info.own_rank, info.shear_row = disk_id, rank, row
+    image.lap_x, image.lap_y = lap_x - boxes_x, lap_y - boxes_y
+    image.wall_collisions, image.events_before = 0, events
     if ti.static(gas.uses.mixed):
-        gas.event_info[i].kind = listed_kind(s, gas)
+        info.kind = kind
     if ti.static(gas.uses.remembers):
         gas.since[i] = ti.cast(gas.past[s].latest, float)
     if ti.static(gas.uses.turned):
@@ -450,21 +467,15 @@ def load(m, i, tile, region: ti.template(), gas: ti.template()):
             faster = crossed * gas.scale.drift
             if rank > 0:
                 work = ti.cast(faster * (0.5 * faster - vx), ti.f64)
-                kind = kind_of(i, gas)
                 add(tile, TALLY.flow_work, work / gas.kinds[kind].inverse_mass, gas)
             vx -= faster
         x -= row * gas.scale.aside
-    gas.motion[i].x, gas.motion[i].y, gas.motion[i].vx, gas.motion[i].vy = x, y, vx, vy
-    gas.motion[i].tau = 0.0
-    gas.motion[i].spin = gas.disk[s].spin
-    gas.event_info[i].hash_1, gas.event_info[i].hash_2, gas.event_info[i].max_speed_sq = 0, 0, 0
-    note_speed(i, gas)
-    gas.event_info[i].last = NO_PARTNER
-    gas.event_info[i].number, gas.event_info[i].previous = 0, -1
+    motion.x, motion.y, motion.vx, motion.vy, motion.tau, motion.spin = x, y, vx, vy, 0.0, spin
+    info.hash_1, info.hash_2, info.max_speed_sq = 0, 0, speed_square(vx, vy)
+    info.last, info.number, info.previous = NO_PARTNER, 0, -1
+    info.cell = (cx << 16) + c - cx * region.ny
     if ti.static(gas.uses.actions):
         begin_actions(i, gas)
-    cx = c // region.ny
-    gas.event_info[i].cell = (cx << 16) + c - cx * region.ny
 
 
 @ti.func
@@ -538,17 +549,14 @@ def last_hit(i, gas: ti.template()):
 
 
 @ti.func
-def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
-    """Write the disk in slot i into a row of the state, with this position and velocity."""
+def store(i, row, dt, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
+    """Write the disk in slot i into a row of the state, with this position and velocity, dt after its latest event."""
     info, disk_row, meta_row = gas.event_info[i], gas.disk[row], gas.meta[row]
     s = gas.grid.part * gas.grid.room + gas.image_info[i].slot
-    disk_row.x, disk_row.y = x, y
-    disk_row.vx, disk_row.vy = vx, vy
-    disk_row.spin = gas.motion[i].spin
-    meta_row.id = info.id
-    meta_row.events = gas.meta[s].events + collisions_in_window(i, gas)
-    meta_row.image_x = gas.meta[s].image_x + lap_x
-    meta_row.image_y = gas.meta[s].image_y + lap_y
+    spin, disk_id, events = gas.motion[i].spin, info.id, gas.meta[s].events + collisions_in_window(i, gas)
+    image_x, image_y = gas.meta[s].image_x + lap_x, gas.meta[s].image_y + lap_y
+    disk_row.x, disk_row.y, disk_row.vx, disk_row.vy, disk_row.spin = x, y, vx, vy, spin
+    meta_row.id, meta_row.events, meta_row.image_x, meta_row.image_y = disk_id, events, image_x, image_y
     if ti.static(gas.uses.mixed and gas.uses.shared):
         gas.kind[row] = info.kind
     if ti.static(gas.uses.remembers):
@@ -558,7 +566,8 @@ def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
         for column in ti.static(range(HELD.width)):
             gas.held[row][column] = gas.cached_force[i][column]
     if ti.static(gas.uses.turned):
-        gas.past[row].angle = gas.past[s].angle + gas.turn[i]
+        angle = gas.past[s].angle + gas.turn[i]
+        gas.past[row].angle = angle + ti.cast(spin, ti.f64) * ti.cast(dt, ti.f64)
     if ti.static(gas.uses.itemised):
         for column in ti.static(range(MECHANISM.width)):
             gas.dissipated[row][column] = gas.dissipated[s][column] + gas.loss[i][column]
@@ -575,15 +584,11 @@ def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
 
 
 @ti.func
-def fly(row, dt, time, fall_x, fall_y, gas: ti.template()):
-    """Fly the disk in a row of the state for dt to a time since the window's beginning; positions are on the grid."""
-    disk_row = gas.disk[row]
-    vx, vy = disk_row.vx, disk_row.vy
-    disk_row.x = disk_row.x + on_grid(vx * dt + 0.5 * fall_x * time, gas)
-    disk_row.y = disk_row.y + on_grid(vy * dt + 0.5 * fall_y * time, gas)
-    disk_row.vx, disk_row.vy = vx + fall_x, vy + fall_y
-    if ti.static(gas.uses.turned):
-        gas.past[row].angle = gas.past[row].angle + ti.cast(disk_row.spin, ti.f64) * ti.cast(dt, ti.f64)
+def fly(x, y, vx, vy, dt, time, fall_x, fall_y, gas: ti.template()):
+    """Position, on the grid, and velocity after a flight for dt to a time since the window's beginning."""
+    new_x = x + on_grid(vx * dt + 0.5 * fall_x * time, gas)
+    new_y = y + on_grid(vy * dt + 0.5 * fall_y * time, gas)
+    return new_x, new_y, vx + fall_x, vy + fall_y
 
 
 @ti.func
@@ -613,37 +618,36 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
     overhang = 0.0 * time
     i = offset + thread
     while i < offset + n:
+        info, image, motion = gas.event_info[i], gas.image_info[i], gas.motion[i]
         displacement = largest_speed(i, gas) * time
-        rank = gas.event_info[i].own_rank
+        # Read before the first number is written, as all that `store` reads (`events.collide`).
+        rank, hash_1, hash_2, upper = info.own_rank, info.hash_1, info.hash_2, info.max_speed_sq
+        slot_before, step = image.slot, image.step
         if rank > 0:
             slot, x, y, lap_x, lap_y = last_hit(i, gas)
             if not in_place:
                 slot += base
-            row = part * gas.grid.room + slot
-            store(i, row, x, y, gas.motion[i].vx, gas.motion[i].vy, lap_x, lap_y, gas)
             if ti.static(gas.uses.rests):
                 fall_x, fall_y = gas.scale.gx * time, gas.scale.gy * time
                 if gas.rest[i].asleep == ASLEEP:
                     fall_x, fall_y = 0.0 * time, 0.0 * time
-            fly(row, time - gas.motion[i].tau, time, fall_x, fall_y, gas)
+            dt = time - motion.tau
+            x, y, vx, vy = fly(x, y, motion.vx, motion.vy, dt, time, fall_x, fall_y, gas)
+            row = part * gas.grid.room + slot
+            store(i, row, dt, x, y, vx, vy, lap_x, lap_y, gas)
             if when == AT_END:
-                x, y = gas.disk[row].x, gas.disk[row].y
-                gas.history_hash[gas.image_info[i].slot].hash_1 = gas.event_info[i].hash_1
-                gas.history_hash[gas.image_info[i].slot].hash_2 = gas.event_info[i].hash_2
-                gas.displacement[gas.image_info[i].slot] = ti.cast(
-                    1.000001 * displacement / gas.scale.widest, ti.f32
-                )
-                gas.slot_before[slot] = gas.image_info[i].slot
+                gas.history_hash[slot_before].hash_1, gas.history_hash[slot_before].hash_2 = hash_1, hash_2
+                gas.displacement[slot_before] = ti.cast(1.000001 * displacement / gas.scale.widest, ti.f32)
+                gas.slot_before[slot] = slot_before
                 max_displacement = ti.max(max_displacement, displacement)
                 listed = tile
                 if in_place:
-                    listed = gas.image_info[i].step
+                    listed = step
                 excursion = ti.max(
                     excursion,
                     displacement - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, listed, gas),
                 )
                 overhang = ti.max(overhang, -inside(x, y, listed, gas))
-                vx, vy = gas.disk[row].vx, gas.disk[row].vy
                 speed2 = vx * vx + vy * vy
                 fastest = ti.max(fastest, speed2)
                 squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock.square_unit)
@@ -653,9 +657,8 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                     gas.past[row].latest = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
         elif when == AT_END:
             g = gas.tile[tile].ghosts - rank - 1
-            gas.ghost[g].place = gas.image_info[i].slot | (gas.image_info[i].step << GHOST_STEP)
-            gas.ghost[g].hash_1, gas.ghost[g].hash_2 = gas.event_info[i].hash_1, gas.event_info[i].hash_2
-            gas.ghost[g].max_speed_sq = gas.event_info[i].max_speed_sq
+            gas.ghost[g].place = slot_before | (step << GHOST_STEP)
+            gas.ghost[g].hash_1, gas.ghost[g].hash_2, gas.ghost[g].max_speed_sq = hash_1, hash_2, upper
         i += team
     return fastest, squares, event_squares, excursion, max_displacement, overhang
 

@@ -35,7 +35,7 @@ from typing import Any
 from ..columns import BLOCK_INTEGERS, BLOCK_REALS, BLOCK_SUMS, Columns, columns
 from ..disks.flights import bits_of, contact_signs, real_of
 from ..disks.force_times import action_time
-from ..events.events import LEAST_ID, collide, compare, precedes, separation
+from ..events.events import collide, compare, precedes, separation
 from ..forces.force_events import act_alone, act_on_all, first_horizon, horizon_of, kick_time
 from ..compiler.language import is_single_precision, shared, ti
 from ..layout import (
@@ -51,7 +51,7 @@ from ..layout import (
     PAIRS,
     TOO_MANY,
 )
-from ..disks.particle import largest_square, radius_of, round_products, upper_half
+from ..disks.particle import largest_square, radius_of, round_products, speed_square, upper_half
 from .planner import pull_of
 from ..compiler.records import From, InColumns, Split, NamedVector
 from ..compiler.signature import Arrays, kernel
@@ -62,7 +62,8 @@ from ..tiles.tiles import (
     cell_at,
     clear,
     gather_tile,
-    load,
+    lies_in,
+    load_from,
     position_in_tile,
     reserve_ghosts,
     reserve_list,
@@ -88,10 +89,10 @@ MARGIN = 1.5  # beyond contact that lists have at least, in largest diameters
 ATTEMPTS = 3
 MOST_BLOCKS = 1024  # of a GPU
 MOST_ROUNDS = 20_000
-# What threads note for one another; sums of warps.
+# What threads note for one another; sums of warps; of each of the nine tiles around: first slot, disks, boxes away.
 NOTES = Columns(
     **columns("gathered", "own", "copies", "mark", "speed", "extent", "images", "queued", "least", "tile", "room"),
-    sums=THREADS // 32,
+    sums=THREADS // 32, list_begin=9, list_length=9, boxes=9,
 )  # fmt: skip
 # Why a tile has to be run again: a list has no place left, the order of events is not certain, a disk is too fast for
 # the lists, there are too many disks (TOO_MANY), rounds without end, no room for ghost records, or too many disks for
@@ -123,6 +124,7 @@ def block_of(gas: Any, number: Any, slots: int) -> Any:
         shared(slots // 4, ti.u16),
         NamedVector(shared(NOTES.width, ti.i32), NOTES),
     )
+    given["shift"] = shared(2 * 9)
     if slots <= BLOCK_SLOTS:
         given["motion"] = Split(given["motion"], {name: shared(slots) for name in FLIGHT})
         event = {
@@ -177,45 +179,67 @@ def region_around(tile, halo, reach, gas: ti.template()):
 
 
 @ti.func
-def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
-    """List the disks in a tile and its halo as candidates, count them, and note the largest square of a speed."""
-    part = block.grid.part
-    left, right, below, above = bounds_of(0.0, tile, block)  # of the tile alone
-    fastest = 0
-    for step in range(9):
-        other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = gather_tile(tile, step, block)
+def note_tiles(tile, me, block: ti.template()):
+    """Note what `gather_tile` returns of the nine tiles around, and where their lists are, by a thread each."""
+    if me < 9:
+        other, _step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, me, block)
+        block.shift[2 * me], block.shift[2 * me + 1] = shift_x, shift_y
+        block.note.boxes[me] = (boxes_x << 16) | (boxes_y & 0xFFFF)
+        block.note.list_begin[me], block.note.list_length[me] = 0, 0
         if other >= 0:
-            first = part * block.grid.room + block.tile[other].start[part]
-            s, end = first + me, first + block.tile[other].count[part]
-            while s < end:
-                x, y, _lap_x, _lap_y, _row = position_in_tile(s, step_y, shift_x, shift_y, region, block)
-                if x >= left - halo and x < right + halo and y >= below - halo and y < above + halo:
-                    rank = 0
-                    if x >= left and x < right and y >= below and y < above:
-                        rank = 1 + ti.atomic_add(block.note.own, 1)
-                    else:
-                        rank = -1 - ti.atomic_add(block.note.copies, 1)
-                    m = ti.atomic_add(block.note.gathered, 1)
-                    if m < block.slots:
-                        block.candidates[m].slot = s
-                        block.candidates[m].own_rank = rank
-                        block.candidates[m].step = step
-                    vx, vy = ti.cast(block.disk[s].vx, ti.f64), ti.cast(block.disk[s].vy, ti.f64)
-                    fastest = ti.max(fastest, upper_half(1.000001 * (vx * vx + vy * vy)))
-                s += THREADS
+            part = block.grid.part
+            block.note.list_begin[me] = part * block.grid.room + block.tile[other].start[part]
+            block.note.list_length[me] = block.tile[other].count[part]
+
+
+@ti.func
+def noted_tile(step, block: ti.template()):
+    """Of one of the nine tiles around: rows up, where its corner is, how many boxes away it is."""
+    boxes = block.note.boxes[step]
+    return step % 3 - 1, block.shift[2 * step], block.shift[2 * step + 1], boxes >> 16, (boxes << 16) >> 16
+
+
+@ti.func
+def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
+    """List the disks in a tile and its halo as candidates, count them, and note the largest square of a speed.
+
+    Their positions are kept until they are sorted, as those of the slots with their numbers.
+    """
+    left, right, below, above = bounds_of(halo, tile, block)
+    own_left, own_right, own_below, own_above = bounds_of(0.0 * halo, tile, block)
+    fastest, k = 0, me
+    for step in range(9):
+        step_y, shift_x, shift_y, _boxes_x, _boxes_y = noted_tile(step, block)
+        first, many = block.note.list_begin[step], block.note.list_length[step]
+        while k < many:
+            s = first + k
+            x, y, _lap_x, _lap_y, _row = position_in_tile(s, step_y, shift_x, shift_y, region, block)
+            square = speed_square(block.disk[s].vx, block.disk[s].vy)
+            if lies_in(x, y, left, right, below, above):
+                rank = 0
+                if lies_in(x, y, own_left, own_right, own_below, own_above):
+                    rank = 1 + ti.atomic_add(block.note.own, 1)
+                else:
+                    rank = -1 - ti.atomic_add(block.note.copies, 1)
+                m = ti.atomic_add(block.note.gathered, 1)
+                if m < block.slots:
+                    block.candidates[m].slot = s
+                    block.candidates[m].own_rank = rank
+                    block.candidates[m].step = step
+                    block.motion[m].x, block.motion[m].y = x, y
+                fastest = ti.max(fastest, square)
+            k += THREADS
+        k -= many  # all lists are shared as one
     ti.atomic_max(block.note.speed, fastest)
 
 
 @ti.func
-def count_by_cell(n, tile, me, region: ti.template(), block: ti.template()):
+def count_by_cell(n, me, region: ti.template(), block: ti.template()):
     """Find the cells of the candidates, and where the disks of each begin: into `head`."""
     m = me
     while m < n:
-        it = block.candidates[m]
-        _other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = gather_tile(tile, it.step, block)
-        x, y, _lap_x, _lap_y, _row = position_in_tile(it.slot, step_y, shift_x, shift_y, region, block)
-        cell = cell_at(x, y, region)
-        it.cell = cell
+        cell = cell_at(block.motion[m].x, block.motion[m].y, region)
+        block.candidates[m].cell = cell
         ti.atomic_add(block.head[cell], 1)
         m += THREADS
     ti.simt.block.sync()
@@ -256,6 +280,9 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
     x, y, vx, vy = block.motion[i].x, block.motion[i].y, block.motion[i].vx, block.motion[i].vy
     many, first, word = 0, ti.u64(0), ti.u64(0)
     n_meet, meet = 0, ti.u64(0)
+    sigma, window = block.scale.widest, block.scale.window
+    reach = sigma + margin
+    square = reach * reach
     for column in range(ti.max(cx - 1, 0), ti.min(cx + 1, region.nx - 1) + 1):
         first_cell = column * region.ny + ti.max(cy - 1, 0)
         k, end = 0, block.head[column * region.ny + ti.min(cy + 1, region.ny - 1)]
@@ -268,24 +295,24 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
                 rows = block.event_info[k].shear_row - block.event_info[i].shear_row
                 rx += rows * block.scale.aside
                 faster = rows * block.scale.drift
-            sigma = block.scale.widest
             if ti.static(block.uses.mixed):
                 sigma = radius_of(i, block) + radius_of(k, block)
-            reach = sigma + margin
-            if k != i and rx * rx + ry * ry < reach * reach:
+                reach = sigma + margin
+                square = reach * reach
+            if k != i and rx * rx + ry * ry < square:
                 if k < i:
                     ux, uy = block.motion[k].vx - vx + faster, block.motion[k].vy - vy
-                    if contact_signs(rx, ry, ux, uy, sigma, block.scale.window) < 0:
+                    if contact_signs(rx, ry, ux, uy, sigma, window) < 0:
                         meet = (meet << ti.u64(16)) | ti.cast(k, ti.u64)
                         n_meet += 1
                 many += 1
-                entry = ti.cast(k, ti.u64) << ti.cast(16 * (many % 4), ti.u64)
+                entry = ti.cast(k, ti.u64) << ti.cast(16 * (many & 3), ti.u64)
                 if many < 4:
                     first |= entry
                 else:
                     word |= entry
-                    if many % 4 == 3 and many <= MOST_NEAR:
-                        block.near[i * NEAR_WORDS + many // 4] = word
+                    if (many & 3) == 3 and many <= MOST_NEAR:
+                        block.near[i * NEAR_WORDS + (many >> 2)] = word
                         word = ti.u64(0)
             k += 1
     if many % 4 != 3 and many > 3 and many <= MOST_NEAR:
@@ -297,9 +324,8 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
 @ti.func
 def entry_of(i, m, block: ti.template()):
     """Place m of the list of the disk in slot i: 0 has the number of disks in it, the others have their slots."""
-    return ti.cast(
-        (block.near[i * NEAR_WORDS + m // 4] >> ti.cast(16 * (m % 4), ti.u64)) & ti.u64(0xFFFF), ti.i32
-    )
+    word = block.near[i * NEAR_WORDS + (m >> 2)]
+    return ti.cast((word >> ti.cast(16 * (m & 3), ti.u64)) & ti.u64(0xFFFF), ti.i32)
 
 
 @ti.func
@@ -390,10 +416,11 @@ def first_wall(i, best, partner, region: ti.template(), block: ti.template()):
 
 
 @ti.func
-def look_around(i, first, t, best, partner, region: ti.template(), block: ti.template()):
+def look_around(i, first, t, best, partner, mask, region: ti.template(), block: ti.template()):
     """The earliest meeting of the disk in slot i with those of its list: time, partner; 1 if the order is not certain.
 
-    With those at every `ABREAST`-th place from a first one on. The disk looks at time t.
+    With those at every `ABREAST`-th place from a first one on. The disk looks at time t. `mask`: threads of the warp
+    that call this.
     """
     wrong = 0
     info, motion = block.event_info[i], block.motion[i]
@@ -403,9 +430,9 @@ def look_around(i, first, t, best, partner, region: ti.template(), block: ti.tem
     if ti.static(block.uses.mixed):
         radius = radius_of(i, block)
     size = ti.abs(vx) + ti.abs(vy)
-    m, end = first, entry_of(i, 0, block)
+    m, end, j = first, entry_of(i, 0, block), entry_of(i, ti.min(first, MOST_NEAR), block)
+    ti.simt.warp.sync(mask)  # all is read before, at one time: the compiler moves nothing past it
     while m <= end:
-        j = entry_of(i, m, block)
         start, rx, ry, ux, uy, sigma = separation(j, x, y, vx, vy, tau, radius, 0.0 * x, 0.0 * x, info, block)
         ahead = block.motion[j].tau - t
         if ahead > 0.0:
@@ -424,6 +451,8 @@ def look_around(i, first, t, best, partner, region: ti.template(), block: ti.tem
                 wrong = 1
         compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, block)
         m += ABREAST
+        if m <= end:
+            j = entry_of(i, m, block)
     return best, partner, wrong
 
 
@@ -434,10 +463,9 @@ def partner_of(i, block: ti.template()):
 
 
 @ti.func
-def key_of(i, limit, block: ti.template()):
-    """Key of the event of the disk in slot i, which has the order of times; NONE if it is later than `limit`."""
+def key_of(t, limit, block: ti.template()):
+    """Key of an event at time t, which has the order of times; NONE if it is later than `limit`."""
     key = NONE
-    t = block.motion[i].t_hit
     if t <= limit and t < block.scale.window:
         key = ti.cast(t * (ti.cast(TICKS, float) / block.scale.window), ti.i32)
     return key
@@ -446,11 +474,12 @@ def key_of(i, limit, block: ti.template()):
 @ti.func
 def keep_event(i, best, partner, limit, block: ti.template()):
     """Store the next event of the disk in slot i, and its key."""
-    block.motion[i].t_hit = ti.select(partner == NO_PARTNER, FAR + 0.0 * best, best)
+    t = ti.select(partner == NO_PARTNER, FAR + 0.0 * best, best)
+    block.key[i] = key_of(t, limit, block)
     block.event_info[i].partner = ti.cast(partner, ti.i16)
     if partner >= 0:
         block.event_info[i].partner_number = ti.cast(block.event_info[partner].number, ti.i16)
-    block.key[i] = key_of(i, limit, block)
+    block.motion[i].t_hit = t
 
 
 @ti.func
@@ -491,6 +520,7 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
         c += THREADS
     if me < NOTES.tile:
         block.note[me] = 0
+    note_tiles(tile, me, block)
     ti.simt.block.sync()
     choose_disks(tile, halo, me, region, block)
     ti.simt.block.sync()
@@ -509,6 +539,10 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
         speed = ti.sqrt(square) + 2.0 * push * (faster / FASTER)
         square = speed * speed
         way = 2.0 * ti.cast(speed, float) * block.scale.window
+    if ti.static(block.uses.actions):  # forces do too
+        speed = ti.sqrt(square) + ti.sqrt(block.clock.action_square) * (faster / FASTER)
+        square = speed * speed
+        way = 2.0 * ti.cast(speed, float) * block.scale.window
     margin = ti.max(way, wider * ti.max(way, MARGIN * block.scale.widest))
     if n > block.slots:
         n = 0
@@ -516,7 +550,7 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
             block.note.mark = TOO_MANY
     found = region_around(tile, halo, block.scale.widest + margin, block)
     region.nx, region.ny, region.side_x, region.side_y = found.nx, found.ny, found.side_x, found.side_y
-    count_by_cell(n, tile, me, region, block)
+    count_by_cell(n, me, region, block)
     ti.simt.block.sync()
     m = me
     while m < n:
@@ -525,7 +559,9 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     ti.simt.block.sync()
     i = me
     while i < n:
-        load(block.order[i], i, tile, region, block)
+        m = block.order[i]
+        step_y, shift_x, shift_y, boxes_x, boxes_y = noted_tile(block.candidates[m].step, block)
+        load_from(step_y, shift_x, shift_y, boxes_x, boxes_y, m, i, tile, region, block)
         if ti.static(block.uses.walled):
             x = block.motion[i].x - (region.x + 0.5 * region.nx * region.side_x)
             y = block.motion[i].y - (region.y + 0.5 * region.ny * region.side_y)
@@ -581,11 +617,14 @@ def queue_events(n, me, block: ti.template()):
             key = block.key[j]
             a = ti.select(lane < 16 or p < 0, j, p)
             late, m, end = 0, 1 + lane % 16, entry_of(a, 0, block)
+            k = entry_of(a, m, block)
+            ti.simt.warp.sync(ti.u32(0xFFFFFFFF))  # as in `look_around`
             while m <= end:
-                k = entry_of(a, m, block)
                 if k != j and k != p and block.low[k] <= key:
                     late = 1
                 m += 16
+                if m <= end:
+                    k = entry_of(a, m, block)
             if ti.simt.warp.ballot(late) == 0:
                 if lane == 0:
                     at = ti.atomic_add(block.note.queued, 1)
@@ -677,28 +716,26 @@ def predict_queue(me, horizon, limit, fastest, region: ti.template(), block: ti.
         p, t = partner_of(i, block), block.motion[i].t_hit
         looks = half == 0 or (block.key[i] == MET and p >= 0)
         a = ti.select(half == 0 or p < 0, i, p)
+        square = block.event_info[a].max_speed_sq
         first = place % ABREAST + 1
         if not looks:
             first = MOST_NEAR + 1  # at none
         best, partner = nothing_before(a, horizon, block)
-        best, partner, wrong = look_around(a, first, t, best, partner, region, block)
-        number = NONE
-        if partner >= 0:
-            number = block.event_info[partner].id
-        if ti.static(block.uses.actions):
-            number = ti.select(partner == OWN_ACTION, ti.i32(LEAST_ID), number)
+        best, partner, wrong = look_around(a, first, t, best, partner, mask, region, block)
         for step in ti.static([2**k for k in reversed(range(ABREAST.bit_length() - 1))]):
-            t_k = shuffled(best, step, mask)
-            k, number_k = shuffled_word(partner, step, mask), shuffled_word(number, step, mask)
-            if t_k < best or (t_k == best and number_k < number):
-                best, partner, number = t_k, k, number_k
+            t_k, k = shuffled(best, step, mask), shuffled_word(partner, step, mask)
+            earlier = t_k < best
+            if t_k == best and k >= 0 and partner >= 0:  # without a meeting, all have the same
+                earlier = block.event_info[k].id < block.event_info[partner].id
+            if earlier:
+                best, partner = t_k, k
         ti.simt.warp.sync(mask)
         if wrong == 1:
             ti.atomic_or(block.note.mark, UNCERTAIN)
         if place % ABREAST == 0 and looks:
             if ti.static(block.uses.walled):
                 best, partner = first_wall(a, best, partner, region, block)
-            if block.event_info[a].max_speed_sq > fastest:
+            if square > fastest:
                 ti.atomic_or(block.note.mark, TOO_FAST)
             keep_event(a, best, partner, limit, block)
         q += THREADS // (2 * ABREAST)
@@ -800,7 +837,7 @@ def run_stages(n, tile, me, fastest, serial, region: ti.template(), block: ti.te
         if stage > 0 or limit < FAR:
             i = me
             while i < n:
-                block.key[i] = key_of(i, limit, block)
+                block.key[i] = key_of(block.motion[i].t_hit, limit, block)
                 i += THREADS
         ti.simt.block.sync()
         horizon = horizon_of(row, block)
@@ -894,8 +931,7 @@ def run_tile_by_block(tile, me, block: ti.template()):
                 serial, wider = 1, 0.0 * wider  # then the order is certain, with the shortest lists
             if (mark & TOO_FAST) > 0:
                 faster *= 1.3
-            if me == 0:
-                clear(tile, block)
+            clear(tile, me, THREADS, block)
         ti.simt.block.sync()
     if block.note.room == 0:
         mark = NO_ROOM
@@ -923,8 +959,7 @@ def postpone(tile, block: ti.template()):
 @ti.func
 def start_tile(tile, me, block: ti.template()):
     """Begin the window of a tile, and run it unless it needs more room."""
-    if me == 0:
-        begin(tile, block)
+    begin(tile, me, THREADS, block)
     ti.simt.block.sync()
     if block.counter.again == 0:
         run_tile_by_block(tile, me, block)

@@ -64,7 +64,7 @@ def run_tile(tile, lane, gas: ti.template()):
     resuming = gas.counter.resuming
     gas.counter.resuming = 0
     if resuming == 0:
-        begin(tile, gas)
+        begin(tile, 0, 1, gas)
         prepare(tile, lane, gas)
     if gas.counter.full == 0:
         region = region_of(tile, lane, gas)
@@ -176,7 +176,7 @@ def gather_tiles(first: ti.template(), n_listed: ti.template(), gas: ti.template
     for lane in range(n_listed - first):
         round_products(gas)
         if is_active(gas):
-            begin(tile_of(first + lane, gas), gas)
+            begin(tile_of(first + lane, gas), 0, 1, gas)
     for c in range((n_listed - first) * gas.grid.cells):
         gas.head[c] = 0
     for item in range((n_listed - first) * team):

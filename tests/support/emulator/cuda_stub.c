@@ -14,6 +14,7 @@
 #include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
+#define STACK (512u << 10)
 typedef struct Where Where;
 struct Where {  // as in ptx2c.py
   uint32_t ctaid, tid, nctaid, ntid;
@@ -23,7 +24,7 @@ struct Where {  // as in ptx2c.py
 };
 typedef void (*Fn)(void **, Where *);
 typedef struct { int id; void *so; char dir[512]; } Module;
-typedef struct { Module *m; char name[512]; Fn fn; int meets, blocks; void (*poison)(void); const uint16_t (*classes)[11]; } Func;
+typedef struct { Module *m; char name[512]; Fn fn; int meets, blocks; void (*poison)(void); const uint16_t (*classes)[11], *cycles, *overlapped; } Func;
 static FILE *logf_;
 static const char *dir(void) { const char *d = getenv("STUB_DIR"); return d ? d : "."; }
 static long geti(const char *n, long d) { const char *v = getenv(n); return v ? atol(v) : d; }
@@ -106,13 +107,11 @@ NO(cuImportExternalMemory) NO(cuExternalMemoryGetMappedBuffer) NO(cuExternalMemo
 NO(cuMipmappedArrayGetLevel) NO(cuSurfObjectCreate) NO(cuSignalExternalSemaphoresAsync) NO(cuWaitExternalSemaphoresAsync)
 NO(cuImportExternalSemaphore)
 // counting (STUB_COUNT): accesses, bytes asked for, and distinct 32-byte sectors of each launch, by kernel
-typedef struct { char name[256]; long launches, threads, access, bytes, sectors, most; } Count;
-static Count counts[2048]; static int n_counts; static Count *now_c; static uint32_t *tags, tag_now; static long thread_acc;
-static char *stack_lo, *stack_hi;
-void stub_touch(uint64_t a, int n) {
-  if ((char *)a > stack_lo && (char *)a < stack_hi) return;
-  if (!now_c) return;
-  now_c->access++; now_c->bytes += n; thread_acc++;
+typedef struct { char name[256]; long launches, access, bytes, sectors; } Count;
+static Count counts[2048]; static int n_counts; static Count *now_c; static uint32_t *tags, tag_now;
+static void count_touch(Where *w, uint64_t a, int n, int kind) {
+  char here; if (kind & 4 || (a > (uint64_t)&here - 4096 && a < (uint64_t)&here + STACK)) return;  // shared memory, its own stack
+  now_c->access++; now_c->bytes += n;
   uint64_t s = a >> 5; uint32_t h = (uint32_t)((s * 11400714819323198485ull) >> 36);
   if (tags[h] != tag_now) { tags[h] = tag_now; now_c->sectors++; }
 }
@@ -120,7 +119,7 @@ static int by_sec(const void *a, const void *b) { return strcmp(((Count *)a)->na
 __attribute__((destructor)) static void tell_counts(void) {
   if (!tags) return; char p[600]; snprintf(p, 600, "%s/counts.txt", dir()); FILE *f = fopen(p, "w");
   qsort(counts, n_counts, sizeof(Count), by_sec);
-  for (int i = 0; i < n_counts; i++) fprintf(f, "%s %ld %ld %ld %ld %ld\n", counts[i].name, counts[i].launches, counts[i].access, counts[i].bytes, counts[i].sectors, counts[i].most);
+  for (int i = 0; i < n_counts; i++) fprintf(f, "%s %ld %ld %ld %ld\n", counts[i].name, counts[i].launches, counts[i].access, counts[i].bytes, counts[i].sectors);
   fclose(f);
 }
 static int n_modules;
@@ -173,7 +172,8 @@ int cuModuleGetFunction(void **out, Module *m, const char *name) {
   f->m = m; snprintf(f->name, 512, "%s", name);
   if (m->so) { char s[600]; snprintf(s, 600, "K_%s", name); f->fn = (Fn)dlsym(m->so, s); if (!f->fn) { fprintf(stderr, "stub: no %s\n", s); return 500; }
     snprintf(s, 600, "C_%s", name); f->meets = *(int *)dlsym(m->so, s); f->blocks = *(int *)dlsym(m->so, "M_blocks");
-    f->poison = (void (*)(void))dlsym(m->so, "M_poison"); f->classes = dlsym(m->so, "M_classes"); }
+    f->poison = (void (*)(void))dlsym(m->so, "M_poison"); f->classes = dlsym(m->so, "M_classes");
+    f->cycles = dlsym(m->so, "M_cycles"); f->overlapped = dlsym(m->so, "M_overlapped"); }
   if (n < 4096) cache[n++] = f;
   *out = f;
   return 0;
@@ -187,14 +187,13 @@ static const char *op_names[] = {"bar.sync", "bar.red.popc", "bar.red.and", "bar
                                  "shfl.idx", "shfl.up", "shfl.down", "shfl.bfly", "match.any", "match.all"};
 enum { FRESH, RUNS, WAITS, ENDED };
 typedef struct { Where w; void *sp, *stack; int state, op, site; uint32_t mask, value, arg, clamp, result; uint8_t *pred; uint32_t *visits; } Fiber;
-typedef struct Block { Fiber *f; uint32_t n; Func *fn; void **args; Fiber *now; void *sp; uint32_t epoch, warp_epoch[32]; double crit_now[32]; } Block;
+typedef struct Block { Fiber *f; uint32_t n; Func *fn; void **args; Fiber *now; void *sp; uint32_t epoch, warp_epoch[32]; double crit_now[32], over_now[32]; } Block;
 static __thread Block *block;
-#define STACK (512u << 10)
 enum { CLASSES = 11, C_INT = 0, C_F64, C_DIV, C_LDS, C_STS, C_LDG, C_STG, C_ATOMS, C_ATOMG, C_MEET, C_BRANCH };
-// Instructions of SASS that one of PTX becomes, and cycles until what it gives can be used (H100; L1 hits).
-static const double issue_of[CLASSES] = {1, 1, 22, 1, 1, 1, 1, 1, 1, 1, 1}, cycles_of[CLASSES] = {5, 9, 160, 29, 4, 36, 4, 60, 300, 26, 10};
-static struct { char name[256]; double launches, blocks, thread[CLASSES], warp[CLASSES], crit; } warps[512]; static int n_warps, warp_now; static pthread_mutex_t warp_lock = PTHREAD_MUTEX_INITIALIZER;
-static int counting, racing;
+// Instructions of SASS that one of PTX becomes.
+static const double issue_of[CLASSES] = {1, 1, 22, 1, 1, 1, 1, 1, 1, 1, 1};
+static struct { char name[256]; double launches, blocks, thread[CLASSES], warp[CLASSES], crit, over; } warps[512]; static int n_warps, warp_now; static pthread_mutex_t warp_lock = PTHREAD_MUTEX_INITIALIZER;
+static int counting, racing, touching;
 #if defined(__x86_64__)
 void stub_switch(void **from, void *to);
 __asm__(".text\n.globl stub_switch\n.hidden stub_switch\nstub_switch:\n push %rbp\n push %rbx\n push %r12\n push %r13\n push %r14\n push %r15\n mov %rsp,(%rdi)\n mov %rsi,%rsp\n"
@@ -223,19 +222,21 @@ static uint32_t meet(Where *w, int op, int site, uint32_t mask, uint32_t value, 
   return f->result;
 }
 static void fold(Block *b, uint32_t first, uint32_t mask) {  // what the lanes of a warp did since they met last
-  int e; double crit = 0;
+  int e; double crit = 0, over = 0;
   for (int k = 0; k < b->fn->blocks; k++) {
     uint32_t most = 0; double sum = 0;
     for (uint32_t l = 0; l < 32 && first + l < b->n; l++) if (mask >> l & 1) { uint32_t *v = &b->f[first + l].visits[k]; sum += *v; if (*v > most) most = *v; *v = 0; }
-    if (most) for (e = 0; e < CLASSES; e++) { double n = b->fn->classes[k][e]; warps[warp_now].thread[e] += n * sum; warps[warp_now].warp[e] += n * most; crit += n * most * cycles_of[e]; }
+    over += (double)most * b->fn->overlapped[k];
+    if (most) for (e = 0; e < CLASSES; e++) { double n = b->fn->classes[k][e]; warps[warp_now].thread[e] += n * sum; warps[warp_now].warp[e] += n * most; crit += n * most * b->fn->cycles[e]; }
   }
-  b->crit_now[first / 32] += crit;
+  b->crit_now[first / 32] += crit; b->over_now[first / 32] += over;
 }
-static void end_interval(Block *b) { double most = 0;  // between two barriers of the block
+static void end_interval(Block *b) { double most = 0, over = 0;  // between two barriers of the block
+  for (int k = 0; k < 32; k++) { if (b->over_now[k] > over) over = b->over_now[k]; b->over_now[k] = 0; } warps[warp_now].over += over;
   if (counting > 1) {
     static double before[512]; double issue = 0; for (int e = 0; e < CLASSES; e++) issue += warps[warp_now].warp[e] * issue_of[e];
     for (int k = 0; k < 32; k++) if (b->crit_now[k] > most) most = b->crit_now[k];
-    fprintf(stderr, "interval %s block %u %u: cycles %.0f warp instructions %.0f\n", b->fn->name, b->f[0].w.ctaid, b->epoch, most, issue - before[warp_now]);
+    fprintf(stderr, "interval %s block %u %u at %d: cycles %.0f overlapped %.0f warp instructions %.0f\n", b->fn->name, b->f[0].w.ctaid, b->epoch, b->f[0].site, most, over, issue - before[warp_now]);
     before[warp_now] = issue; most = 0;
   } for (int k = 0; k < 32; k++) { if (b->crit_now[k] > most) most = b->crit_now[k]; b->crit_now[k] = 0; } warps[warp_now].crit += most; }
 static int complete(Block *b, Fiber *f) {  // lets those that wait with f go on, if all are there
@@ -287,14 +288,15 @@ static int complete(Block *b, Fiber *f) {  // lets those that wait with f go on,
   b->warp_epoch[first / 32]++;
   return 1;
 }
-// Races (-DRACE): two threads of a block, one of which writes, at the same word with no barrier between them.
+// Races (-DTOUCH): two threads of a block, one of which writes, at the same word with no barrier between them.
 typedef struct { uint64_t word; uint32_t launch_block, epoch, we; uint16_t writer, reader; uint32_t r_epoch, r_we; uint8_t atomic, many; } Shadow;
 static __thread Shadow *shadow; static __thread uint64_t block_number; static long n_races;
 static void race(Where *w, Shadow *s, const char *what, uint32_t other) {
   if (__sync_fetch_and_add(&n_races, 1) < 20) fprintf(stderr, "emulator: race in %s, block %u: thread %u %s a word at %lx that thread %u %s in the same interval\n", block->fn->name, w->ctaid, w->tid, what, (unsigned long)s->word << 1, other, what[0] == 'r' ? "wrote" : "used");
 }
-static void touch(Where *w, uint64_t a, int n, int kind) {
+static void race_touch(Where *w, uint64_t a, int n, int kind) {
   char here; if (a > (uint64_t)&here - 4096 && a < (uint64_t)&here + STACK) return;  // its own stack
+  kind &= 3;
   if (!shadow) shadow = calloc(1u << 22, sizeof(Shadow));
   uint32_t we = block->warp_epoch[w->tid / 32], me = w->tid;
   for (uint64_t word = a >> 1; word <= (a + n - 1) >> 1; word++) {  // of two bytes: the least that kernels have
@@ -310,10 +312,10 @@ static void touch(Where *w, uint64_t a, int n, int kind) {
 __attribute__((destructor)) static void tell_warps(void) {
   if (n_races) fprintf(stderr, "emulator: %ld races\n", n_races);
   if (!n_warps) return; char p[600]; snprintf(p, 600, "%s/warps.txt", dir()); FILE *f = fopen(p, "w");
-  fprintf(f, "# kernel launches blocks crit(cycles a block, dependent chain) issue(warp instructions a block) | by class, warp instructions a block (lanes busy of 32): int f64 div lds sts ldg stg atoms atomg meet branch\n");
+  fprintf(f, "# kernel launches blocks crit(cycles a block, dependent chain) overlapped(the same, where independent instructions of a basic block do not wait for each other, and loads come from the L2) issue(warp instructions a block) | by class, warp instructions a block (lanes busy of 32): int f64 div lds sts ldg stg atoms atomg meet branch\n");
   for (int i = 0; i < n_warps; i++) if (warps[i].blocks > 0) {
     double b = warps[i].blocks, issue = 0; for (int e = 0; e < CLASSES; e++) issue += warps[i].warp[e] * issue_of[e];
-    fprintf(f, "%s %.0f %.0f %.0f %.0f |", warps[i].name, warps[i].launches, b, warps[i].crit / b, issue / b);
+    fprintf(f, "%s %.0f %.0f %.0f %.0f %.0f |", warps[i].name, warps[i].launches, b, warps[i].crit / b, warps[i].over / b, issue / b);
     for (int e = 0; e < CLASSES; e++) fprintf(f, " %.0f(%.1f)", warps[i].warp[e] / b, warps[i].thread[e] / (warps[i].warp[e] > 0 ? warps[i].warp[e] : 1));
     fprintf(f, "\n");
   }
@@ -327,7 +329,7 @@ static uint32_t at_turn(uint64_t k, uint32_t n, long order, uint64_t turn) {  //
 static void run_block(Block *b, uint32_t ctaid, uint32_t g, long order) {
   block = b; b->fn->poison(); memset(b->warp_epoch, 0, sizeof b->warp_epoch); b->epoch = 0; block_number++;
   for (uint32_t i = 0; i < b->n; i++) {
-    Fiber *f = &b->f[i]; f->w = (Where){ctaid, i, g, b->n, meet, touch, f->visits}; f->state = RUNS; fiber_new(f);
+    Fiber *f = &b->f[i]; f->w = (Where){ctaid, i, g, b->n, meet, touching ? count_touch : race_touch, f->visits}; f->state = RUNS; fiber_new(f);
     if (counting) memset(f->visits, 0, 4 * b->fn->blocks);
   }
   if (counting) { pthread_mutex_lock(&warp_lock); warps[warp_now].blocks++; }
@@ -377,30 +379,26 @@ int cuLaunchKernel(Func *f, unsigned gx, unsigned gy, unsigned gz, unsigned bx, 
   if (geti("STUB_LOG", 1)) fprintf(lg(), "LAUNCH m%d %s <<<%u,%u,%u>>>\n", f->m->id, f->name, gx, bx, sh);
   if (f->fn) {
     long T = geti("STUB_THREADS", 1);
-    counting = geti("STUB_WARP", 0); racing = geti("STUB_RACE", 0);
-    if (f->meets || counting || racing) {
+    counting = geti("STUB_WARP", 0); racing = geti("STUB_RACE", 0); touching = geti("STUB_COUNT", 0);
+    if (f->meets || counting || racing || touching) {
+      if (touching) {
+        if (!tags) tags = calloc(1u << 28, 4);
+        int i; for (i = 0; i < n_counts && strcmp(counts[i].name, f->name); i++);
+        if (i == n_counts) snprintf(counts[n_counts++].name, 256, "%s", f->name);
+        now_c = &counts[i]; now_c->launches++; tag_now++;
+      }
       if (counting) {
         for (warp_now = 0; warp_now < n_warps && strcmp(warps[warp_now].name, f->name); warp_now++);
         if (warp_now == n_warps) snprintf(warps[n_warps++].name, 256, "%s", f->name);
         warps[warp_now].launches++;
       }
-      if (T > (long)gx || T < 1 || counting) T = 1;
+      if (T > (long)gx || T < 1 || counting || touching) T = 1;
       if (T > 64) T = 64;
       Job j[64]; pthread_t th[64];
       for (int i = 0; i < T; i++) { j[i] = (Job){f, p, gx, bx, (uint64_t)gx * i / T, (uint64_t)gx * (i + 1) / T, 0}; if (i) pthread_create(&th[i], 0, work_blocks, &j[i]); }
       work_blocks(&j[0]);
       for (int i = 1; i < T; i++) pthread_join(th[i], 0);
       return 0;
-    }
-    if (geti("STUB_COUNT", 0)) {
-      if (!tags) tags = calloc(1u << 28, 4);
-      int i; for (i = 0; i < n_counts && strcmp(counts[i].name, f->name); i++);
-      if (i == n_counts) { snprintf(counts[n_counts++].name, 256, "%s", f->name); }
-      now_c = &counts[i]; now_c->launches++; tag_now++;
-      char here; stack_lo = &here - (1 << 20); stack_hi = &here + 65536;
-      Where w = {0}; w.nctaid = gx; w.ntid = bx;
-      for (uint32_t t = 0; t < gx * bx; t++) { w.ctaid = t / bx; w.tid = t % bx; thread_acc = 0; f->fn(p, &w); if (thread_acc > now_c->most) now_c->most = thread_acc; }
-      now_c = 0; return 0;
     }
     uint32_t total = gx * bx;
     if (T > total || total < 256) T = 1;

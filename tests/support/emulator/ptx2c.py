@@ -1,7 +1,7 @@
 """PTX (as Taichi's LLVM back end writes it) to C, one function a kernel and thread. Unknown instructions are errors.
 
 Threads of a block meet at barriers, shuffles and votes: there the C code calls `w->meet`, which cuda_stub.c has run each
-thread on a stack of its own for (a fiber). Compiled with -DWARP it counts visits of basic blocks, with -DRACE accesses.
+thread on a stack of its own for (a fiber). Compiled with -DWARP it counts visits of basic blocks, with -DTOUCH it reports accesses to `w->touch`.
 """
 
 # ruff: noqa: E501  (lines of C)
@@ -69,19 +69,14 @@ enum { BAR, BAR_POPC, BAR_AND, BAR_OR, WARP_BAR, BALLOT, ALL, ANY, UNI, IDX, UP,
 #define B2D(x) ({ uint64_t v_ = (x); double f_; memcpy(&f_, &v_, 8); f_; })
 #define F2B(x) ({ float v_ = (x); uint32_t f_; memcpy(&f_, &v_, 4); f_; })
 #define D2B(x) ({ double v_ = (x); uint64_t f_; memcpy(&f_, &v_, 8); f_; })
-#ifdef COUNT
-extern void stub_touch(uint64_t a, int n);
-#define LD(T, a) (*({ uint64_t p_ = (uint64_t)(a); stub_touch(p_, sizeof(T)); (volatile T *)p_; }))
-#define ST(T, a) LD(T, a)
-#define AT(p) p
-#elif defined(RACE)
-#define LD(T, a) (*({ uint64_t p_ = (uint64_t)(a); w->touch(w, p_, sizeof(T), 0); (volatile T *)p_; }))
-#define ST(T, a) (*({ uint64_t p_ = (uint64_t)(a); w->touch(w, p_, sizeof(T), 1); (volatile T *)p_; }))
-#define AT(p) ({ __typeof__(p) q_ = (p); w->touch(w, (uint64_t)q_, sizeof(*q_), 2); q_; })
+#ifdef TOUCH  // kind: 0 load, 1 store, 2 atomic; 4 more of shared memory
+#define LD(T, a, s) (*({ uint64_t p_ = (uint64_t)(a); w->touch(w, p_, sizeof(T), s); (volatile T *)p_; }))
+#define ST(T, a, s) (*({ uint64_t p_ = (uint64_t)(a); w->touch(w, p_, sizeof(T), s + 1); (volatile T *)p_; }))
+#define AT(p, s) ({ __typeof__(p) q_ = (p); w->touch(w, (uint64_t)q_, sizeof(*q_), s + 2); q_; })
 #else
-#define LD(T, a) (*(volatile T *)(uint64_t)(a))
-#define ST(T, a) LD(T, a)
-#define AT(p) p
+#define LD(T, a, s) (*(volatile T *)(uint64_t)(a))
+#define ST(T, a, s) LD(T, a, s)
+#define AT(p, s) p
 #endif
 static int64_t d2i(double x, double lo, double hi) { return isnan(x) ? 0 : x <= lo ? (int64_t)lo : x >= hi ? (hi > 9e18 ? INT64_MAX : (int64_t)hi) : (int64_t)x; }
 static void F_vprintf(void *ret, void **a, Where *w) { fprintf(stderr, "vprintf: %s\\n", *(char **)a[0]); *(int *)ret = 0; }
@@ -282,6 +277,7 @@ def instr(s, c):
     o = f[0]
     ops = split_ops(rest)
     t = f[-1]
+    space = 4 if "shared" in f else 0
 
     def A(i, ty=None):
         return operand(ops[i], ty or t, c)
@@ -376,10 +372,12 @@ def instr(s, c):
             return (
                 pre
                 + f"{{ uint64_t a_ = {addr(ops[1], c)}; "
-                + " ".join(setreg(r, t, f"LD({CT[t]}, a_ + {SZ[t] * i})", c) for i, r in enumerate(regs))
+                + " ".join(
+                    setreg(r, t, f"LD({CT[t]}, a_ + {SZ[t] * i}, {space})", c) for i, r in enumerate(regs)
+                )
                 + " }"
             )
-        return S(f"LD({CT[t]}, {addr(ops[1], c)})")
+        return S(f"LD({CT[t]}, {addr(ops[1], c)}, {space})")
     if o == "st":
         v = [x for x in f if re.fullmatch(r"v\d", x)]
         if v:
@@ -387,10 +385,13 @@ def instr(s, c):
             return (
                 pre
                 + f"{{ uint64_t a_ = {addr(ops[0], c)}; "
-                + " ".join(f"ST({CT[t]}, a_ + {SZ[t] * i}) = {operand(r, t, c)};" for i, r in enumerate(regs))
+                + " ".join(
+                    f"ST({CT[t]}, a_ + {SZ[t] * i}, {space}) = {operand(r, t, c)};"
+                    for i, r in enumerate(regs)
+                )
                 + " }"
             )
-        return pre + f"ST({CT[t]}, {addr(ops[0], c)}) = {A(1)};"
+        return pre + f"ST({CT[t]}, {addr(ops[0], c)}, {space}) = {A(1)};"
     if o == "cvta":
         return S(A(1, "u64"), "u64")
     if o in ("atom", "red"):
@@ -403,7 +404,7 @@ def instr(s, c):
         n = SZ[t] * 8
         word = f"uint{n}_t"
         p = "x_"
-        pre_at = f"{word} *x_ = AT(({word} *)({ad})); "
+        pre_at = f"{word} *x_ = AT(({word} *)({ad}), {space}); "
         tobits = {"f64": "D2B", "f32": "F2B"}.get(t, f"({word})")
         frombits = {"f64": "B2D", "f32": "B2F"}.get(t, f"({T})")
         if k == "cas":
@@ -666,8 +667,11 @@ def reach(n):
 
 
 MEETS = re.compile(r"\b(?:bar|barrier|shfl|vote|match)\.")
-sites, block_rows, n_blocks = [0], [], 0
+sites, block_rows, block_code, n_blocks = [0], [], [], 0
 CLASSES = ("int", "f64", "div", "lds", "sts", "ldg", "stg", "atoms", "atomg", "meet", "branch")
+# Cycles until what an instruction gives can be used (H100; loads hit the L1), and of loads that only the L2 has.
+CYCLES = dict(zip(CLASSES, (5, 9, 160, 29, 4, 36, 4, 60, 300, 26, 10), strict=True))
+FROM_L2 = 250
 
 
 def class_of(s):
@@ -693,9 +697,36 @@ def class_of(s):
     return "int"
 
 
+def overlapped(code):
+    """Cycles of a basic block whose instructions wait only for their operands, and loads for earlier stores to begin.
+
+    A store may write what a later load reads, so no compiler exchanges them.
+    """
+    ready, stored, end = {}, 0, 0
+    for s in code:
+        k = class_of(s)
+        m = re.match(r"(?:@!?(%\w+)\s+)?(\S+)\s*(.*)", s, re.S)
+        operands = split_ops(m[3])
+        given = k in ("sts", "stg", "branch") or m[2].split(".")[0] == "red" or not operands
+        results = [] if given else re.findall(r"%\w+", operands[0])
+        needed = re.findall(r"%\w+", " ".join(operands[0 if given else 1 :])) + ([m[1]] if m[1] else [])
+        begin = max((ready.get(r, 0) for r in needed), default=0)
+        if k in ("lds", "ldg", "atoms", "atomg", "meet"):
+            begin = max(begin, stored)
+        if k in ("meet", "branch"):
+            begin = max(begin, end)
+        if k in ("sts", "stg", "atoms", "atomg", "meet"):
+            stored = max(stored, begin)
+        done = begin + (0 if k is None else FROM_L2 if k == "ldg" else CYCLES[k])
+        ready.update(dict.fromkeys(results, done))
+        end = max(end, done)
+    return end
+
+
 def begin_block():
     global n_blocks
     block_rows.append(dict.fromkeys(CLASSES, 0))
+    block_code.append([])
     n_blocks += 1
     return f"VISIT({n_blocks - 1})"
 
@@ -819,9 +850,10 @@ for kind, ret, name, params, body in found:
             continue
         text.append(instr(s, c))
         k = class_of(s)
+        block_code[-1].append(s)
         if k:
             block_rows[-1][k] += 1
-        if re.match(r"@!?%\w+\s+bra", s):
+        if k == "meet" or re.match(r"@!?%\w+\s+bra", s):
             text.append(begin_block())
     P(f"static void F_{cname(name)}(void *ret, void **args, Where *w) {{")
     if getattr(c, "carry", False):
@@ -835,4 +867,8 @@ for kind, ret, name, params, body in found:
 P(f"int M_blocks = {n_blocks};")
 rows = ", ".join("{" + ", ".join(str(r[k]) for k in CLASSES) + "}" for r in block_rows)
 P(f"const uint16_t M_classes[][{len(CLASSES)}] = {{{rows}}};")
+P(f"const uint16_t M_cycles[] = {{{', '.join(str(CYCLES[k]) for k in CLASSES)}}};")
+P(
+    f"const uint16_t M_overlapped[] = {{{', '.join(str(min(overlapped(code), 65535)) for code in block_code)}}};"
+)
 Path(sys.argv[2]).write_text("\n".join(out) + "\n")
