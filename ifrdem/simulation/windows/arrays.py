@@ -358,7 +358,9 @@ class DeviceArrays:
             from_numpy(getattr(self, name), edges[axis])
         self._make_table("tile", total)
         self.make("listed", total)
-        from_numpy(self.listed, np.zeros(total, dtype=np.int32))  # the first one, where one tile is the whole box
+        from_numpy(
+            self.listed, np.zeros(total, dtype=np.int32)
+        )  # the first one, where one tile is the whole box
         self.make("dense", total if self.on_gpu else 1)
         self._make_table("reach", total)
         blocks = -(-total // k.BLOCK_OF_TILES)

@@ -471,6 +471,8 @@ class Windows:
             if again:
                 vars(self.statistics).update(vars(kept))
         self._counted = self.begin
+        if begin != self.begin:  # the kernel went on to another window
+            self._times = None
         self._at_end = self._tally(k.AT_END)
         moment_time = float(a.scale.moment[0])
         if begin != self.begin or a.counter.paused == k.BY_COUNT:  # the kernel chose
