@@ -165,6 +165,7 @@ class Uses:
     layered: bool = False  # large disks lie in large cells, small ones in small cells
     rests: bool = False  # disks fall asleep
     shared: bool = False  # several ranks have a part of the tiles each
+    cut: bool = False  # a window may be run to a moment in it only, for want of room (low_memory)
     collision_law: Any = None  # a `CompiledLaw`
     forces: tuple[CompiledForce, ...] = ()  # that act within windows
 

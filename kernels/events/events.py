@@ -987,6 +987,9 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             i = EMPTY
             t = window
             earliest_event(i, t, present, bins, last_bin, gas)
+            if ti.static(gas.uses.cut):
+                if t > gas.scale.stored_at:
+                    i = EMPTY
             if ti.static(gas.uses.pistons):
                 earliest_stop(i, t, stop, stopped, offset, gas)
             writing, kicked = -1, 0

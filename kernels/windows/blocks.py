@@ -466,7 +466,10 @@ def partner_of(i, block: ti.template()):
 def key_of(t, limit, block: ti.template()):
     """Key of an event at time t, which has the order of times; NONE if it is later than `limit`."""
     key = NONE
-    if t <= limit and t < block.scale.window:
+    within = t <= limit and t < block.scale.window
+    if ti.static(block.uses.cut):
+        within = within and t <= block.scale.stored_at
+    if within:
         key = ti.cast(t * (ti.cast(TICKS, float) / block.scale.window), ti.i32)
     return key
 

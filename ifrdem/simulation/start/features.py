@@ -75,5 +75,6 @@ def features_of(
         watched=tracked,
         rests=options.resting_speed > 0.0,
         shared=ranks > 1,
+        cut=options.device.low_memory,
         collision_law=compiled(kind),
     )

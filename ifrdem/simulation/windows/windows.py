@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..steps.force_steps import ForceSteps
 
 MOST_HALVINGS = 40  # of the window of a sheared gas
+ROUNDING = 8  # last digits by which a window is longer than the moment that it is cut at, for collisions at that time
 
 
 @dataclass
@@ -310,6 +311,8 @@ class Windows:
             (a.clock.stop, a.clock.wanted), (a.clock.pause, a.clock.pause_after) = until, pause
             if not (pausing or a.on_gpu) and self._nears_count():
                 watching, most = watching | k.PAIRS, 1
+            if self._cut:  # what has been written down stays
+                watching &= ~self._recorded
             if a.keeps_moments or a.on_gpu or watching or math.isfinite(wanted) or stop >= self.end:
                 most = min(most, a.burst, self._burst if a.on_gpu else most)
                 self._compute(moments, most, watching, pausing=pausing)
@@ -387,9 +390,8 @@ class Windows:
         moment, end, at_end = moments[0], self.end, self._at_end
         a.clock.end = self.begin + moment
         self._plan(plans=False)
-        # With the collisions at the moment itself.
-        a.scale.window = np.nextafter(a.real(moment), a.real(np.inf))
         a.scale.stored_at = moment
+        a.scale.window = a.scale.stored_at + ROUNDING * np.spacing(a.scale.stored_at)
         self._compute([], 1, 0)
         self._moments, self._at_end, self._cut = [Moment(moment, self._at_end)], at_end, True
         a.clock.end = end

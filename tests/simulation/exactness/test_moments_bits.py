@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 from collections.abc import Callable
@@ -12,7 +13,7 @@ import pytest
 from test_same_bits import COMPARED, GASES, NARROW, N, made, narrowed, same
 from test_same_bits import windows_of_tiles as windows_of_tiles
 
-from ifrdem import ContactTime, Device
+from ifrdem import ContactTime, Device, IFRLaw, Simulation
 from ifrdem.errors import InputError
 from ifrdem.model.state import State
 from ifrdem.simulation.engine import Engine
@@ -117,7 +118,7 @@ def test_collisions_of_tiles_that_are_run_again_count_once(monkeypatch: pytest.M
 
 @pytest.mark.parametrize("name", ["phi = 0.3", "mixture"])
 def test_low_memory_keeps_the_bits_without_room_for_moments(name: str) -> None:
-    """At times, some of them in one window, and at numbers of collisions; of 40 bytes and more in each part."""
+    """At times, some of them in one window, and at numbers of collisions, the last of which lies in a later window."""
     found, engines = [], []
     disks, box, state, law, _ = made(name)
     for low in (False, True):
@@ -126,17 +127,36 @@ def test_low_memory_keeps_the_bits_without_room_for_moments(name: str) -> None:
         states = []
         for i in range(1, 9):
             engine.advance(t_end=0.11 * i + 0.02 * (i % 2))
-            states.append((engine.state(), engine.collisions))
-        while engine.collisions < 4 * N:
-            engine.advance(collisions=4 * N)
-        found.append([*states, (engine.state(), engine.collisions)])
+            states.append(engine.state())
+        first = engine.collisions
+        for target in [*range(first + 1, first + 60, 3), 4 * N]:
+            for _ in range(100):
+                engine.advance(collisions=target)
+                if engine.collisions >= target:
+                    break
+            assert engine.collisions == target
+            states.append(engine.state())
+        found.append(states)
         engines.append(engine)
-    for (state_1, collisions_1), (state_2, collisions_2) in zip(*found, strict=True):
-        assert collisions_1 == collisions_2
-        assert same(state_1, state_2)
+    assert all(same(one, other) for one, other in zip(*found, strict=True))
     assert engines[0].statistics.windows == engines[1].statistics.windows
     assert [engine.arrays.parts for engine in engines] == [3, 2]
-    assert engines[1].time == engines[0].time
+
+
+def test_low_memory_keeps_the_histories_of_tracked_disks() -> None:
+    """Windows are run again for moments in them, but what happened in them is written down once."""
+    disks, box, state, _, _ = made("phi = 0.3")
+    law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+    found = []
+    for low in (False, True):
+        gas = Simulation(disks, box, law, state, tracked=[0, 7, 99], device=Device(low_memory=low))
+        for end in (0.1, 0.2, 0.45, 0.7, 1.3):
+            gas.run(t_end=end, progress=False)
+        gas.run(collisions_per_disk=5.0, progress=False)
+        found.append(gas.take_events())
+    assert len(found[0].time) > 10
+    for field in dataclasses.fields(found[0]):
+        np.testing.assert_array_equal(*(getattr(each, field.name) for each in found), err_msg=field.name)
 
 
 @pytest.mark.parametrize(
