@@ -117,7 +117,7 @@ def test_collisions_of_tiles_that_are_run_again_count_once(monkeypatch: pytest.M
 
 @pytest.mark.parametrize("name", ["phi = 0.3", "mixture"])
 def test_low_memory_keeps_the_bits_without_room_for_moments(name: str) -> None:
-    """At times, some of them in one window, and at numbers of collisions; of 40 bytes and more in each part."""
+    """States at times, some of which lie in one window, and at a number of collisions; two parts instead of three."""
     found, engines = [], []
     disks, box, state, law, _ = made(name)
     for low in (False, True):
