@@ -167,14 +167,10 @@ def refuse_beyond_memory(
     per_disk = bytes_per_disk(low_memory)
     if arch != "cpu":
         memory = backend.gpu_memory()
-        most = int((memory - GPU_SCRATCH) / (per_disk + GPU_BYTES_PER_DISK))
+        scratch = LAYERED_SCRATCH if layered else GPU_SCRATCH
+        most = int((memory - scratch) / (per_disk + GPU_BYTES_PER_DISK))
         if layered:
-            most = int(
-                max(
-                    (memory - LAYERED_SCRATCH) / (per_disk + GPU_BYTES_PER_DISK),
-                    memory / LAYERED_BYTES_OF_FEW,
-                )
-            )
+            most = max(most, int(memory / LAYERED_BYTES_OF_FEW))
         if n > ranks * most:
             have = f"{ranks} GPUs have {size(memory)} of memory each" if ranks > 1 else ""
             have = have or f"the GPU has {size(memory)} of memory"
