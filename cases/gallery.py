@@ -152,7 +152,7 @@ STUDY = """### A study: Haff's law and the ratio of temperatures for e_n and mu
 ![Temperatures of nine gases with bands over twenty seeds](gallery/study.png)
 
 180 gases of 2,000 coins. Bands: 95 % intervals of the mean over 20 seeds. Dashed: kinetic theory of a homogeneous
-gas, which holds until velocities and spins become correlated, the sooner the more is lost in a collision.
+gas, which holds until velocities and spins become correlated: sooner if collisions dissipate more energy.
 [Studies](studies.md) says how it is done.
 
 ```sh

@@ -103,7 +103,7 @@ def option_name(option: str, argument: str) -> str:
 
 
 def install_extra(extra: str) -> str:
-    """Clause of a message on how to install what a feature needs."""
+    """Clause of a message: how to install the packages of an extra."""
     return f"`pip install '.[{extra}]'` in the clone of ifrdem adds it"
 
 

@@ -93,9 +93,9 @@ class Columns:
 
 
 class Named:
-    """An array of NumPy whose last axis is columns with names: they are read and written as attributes.
+    """An array of NumPy whose last axis has named columns, which are read and written as attributes.
 
-    Several columns are an array too, those of another table `Named`. Each table has a class of its own.
+    Several columns under one name are an array too; those of another table are `Named`. Each table has a subclass.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Named:
         """This with a copy of the array."""
         return Named(self.array.copy(), self._columns)
 
-    def __getattr__(self, name: str) -> Any:  # without such a property
+    def __getattr__(self, name: str) -> Any:  # called for names without a property only
         return self._columns.column(name)
 
     if TYPE_CHECKING:
@@ -301,7 +301,7 @@ MOST_MOMENTS = 8
 # Box; least side of a cell; window; largest diameter; what rounds positions; gravity; cut-off; contact time; shear
 # rate; speed of a row of tiles relative to the one below, and its shift beyond whole tiles; the largest radius of disks
 # in small cells; the halo that tiles begin with, and the widest; the part of it for disks that hit one another in
-# chains; the least side of a tile; the time since the beginning of the window of the state that is stored as that at
+# chains; the least side of a tile; the time, since the beginning of the window, of the state that is stored as
 # its end; moments in the window, in order, FAR behind the last.
 SCALE = Columns(
     **columns(
@@ -530,11 +530,11 @@ MOST_WALLS = 100_000
 ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 # Disks of a gas on several ranks. Its ids have 32 bits: those of more than 2^31 - 1 disks begin below 0 there.
 MOST_IDS = 2**32 - 1
-_PARTS = 3  # of the state: at the beginning and end of a window, and at a moment in it, unless memory is low
+_PARTS = 3  # of the state: at the beginning and end of a window, and at a moment in it, but with `low_memory`
 GHOST_BYTES = 7  # of ghost records of disks in halos, for each disk
 # Frames at numbers of collisions in tiles take these bytes for each collision in a window.
 PAIR_BYTES = bytes_of("pair_time", "pair")
-SNAPSHOT_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment: 28 MB
+SNAPSHOT_DISKS = 500_000  # bound on disks times moments of a window (28 MB), but for a single moment
 CONTACTS_PER_DISK = 8  # for which there is room, on average
 RESTING_BYTES = (  # more, of disks that may rest: room for contacts of each, and the forces at four
     _PARTS * bytes_of("asleep", "held")
@@ -546,11 +546,11 @@ SINGLE_TILE = 20_000  # up to so many disks, one thread runs the whole box as on
 
 
 def bytes_per_disk(low_memory: bool = False) -> int:
-    """Bytes that the arrays take for each disk, with or without room for a moment in a window."""
+    """Bytes of the arrays per disk, in double precision; with `low_memory` without the state at a moment."""
     constant = bytes_of("history_hash", "displacement", "slot_before") + GHOST_BYTES
     return (_PARTS - low_memory) * bytes_of("disk", "meta") + constant
 
 
 def most_disks(low_memory: bool = False) -> int:
-    """Largest number of disks of a process: the longest array has eight numbers, rounded up, of each in each part."""
+    """Largest number of disks of a process: in each part of the longest array a disk has at most eight numbers."""
     return ADDRESSABLE // (8 * (_PARTS - low_memory))

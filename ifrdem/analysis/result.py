@@ -158,7 +158,7 @@ Groups = dict[str, NDArray[np.intp]]
 
 
 def identifier(*parts: str) -> str:
-    """Parts of a name joined by underscores: valid in NetCDF, JSON and Python."""
+    """Parts of a name joined by underscores: an identifier in NetCDF, JSON and Python."""
     text = "_".join(part.replace(" / ", " over ") for part in parts if part)
     name = re.sub(r"\W+", "_", text).strip("_")
     return re.sub("_error$", "_uncertainty", name)  # in studies, errors are those of means over seeds

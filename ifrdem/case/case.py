@@ -59,8 +59,9 @@ class RunSection(Section):
     precision: Literal["f64", "f32"] = field("f64", "f64")
     """Numbers that the run computes with: "f64" (double precision), or "f32" (single: less memory, less exact)."""
     low_memory: bool = field(False, False)
-    """Engine with 30 % less memory and the same bits; each frame and row of the series then costs up to one window
-    more. Not with walls, forces, shear, or collapse = "tc" or "rest"."""
+    """Do not store the state at a time within a window: 30 % less memory, bitwise identical results. Each frame and
+    row of the series then costs up to one window more. Cannot be combined with walls, forces, shear, or
+    collapse = "tc" or "rest"."""
     units: Literal["SI", "reduced"] = field("SI", "SI")
     """ "SI": numbers are in the units in brackets; "reduced": in any consistent system, and the brackets only give the
     dimension. Nothing is converted."""

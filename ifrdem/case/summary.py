@@ -29,10 +29,11 @@ WRITER_BYTES_PER_DISK = 200
 
 A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
 GPU_BYTES_PER_DISK, GPU_SCRATCH = 120, 200_000_000
-"""Memory [bytes] of a GPU beyond `bytes_per_disk`: for ghost records of a disk in small tiles, 1.2 instead of 0.4, and
-arrays of tiles; scratch space of the blocks that run at the same time."""
+"""Memory of a GPU beyond `bytes_per_disk`: bytes per disk, for arrays of tiles and 1.2 ghost records instead of 0.4
+(tiles are small); bytes of scratch space of the blocks that run at the same time."""
 LAYERED_SCRATCH, LAYERED_BYTES_OF_FEW = 9_000_000_000, 2500
-"""The same scratch space of two layers of cells, which threads run; all bytes of a disk, if few of them run."""
+"""For two layers of cells, whose tiles are run by one thread each: bytes of scratch space; all bytes per disk, if
+there are few tiles."""
 
 COMPILING = "a second or two if this machine has compiled them before, else about ten seconds"
 
@@ -166,14 +167,10 @@ def refuse_beyond_memory(
     per_disk = bytes_per_disk(low_memory)
     if arch != "cpu":
         memory = backend.gpu_memory()
-        most = int((memory - GPU_SCRATCH) / (per_disk + GPU_BYTES_PER_DISK))
+        scratch = LAYERED_SCRATCH if layered else GPU_SCRATCH
+        most = int((memory - scratch) / (per_disk + GPU_BYTES_PER_DISK))
         if layered:
-            most = int(
-                max(
-                    (memory - LAYERED_SCRATCH) / (per_disk + GPU_BYTES_PER_DISK),
-                    memory / LAYERED_BYTES_OF_FEW,
-                )
-            )
+            most = max(most, int(memory / LAYERED_BYTES_OF_FEW))
         if n > ranks * most:
             have = f"{ranks} GPUs have {size(memory)} of memory each" if ranks > 1 else ""
             have = have or f"the GPU has {size(memory)} of memory"

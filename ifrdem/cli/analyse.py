@@ -234,7 +234,7 @@ def _analyse(
 def _summary_record(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, Any]:
     """The record of existing results of this trajectory in the folder; empty without any, or by force.
 
-    Raises InputError if the summary that is there is of another trajectory, or none of ours.
+    Raises InputError if the file that exists is a summary of another trajectory, or no summary.
     """
     from ..analysis.catalogue import json_number
 
@@ -259,7 +259,7 @@ def _summary_record(trajectory: Trajectory, summary: Path, *, force: bool) -> di
             return {**new, **held}
         problems = f"holds analyses of another run ({old['file']})"
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        problems = "is no summary of `ifrdem analyse` to add to"
+        problems = "is not a summary that `ifrdem analyse` wrote"
     if force:
         return new
     raise InputError(f"output {summary}: {problems}{ELSEWHERE}")

@@ -126,7 +126,7 @@ _used: weakref.WeakKeyDictionary[type, dict[str, Any]] = weakref.WeakKeyDictiona
 
 
 def is_custom(kind: type) -> bool:
-    """True if a class is none of this package."""
+    """True if a class is not one of this package."""
     return kind.__module__.split(".")[0] != "ifrdem"
 
 
@@ -149,7 +149,7 @@ def check_constants(owner: str, kind: type, *methods: str) -> None:
 
 @functools.cache
 def _globals_in(code: CodeType) -> frozenset[str]:
-    """Names of modules' variables that a function's code reads, without attributes."""
+    """Names of the global variables that a function reads; names of attributes are not among them."""
     return frozenset(each.argval for each in dis.get_instructions(code) if each.opname == "LOAD_GLOBAL")
 
 

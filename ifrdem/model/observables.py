@@ -266,10 +266,10 @@ def measure_of_totals(
     species: Array | None = None,
     **energy_terms: Any,
 ) -> Measure:
-    """The measure of `from_totals`, without a check of the arguments, which takes as long: for the engine."""
+    """Measure of a gas as by `from_totals`, for the engine: without validating arguments, which takes as long."""
     translational, rotational, *momentum, xy, fall, events, _, mass, xx = totals.tolist()
     n = max(disks.n_movable, 1)
-    if disks.n_movable < disks.n:  # which hold the gas
+    if disks.n_movable < disks.n:  # immovable disks hold the gas
         about_mean = (False, False)
     mean = [P / mass if about and mass > 0.0 else 0.0 for P, about in zip(momentum, about_mean, strict=True)]
     # Rounding could make it larger than the whole.

@@ -13,7 +13,7 @@ from ..errors import TheoryWarning
 from ..model.laws.viscoelastic import Viscoelastic
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Driving
-from ..tools.intervals import PERCENT, standard_errors
+from ..tools.intervals import PERCENT, student_t
 from ..trajectory.reader import Trajectory
 from .series import along, axis_label
 from .style import (
@@ -143,7 +143,7 @@ def _points(
     ):
         if axes is None or (value is not T and not np.any(np.nan_to_num(value))):  # nothing spins
             continue
-        y, part = value[shown] if zeros else positive(value[shown]), float(standard_errors(n)) * variance**0.5
+        y, part = value[shown] if zeros else positive(value[shown]), float(student_t(n)) * variance**0.5
         # Open, so that the theory shows where it agrees.
         axes.plot(x, y, "o", ms=5, mfc="none", color=colour, label=name)
         axes.fill_between(x, y * max(1.0 - part, 0.0), y * (1.0 + part), color=colour, alpha=0.25, lw=0.0)

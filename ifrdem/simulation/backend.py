@@ -107,13 +107,13 @@ class sole_use(contextlib.ContextDecorator):
         _in_use.release()
 
 
-_handling = False  # Ctrl-C is ours
-_deferring = False  # it waits for the end of a block
-_interrupted = False  # it was pressed in that block
+_handling = False  # `_on_interrupt` is installed
+_deferring = False  # a block of `deferred_interrupts` runs
+_interrupted = False  # Ctrl-C was pressed in that block
 
 
 def _on_interrupt(_number: int, _frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, or leave that to the end of a block of `deferred_interrupts`; the second time, do."""
+    """Raise KeyboardInterrupt; in a block of `deferred_interrupts` only note the first Ctrl-C, for its end."""
     global _interrupted
     if _interrupted or not _deferring:
         raise KeyboardInterrupt
@@ -122,7 +122,7 @@ def _on_interrupt(_number: int, _frame: FrameType | None) -> None:
 
 @contextlib.contextmanager
 def handled_interrupts() -> Iterator[None]:
-    """Install the handler of `deferred_interrupts` once for all its blocks in this one: it takes as long as a launch.
+    """Install the handler for all blocks of `deferred_interrupts` in this one; that takes as long as a launch.
 
     Nothing is installed in a thread other than the main one, or where a handler other than Python's own is installed
     for SIGINT, such as that of the command `ifrdem run`.
@@ -143,13 +143,13 @@ def handled_interrupts() -> Iterator[None]:
     finally:
         _handling = False
         present = signal.signal(signal.SIGINT, usual)
-        if present is not _on_interrupt:  # a callback has installed another one
+        if present is not _on_interrupt:  # a callback has installed another handler
             signal.signal(signal.SIGINT, present)
 
 
 @contextlib.contextmanager
 def deferred_interrupts() -> Iterator[None]:
-    """Delay Ctrl-C: KeyboardInterrupt is raised at the end of the block, where the gas is in a whole state.
+    """Delay Ctrl-C: raise KeyboardInterrupt at the end of the block, when the state of the gas is complete.
 
     A second Ctrl-C raises it at once. Nothing is delayed where `handled_interrupts` installs nothing.
     """

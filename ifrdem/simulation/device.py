@@ -27,8 +27,9 @@ class Device:
         Mean collisions of a disk in a window of the engine, 0.001 to 10; by default what is fastest on the device.
         Windows decide the last bits: with the same number, a CPU and a GPU give the same (`ifrdem docs exactness`).
     low_memory : bool
-        Without room for the state at a time within a window: 30 % less memory, the same bits. A stop there (a frame, a
-        row of a series) then costs up to one window more. Gases of up to 20,000 disks keep the room.
+        Do not store the state at a time within a window: 30 % less memory, bitwise identical results. A stop within a
+        window (a frame, a row of a series) then costs up to one window more. Without effect on gases of up to 20,000
+        disks. Cannot be combined with walls, forces, shear, `ContactTime` or `Rest`.
 
     Raises
     ------

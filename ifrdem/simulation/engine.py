@@ -488,7 +488,7 @@ class Engine:
         )  # fmt: skip
 
     def _check_low_memory(self, forces: Sequence[Force]) -> None:
-        """Refuse low memory if the gas or these forces need room for the state within a window."""
+        """Raise InputError if `low_memory` cannot be combined with the gas or these forces."""
         given = self.options
         try:
             checks.check_low_memory(given.device.low_memory, given.collapse, self.box, self.walls, forces)

@@ -250,7 +250,7 @@ class Plan:
                     line = line.removeprefix(f"{self.path}: ").removeprefix("--set ").removeprefix("set: ")
                     refused.setdefault(line, []).append(self.label(point))
         count = math.prod(self.shape[:-1])
-        return good, _of_points(refused, 0 if good else count), _of_points(warned, count)
+        return good, _with_labels(refused, 0 if good else count), _with_labels(warned, count)
 
     def tasks(self, good: dict[tuple[int, ...], CaseSections], folder: Path) -> Iterator[Task]:
         """The runs of the points that are in order, whose results stand in a folder."""
@@ -272,12 +272,15 @@ class Plan:
                 )  # fmt: skip
 
 
-def _of_points(labels_of: dict[str, list[str]], of_all: int) -> list[str]:
-    """Texts with the label of their first point and the number of the others; without, if of all points."""
+def _with_labels(labels_of: dict[str, list[str]], count: int) -> list[str]:
+    """Each text with the label of its first point and the number of its further points.
+
+    A text that has `count` points, which is all of them, gets no label.
+    """
     lines = []
     for text, labels in labels_of.items():
         more = f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
-        lines.append(text if len(labels) == of_all else f"{labels[0]}{more}: {text}")
+        lines.append(text if len(labels) == count else f"{labels[0]}{more}: {text}")
     return lines
 
 

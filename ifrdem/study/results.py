@@ -28,7 +28,7 @@ from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..tools import files
 from ..tools.files import NO_VALUES
-from ..tools.intervals import standard_errors
+from ..tools.intervals import student_t
 from ..tools.versions import __version__
 from ..trajectory.descriptions import NUMBER, REDUCED, WHOLE_GAS
 from ..trajectory.tables import optional_import
@@ -398,8 +398,8 @@ def half_interval(results: Results, name: str) -> NDArray[np.float64] | None:
     """
     if f"{name}_error" not in results.variables:
         return None
-    factor = standard_errors(finite_seeds(results, name))
-    return np.asarray(factor * results.values(f"{name}_error"))  # which is nan of a single seed
+    factor = student_t(finite_seeds(results, name))
+    return np.asarray(factor * results.values(f"{name}_error"))  # nan for a single seed
 
 
 def finite_seeds(results: Results, name: str) -> NDArray[np.int64]:

@@ -119,12 +119,12 @@ class Study:
     def check(
         self, *, keep_going: bool = False, workers: int | None = None, scheduler: str | None = None
     ) -> list[str]:
-        """Refuse what can be refused before anything starts; returns warnings.
+        """Check all points before anything starts. Returns warnings.
 
-        They name points that are left out, and points with long steps of forces, each text once.
+        Warnings name points that are left out and points with long steps of forces, each text once.
 
-        Raises InputError if a point is refused (unless `keep_going`), there is no room, or the results cannot be
-        written.
+        Raises InputError if a point is refused (unless `keep_going`), memory or disk space is too small, or the
+        results cannot be written.
         """
         good, problems, warned = self._checked_cases
         if problems and not (keep_going and good):

@@ -1,4 +1,4 @@
-"""Intervals of means by Student's t."""
+"""Confidence intervals of means by Student's t."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ LEVEL = 0.95
 PERCENT = f"{100.0 * LEVEL:g} %"
 
 
-def standard_errors(count: ArrayLike) -> NDArray[np.float64]:
-    """Standard errors from the mean of so many values to each end of its interval, by Student's t.
+def student_t(count: ArrayLike) -> NDArray[np.float64]:
+    """Half the width of the interval of a mean of `count` values, in standard errors of that mean.
 
-    Of one value, whose standard error is unknown, as of two.
+    One value has no standard error; it gets the number of two values.
 
     Examples
     --------
-    >>> standard_errors([2, 10, 10_000]).round(2).tolist()
+    >>> student_t([2, 10, 10_000]).round(2).tolist()
     [12.71, 2.26, 1.96]
     """
     from scipy.special import stdtrit

@@ -46,7 +46,7 @@ class Launcher:
             name for name in self._names[n_numbers:] if name not in self._given
         )
         self._held: tuple[Any, ...] = ()
-        self._arrays: list[Any] = []  # of the last launch, those of NumPy that are given left out
+        self._arrays: list[Any] = []  # of the last launch, without given arrays of NumPy
         self._kinds: dict[str, tuple[Any, int]] = {}  # types and axes of those given in the last launch
         self._set_numbers: list[Any] = []
         self._set_given: list[tuple[str, Callable[[Any], None]]] = []
@@ -193,7 +193,7 @@ def _array_setter(context: Any, at: Any) -> Callable[[Any], None]:
     def set_array(array: Any) -> None:
         if not array.flags.c_contiguous:
             raise ValueError("an array of NumPy whose rows do not follow one another")
-        address, _ = array.__array_interface__["data"]  # `array.ctypes` makes an object for it
+        address, _ = array.__array_interface__["data"]  # `array.ctypes` is slower
         context.set_arg_external_array_with_shape(at, address, array.nbytes, array.shape, 0)
 
     return set_array

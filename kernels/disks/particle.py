@@ -53,7 +53,7 @@ def update_history_hash(i, t, partner, gas: ti.template()):
 
 @ti.func
 def next_hash(hash_1, hash_2, t, partner):
-    """Hash of a history after a collision at time t, from that before it: both words."""
+    """Both words of the hash of a history after a collision at time t, from those before it."""
     low, high = ti.u32(0), ti.u32(0)
     if ti.static(is_single_precision()):
         low = ti.bit_cast(t, ti.u32)
@@ -103,7 +103,7 @@ def note_speed(i, gas: ti.template()):
 
 @ti.func
 def speed_square(vx, vy):
-    """Bound on the square of a speed, as `upper_half` gives it."""
+    """Upper bound on the square of a speed: the upper half of a double, rounded up."""
     vx_, vy_ = ti.cast(vx, ti.f64), ti.cast(vy, ti.f64)
     return upper_half(1.000001 * (vx_ * vx_ + vy_ * vy_))
 
@@ -150,7 +150,7 @@ def fly_to(i, t, gas: ti.template()):
 
 @ti.func
 def position_at(i, t, gas: ti.template()):
-    """Position of the disk in slot i at time t, where its motion changes: on the grid."""
+    """Position of the disk in slot i at time t, where its motion changes, rounded to the grid."""
     motion = gas.motion[i]
     dt = t - motion.tau
     return motion.x + on_grid(motion.vx * dt, gas), motion.y + on_grid(motion.vy * dt, gas)
@@ -158,7 +158,7 @@ def position_at(i, t, gas: ti.template()):
 
 @ti.func
 def turn(i, t, gas: ti.template()):
-    """Turn the disk in slot i until time t, if angles are asked for."""
+    """Turn the disk in slot i until time t, if angles are recorded."""
     if ti.static(gas.uses.turned):
         motion = gas.motion[i]
         dt = t - motion.tau

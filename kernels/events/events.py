@@ -298,7 +298,7 @@ def count_collision(
     kind_a: ti.template(), regime: ti.template(), lost: ti.template(), rows: ti.template(), faster: ti.template(),
     vx_a: ti.template(), new_vx_a: ti.template(), tile: ti.template(), gas: ti.template(),
 ):  # fmt: skip
-    """Add a collision to the tally of the tile that owns disk a, of this kind, whose velocity along x changed."""
+    """Add a collision to the tally of the tile that owns disk a, which is of kind `kind_a`."""
     add(tile, TALLY.collisions, 1.0, gas)
     if regime >= ELASTIC:
         add(tile, TALLY.elastics, 1.0, gas)
@@ -315,7 +315,7 @@ def count_collision(
 def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     """Collide the disks in slots i and j at time t, the smaller id first: the same bits from either side.
 
-    All that is needed of both is read before the first number is written: on a GPU, what is read after that waits.
+    Everything is read before the first number is written: on a GPU, a load waits for the store before it.
     """
     a = ti.select(gas.event_info[j].id < gas.event_info[i].id, j, i)
     b = i + j - a

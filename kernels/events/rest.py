@@ -82,7 +82,7 @@ def sleeps(i, gas: ti.template()):
 
 @ti.func
 def in_falling_frame(x, y, t, gas: ti.template()):
-    """Position and velocity in the falling frame of a disk that sleeps at (x, y)."""
+    """Position and velocity at time t, in the falling frame, of a disk that sleeps at (x, y)."""
     x_ = x - on_grid(0.5 * gas.scale.gx * t * t, gas)
     y_ = y - on_grid(0.5 * gas.scale.gy * t * t, gas)
     return x_, y_, -gas.scale.gx * t, -gas.scale.gy * t

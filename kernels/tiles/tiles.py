@@ -264,9 +264,9 @@ def team_of(uses: Uses) -> int:
 
 @ti.func
 def begin(tile, thread, team, gas: ti.template()):
-    """Set the halo of a tile, and its sums over a window to 0; those of all tiles where one is the whole box.
+    """Set the halo of a tile, and its sums over a window to 0; if one tile is the whole box, the sums of all tiles.
 
-    A `team` of threads shares that.
+    A `team` of threads shares the work.
     """
     last = tile
     if gas.grid.single_tile == 1:
@@ -285,7 +285,7 @@ def begin(tile, thread, team, gas: ti.template()):
 
 @ti.func
 def clear(tile, thread, team, gas: ti.template()):
-    """Set the sums of a tile over a window to 0; a `team` of threads shares that."""
+    """Set the sums of a tile over a window to 0; a `team` of threads shares the work."""
     for when in range(AT_MOMENT + gas.grid.moments):
         column = thread
         while column < gas.tally.shape[2]:
@@ -431,9 +431,9 @@ def load(m, i, tile, region: ti.template(), gas: ti.template()):
 def load_from(
     step_y, shift_x, shift_y, boxes_x, boxes_y, m, i, tile, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
-    """Load candidate m from a tile of which `gather_tile` returns this.
+    """Load candidate m into slot i, from a tile for which `gather_tile` returns these numbers.
 
-    All that is read is read before the first number is written (`events.collide`).
+    Everything is read before the first number is written, as in `events.collide`.
     """
     part = gas.grid.part
     chosen = gas.candidates[region.lane * gas.grid.lane_slots + m]
@@ -620,7 +620,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
     while i < offset + n:
         info, image, motion = gas.event_info[i], gas.image_info[i], gas.motion[i]
         displacement = largest_speed(i, gas) * time
-        # Read before the first number is written, as all that `store` reads (`events.collide`).
+        # Read before the first number is written, as in `events.collide` and `store`.
         rank, hash_1, hash_2, upper = info.own_rank, info.hash_1, info.hash_2, info.max_speed_sq
         slot_before, step = image.slot, image.step
         if rank > 0:

@@ -89,7 +89,8 @@ MARGIN = 1.5  # beyond contact that lists have at least, in largest diameters
 ATTEMPTS = 3
 MOST_BLOCKS = 1024  # of a GPU
 MOST_ROUNDS = 20_000
-# What threads note for one another; sums of warps; of each of the nine tiles around: first slot, disks, boxes away.
+# What threads of a block note for one another; sums of warps; for each of the nine tiles around: first slot, number of
+# disks, boxes away.
 NOTES = Columns(
     **columns("gathered", "own", "copies", "mark", "speed", "extent", "images", "queued", "least", "tile", "room"),
     sums=THREADS // 32, list_begin=9, list_length=9, boxes=9,
@@ -180,7 +181,7 @@ def region_around(tile, halo, reach, gas: ti.template()):
 
 @ti.func
 def note_tiles(tile, me, block: ti.template()):
-    """Note what `gather_tile` returns of the nine tiles around, and where their lists are, by a thread each."""
+    """Note what `gather_tile` returns for the nine tiles around, and where their lists are: one thread per tile."""
     if me < 9:
         other, _step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, me, block)
         block.shift[2 * me], block.shift[2 * me + 1] = shift_x, shift_y
@@ -194,7 +195,7 @@ def note_tiles(tile, me, block: ti.template()):
 
 @ti.func
 def noted_tile(step, block: ti.template()):
-    """Of one of the nine tiles around: rows up, where its corner is, how many boxes away it is."""
+    """For one of the nine tiles around: rows up, shift of its positions (x, y), boxes away (x, y)."""
     boxes = block.note.boxes[step]
     return step % 3 - 1, block.shift[2 * step], block.shift[2 * step + 1], boxes >> 16, (boxes << 16) >> 16
 
@@ -203,7 +204,7 @@ def noted_tile(step, block: ti.template()):
 def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
     """List the disks in a tile and its halo as candidates, count them, and note the largest square of a speed.
 
-    Their positions are kept until they are sorted, as those of the slots with their numbers.
+    Until candidates are sorted, slot m keeps the position of candidate m.
     """
     left, right, below, above = bounds_of(halo, tile, block)
     own_left, own_right, own_below, own_above = bounds_of(0.0 * halo, tile, block)
@@ -229,7 +230,7 @@ def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
                     block.motion[m].x, block.motion[m].y = x, y
                 fastest = ti.max(fastest, square)
             k += THREADS
-        k -= many  # all lists are shared as one
+        k -= many  # threads share the nine lists as if they were one
     ti.atomic_max(block.note.speed, fastest)
 
 
@@ -431,7 +432,7 @@ def look_around(i, first, t, best, partner, mask, region: ti.template(), block: 
         radius = radius_of(i, block)
     size = ti.abs(vx) + ti.abs(vy)
     m, end, j = first, entry_of(i, 0, block), entry_of(i, ti.min(first, MOST_NEAR), block)
-    ti.simt.warp.sync(mask)  # all is read before, at one time: the compiler moves nothing past it
+    ti.simt.warp.sync(mask)  # keeps the loads above together: the compiler moves none past it
     while m <= end:
         start, rx, ry, ux, uy, sigma = separation(j, x, y, vx, vy, tau, radius, 0.0 * x, 0.0 * x, info, block)
         ahead = block.motion[j].tau - t
@@ -537,12 +538,12 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
         speed = ti.sqrt(square) + drift
         square = speed * speed
         way = 2.0 * ti.cast(speed + drift, float) * block.scale.window
-    if ti.static(block.uses.walled):  # which make disks faster; gravity does in the lab
+    if ti.static(block.uses.walled):  # walls make disks faster, gravity too in the lab frame
         push = block.clock.wall_speed + pull_of(block) * ti.cast(block.scale.window, ti.f64)
         speed = ti.sqrt(square) + 2.0 * push * (faster / FASTER)
         square = speed * speed
         way = 2.0 * ti.cast(speed, float) * block.scale.window
-    if ti.static(block.uses.actions):  # forces do too
+    if ti.static(block.uses.actions):  # forces make disks faster
         speed = ti.sqrt(square) + ti.sqrt(block.clock.action_square) * (faster / FASTER)
         square = speed * speed
         way = 2.0 * ti.cast(speed, float) * block.scale.window
@@ -728,7 +729,7 @@ def predict_queue(me, horizon, limit, fastest, region: ti.template(), block: ti.
         for step in ti.static([2**k for k in reversed(range(ABREAST.bit_length() - 1))]):
             t_k, k = shuffled(best, step, mask), shuffled_word(partner, step, mask)
             earlier = t_k < best
-            if t_k == best and k >= 0 and partner >= 0:  # without a meeting, all have the same
+            if t_k == best and k >= 0 and partner >= 0:  # ties without meetings are equal
                 earlier = block.event_info[k].id < block.event_info[partner].id
             if earlier:
                 best, partner = t_k, k

@@ -244,7 +244,7 @@ def test_analyses_of_another_run_and_foreign_files_in_the_folder_are_not_mixed_o
     for text in ("{}", json.dumps(record), '{"analyses": {"psi6": 1}, "not_possible": {}}'):
         Path("out/run.json").write_text(text)
         assert run("analyse", "other/run.h5", "psi6", "-o", "out") == 2
-        assert "is no summary of `ifrdem analyse` to add to" in capsys.readouterr().err
+        assert "is not a summary that `ifrdem analyse` wrote" in capsys.readouterr().err
         assert Path("out/run.json").read_text() == text
 
 

@@ -33,7 +33,7 @@ from ...model.state import State
 from ...simulation.dsmc import DSMC
 from ...theory import driven_gas
 from ...tools.checked import Array
-from ...tools.intervals import PERCENT, standard_errors
+from ...tools.intervals import PERCENT, student_t
 from ..report import style
 from ..report.registry import Picture, Result
 from .sample import Mean, compare, fluid, ratio, sampled_run, seeds_of, thermal
@@ -282,7 +282,7 @@ def _cells(both: list[Mean]) -> tuple[str, ...]:
 def _band(axes: Any, x: Array, values: Array, colour: str, label: str | None = None, **look: Any) -> None:
     """Mean over replicas, the first axis, with a band of its 95 % interval."""
     mean, error = values.mean(axis=0), values.std(axis=0, ddof=1) / np.sqrt(len(values))
-    half = standard_errors(len(values)) * error
+    half = student_t(len(values)) * error
     axes.fill_between(x, mean - half, mean + half, color=colour, alpha=0.25, lw=0.0)
     axes.plot(x, mean, color=colour, label=label, **look)
 

@@ -73,12 +73,12 @@ def arguments(
     Pistons are at these displacements [length]. `law` is used (`laws_of`), and `forces` and `device` in place of those
     of the record.
 
-    InputError if a custom force is not given, or the device is another one, but for its threads and `low_memory`.
+    InputError if a custom force is not given, or the device differs in more than threads and `low_memory`.
     """
     was = Device(**record["device"])
     chosen = was if device is None else Device.of(device)
     if replace(chosen, threads=was.threads, low_memory=was.low_memory) != was:
-        raise InputError(f"device = {chosen}: must be {was}, with any number of threads and any low_memory")
+        raise InputError(f"device = {chosen}: must be {was}; only threads and low_memory may differ")
     gravity, collapse = record["gravity"], record["collapse"]
     given = from_json(json.dumps(record["walls"]))
     return {

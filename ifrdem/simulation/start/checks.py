@@ -281,7 +281,8 @@ def check_number(n: int, ranks: int = 1, partners: bool = False, *, low_memory: 
     most = min(ranks * each, MOST_IDS)
     if n > most:
         on = f" on {ranks} ranks" if ranks > 1 else " in one process"
-        on += "" if low_memory else f", {most_disks(True)} with low_memory = true" if ranks == 1 else ""
+        if ranks == 1 and not low_memory:
+            on += f", {most_disks(True)} with low_memory = true"
         least = -(-n // each)
         instead = f": run them on {least} ranks or more (mpiexec -n {least})" if n <= MOST_IDS else ""
         raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}{instead}")
@@ -376,7 +377,7 @@ def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bo
 def check_low_memory(
     low_memory: bool, collapse: Collapse | None, box: Box, walls: Sequence[Wall], forces: Sequence[Any]
 ) -> None:
-    """Refuse low memory where the bits of a state depend on the length of the window in which it is computed.
+    """Refuse `low_memory` for gases in which the bits of a state depend on the length of its window.
 
     Arguments as for `Engine`; walls include the sides of the box.
     """
@@ -384,13 +385,12 @@ def check_low_memory(
         "walls": len(walls) > 0,
         "forces": len(forces) > 0,
         "a sheared box": box.shear_rate != 0.0,
-        f"collapse = {collapse}": isinstance(collapse, ContactTime | Rest),
+        'collapse = "tc" (ContactTime)': isinstance(collapse, ContactTime),
+        'collapse = "rest" (Rest)': isinstance(collapse, Rest),
     }
     for what, present in refused.items():
         if low_memory and present:
-            raise InputError(
-                f"cannot be combined with {what}: the engine then keeps the state at a time within a window"
-            )
+            raise InputError(f"cannot be combined with {what}: frames would differ in their last digits")
 
 
 def check_motion(disks: Disks, state: State) -> None:

@@ -255,11 +255,11 @@ class DeviceArrays:
 
     @property
     def keeps_moments(self) -> bool:
-        """True if there may be room for states at moments within a window."""
+        """True unless `low_memory` leaves no room for states at moments within a window."""
         return self.single_tile or not self._low_memory
 
     def make_moments(self, needed: int = 1) -> int:
-        """Make room for so many moments within a window, or for the most that there may be: for how many."""
+        """Make room for states at `needed` moments within a window, or at as many as allowed; return their number."""
         if not self.keeps_moments:
             return 0
         most = max(1, min(MOST_MOMENTS, SNAPSHOT_DISKS // max(self.n, 1)))
@@ -358,9 +358,7 @@ class DeviceArrays:
             from_numpy(getattr(self, name), edges[axis])
         self._make_table("tile", total)
         self.make("listed", total)
-        from_numpy(
-            self.listed, np.zeros(total, dtype=np.int32)
-        )  # the first one, where one tile is the whole box
+        from_numpy(self.listed, np.zeros(total, dtype=np.int32))  # tile 0, if one tile is the whole box
         self.make("dense", total if self.on_gpu else 1)
         self._make_table("reach", total)
         blocks = -(-total // k.BLOCK_OF_TILES)
@@ -373,9 +371,9 @@ class DeviceArrays:
 
     @property
     def costliest_first(self) -> NDArray[np.intp]:
-        """Tiles of this process; on a CPU, whose threads take them one by one, those with most collisions come first.
+        """Tiles of this process; on a CPU in the order of their collisions in the last window, most first.
 
-        Collisions are those of the last window: a dense cluster that a thread begins late would hold up all others.
+        Threads take tiles one by one: if a thread began a dense cluster late, all others would wait for it.
         """
         if self.on_gpu:
             return self.own

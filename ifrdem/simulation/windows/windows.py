@@ -63,7 +63,7 @@ class Windows:
         self._paused = False
         self._recorded = 0  # what has been written down of the present window
         self._moments: list[Moment] = []  # that have been written
-        self._cut = False  # the state at the first of them stands in the place of that at the window's end
+        self._end_overwritten = False  # by the state at the first moment: `low_memory`
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
@@ -177,7 +177,7 @@ class Windows:
         if self.now == self.begin and not self._paused:
             return part
         m = self.snapshot_at(self._moment_now)
-        return 1 - part if self._cut else k.SNAPSHOT + m
+        return 1 - part if self._end_overwritten else k.SNAPSHOT + m
 
     @property
     def time_origin(self) -> float:
@@ -205,7 +205,7 @@ class Windows:
             self.forces.begin_window(self.moment)
         self.now = self.arrays.clock.begin = self.arrays.clock.end = time
         self._times = None
-        self._completed = self._ready = self._paused = self._cut = False
+        self._completed = self._ready = self._paused = self._end_overwritten = False
         self._moments, self._moment_now = [], 0.0
 
     def snapshot(self) -> dict[str, NDArray[np.float64]]:
@@ -300,7 +300,7 @@ class Windows:
         if self._completed and watching & ~self._recorded:
             # From its beginning, to see what happened in it.
             self._compute(self._present_moment(), 1, watching)
-        if self._paused or self._cut or not self._completed:
+        if self._paused or self._end_overwritten or not self._completed:
             pausing = a.single_tile and not a.on_gpu and not watching & k.TRACKED
             self._requested = [until] if pausing else [until, *next_points()]
             if pausing or (a.on_gpu and math.isfinite(stop)):
@@ -311,7 +311,7 @@ class Windows:
             (a.clock.stop, a.clock.wanted), (a.clock.pause, a.clock.pause_after) = until, pause
             if not (pausing or a.on_gpu) and self._nears_count():
                 watching, most = watching | k.PAIRS, 1
-            if self._cut:  # what has been written down stays
+            if self._end_overwritten:  # what has been written down stays
                 watching &= ~self._recorded
             if a.keeps_moments or a.on_gpu or watching or math.isfinite(wanted) or stop >= self.end:
                 most = min(most, a.burst, self._burst if a.on_gpu else most)
@@ -374,14 +374,15 @@ class Windows:
         return 0
 
     def _present_moment(self) -> list[float]:
-        """The present time as a moment of the window; none without room for moments."""
+        """The present time as the only moment of the window; none with `low_memory`."""
         return [self._moment_now] if self.arrays.keeps_moments else []
 
     def _compute_moments(self, moments: list[float]) -> None:
-        """Compute the state at moments of the window; without room, at the first one, in the place of that at its end.
+        """Compute the states at moments of the window; with `low_memory` only that at the first moment.
 
-        For that a window is run that ends there. The state has the same bits: only walls, forces within windows, shear
-        and contact times use the length of a window, and gases with these have room (`checks.check_low_memory`).
+        The latter overwrites the state at the end of the window: a shorter window is run, which ends at the moment. The
+        bits are the same, because they depend on the length of a window only with walls, forces within windows, shear
+        and contact times, which `checks.check_low_memory` refuses.
         """
         a = self.arrays
         if a.keeps_moments:
@@ -393,7 +394,7 @@ class Windows:
         a.scale.stored_at = moment
         a.scale.window = a.scale.stored_at + ROUNDING * np.spacing(a.scale.stored_at)
         self._compute([], 1, 0)
-        self._moments, self._at_end, self._cut = [Moment(moment, self._at_end)], at_end, True
+        self._moments, self._at_end, self._end_overwritten = [Moment(moment, self._at_end)], at_end, True
         a.clock.end = end
         self._plan(plans=False)
 
@@ -430,7 +431,7 @@ class Windows:
         """
         a, runner = self.arrays, self.runner
         resuming = self._paused and pausing
-        self._paused = self._cut = False
+        self._paused = self._end_overwritten = False
         begin = self.begin
         again = begin == self._counted
         self._recorded = watching | (self._recorded if again else 0)
@@ -473,7 +474,7 @@ class Windows:
             if again:
                 vars(self.statistics).update(vars(kept))
         self._counted = self.begin
-        if begin != self.begin:  # the kernel went on to another window
+        if begin != self.begin:  # the kernel ran further windows
             self._times = None
         self._at_end = self._tally(k.AT_END)
         moment_time = float(a.scale.moment[0])
