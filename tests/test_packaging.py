@@ -188,6 +188,7 @@ IMPORTS_OF_KERNELS = {
     "hashlib",
     "math",
     "numpy",
+    "operator",
     "os",
     "typing",
     "ast",

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.analysis import catalogue, motion
-from ifrdem.study import task
+from ifrdem.analysis import catalogue, motion, result
 
 
 def test_velocities_that_turn_forget_their_direction_where_the_cosine_does(tmp_path: Path) -> None:
@@ -114,8 +113,8 @@ def test_keys_of_numbers_are_short_and_apart_from_columns(tmp_path: Path) -> Non
     run = ifrdem.Trajectory(tmp_path / "gas.h5")
     for name in ("velocity", "msd", "vacf", "species", "fields"):
         found = catalogue.ANALYSES[name].of(run, None)
-        keys = [task._named(row.key or row.name) for row in found.rows]
-        columns = {task._named(column) for column in found.tables[""]}
+        keys = [result.identifier(row.key or row.name) for row in found.rows]
+        columns = {result.identifier(column) for column in found.tables[""]}
         assert len(set(keys)) == len(keys) > 0
         assert not columns & set(keys)
         assert all(len(key) <= 26 for key in keys), keys
