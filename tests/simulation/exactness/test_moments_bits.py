@@ -10,11 +10,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.gases import ELASTIC, equal_disks
 from test_same_bits import COMPARED, GASES, NARROW, N, made, narrowed, same
 from test_same_bits import windows_of_tiles as windows_of_tiles
 
 from ifrdem import ContactTime, Device, IFRLaw, Simulation
 from ifrdem.errors import InputError
+from ifrdem.kernels.columns import TALLY
+from ifrdem.kernels.layout import AT_END
+from ifrdem.model.box import Box
 from ifrdem.model.state import State
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.steps.schedule import RunPoint
@@ -167,3 +171,34 @@ def test_low_memory_is_refused_where_bits_depend_on_the_window(name: str, more: 
     options = options or {"collapse": ContactTime(1e-9)}
     with pytest.raises(InputError, match=rf"low_memory = True: cannot be combined with {more}"):
         Engine(disks, box, state, np.array([[law]]), device=Device(low_memory=True), **options)
+
+
+def test_low_memory_tells_collisions_apart_that_differ_in_the_last_digits() -> None:
+    """Two pairs 3 apart meet head on at t = 1.5 and at 1.5 / (1 - 2^-51): three units in the last place later."""
+    slower = 1.0 - 2.0**-51
+    position = np.array([[20.0, 25.0], [24.0, 25.0], [70.0, 75.0], [74.0, 75.0]])
+    velocity = np.array([[1.0, 0.0], [-1.0, 0.0], [slower, 0.0], [-slower, 0.0]])
+    state = State(position, velocity, np.zeros(4))
+    engine = Engine(
+        equal_disks(4), Box((100.0, 100.0)), state, np.array([[ELASTIC]]), order="tiled", tile_disks=1,
+        device=Device(low_memory=True),
+    )  # fmt: skip
+    for _ in range(100):
+        engine.advance(collisions=1)
+        if engine.collisions:
+            break
+    assert engine.collisions == 1
+    assert engine.time == 1.5
+    assert engine.arrays.parts == 2
+    assert engine.state().collisions.tolist() == [1, 1, 0, 0]
+
+
+def test_threads_take_the_tiles_with_most_collisions_first() -> None:
+    disks, box, state, law, _ = made("phi = 0.3")
+    engine = Engine(disks, box, state, np.array([[law]]), order="tiled", tile_disks=250)
+    engine.advance(t_end=0.5)
+    arrays = engine.arrays
+    tiles = arrays.costliest_first
+    assert sorted(tiles) == list(range(arrays.tiles))
+    assert (np.diff(arrays.values("tally")[tiles, AT_END, TALLY.collisions]) <= 0.0).all()
+    assert not np.array_equal(tiles, np.arange(arrays.tiles))
