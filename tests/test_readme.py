@@ -199,6 +199,7 @@ def test_the_first_picture_of_the_readme_moves() -> None:
     assert first.rpartition("/")[2] in page("gallery.md")
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 @pytest.mark.parametrize("path", sorted(notebooks.FOLDER.glob("*.py")), ids=lambda path: path.stem)
 def test_notebooks_run_as_cells_of_jupyter(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -209,6 +210,7 @@ def test_notebooks_run_as_cells_of_jupyter(path: Path, monkeypatch: pytest.Monke
     assert shown >= {"first_gas": 2, "own_law": 1, "to_a_figure": 3, "small_study": 1}[path.stem]
 
 
+@pytest.mark.full
 def test_laws_and_forces_of_a_cell_are_compiled(tmp_path: Path) -> None:
     """Those of the manual, each in a cell of IPython."""
     text = "".join(f"# %%\n{block(name)}\n" for name in ("force", "law"))
@@ -334,6 +336,7 @@ def test_from_file_to_figure_runs_as_shown(
     assert (tmp_path / "velocities.png").is_file()
 
 
+@pytest.mark.full
 def test_profiles_and_fields_run_as_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -377,6 +380,7 @@ def test_walls_example_shakes_coins(capsys: pytest.CaptureFixture[str]) -> None:
     assert float(work) > 0.0
 
 
+@pytest.mark.full
 def test_paddle_example_works_as_its_torque_says(capsys: pytest.CaptureFixture[str]) -> None:
     exec(block("paddle"), {})
     hits, work, by_torque = (float(each) for each in re.findall(r"\[\s*(\S+?)\s*\]", capsys.readouterr().out))
@@ -385,6 +389,7 @@ def test_paddle_example_works_as_its_torque_says(capsys: pytest.CaptureFixture[s
     assert work > 0.0
 
 
+@pytest.mark.full
 def test_piston_example_keeps_the_energy_of_both(capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block("piston"), "walls.md", "exec"), {})
     height, speed, energy = map(float, capsys.readouterr().out.split())
@@ -409,6 +414,7 @@ def test_shapes_of_the_case_file_are_walls() -> None:
     assert len(gas.walls[2].points) > 5
 
 
+@pytest.mark.full
 def test_heap_example_rests_and_wakes(capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, Any] = {}
     exec(compile(block("heap"), "heaps.md", "exec"), names)
@@ -498,6 +504,7 @@ def test_commands_install_from_the_clone_and_run_the_shipped_case() -> None:
     )
 
 
+@pytest.mark.full
 def test_shear_example_prints_a_temperature_and_the_pressure_tensor(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -513,6 +520,7 @@ def test_shear_example_prints_a_temperature_and_the_pressure_tensor(
     assert stress[0, 1] == pytest.approx(stress[1, 0], rel=0.1)
 
 
+@pytest.mark.full
 def test_mixture_example_runs() -> None:
     found: dict[str, Any] = {}
     exec(compile(block("mixture"), "README.md", "exec"), found)
@@ -566,6 +574,7 @@ def test_help_of_the_package_is_a_page() -> None:
     assert [name for name in dir(ifrdem) if name not in text and name != "__version__"] == []
 
 
+@pytest.mark.full
 def test_mixture_script_stores_stress_and_named_species(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

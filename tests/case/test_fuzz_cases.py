@@ -175,6 +175,7 @@ def faults(count: int, seed: int) -> Iterator[tuple[str, str, list[str]]]:
                 yield found, text, settings
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_mutated_case_is_checked_or_refused_without_a_traceback(seed: int) -> None:
     for found, text, settings in faults(120, seed):

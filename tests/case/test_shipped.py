@@ -84,6 +84,7 @@ def test_new_prefers_the_template_where_both_have_a_name() -> None:
         shipped.new("cases/coolin")
 
 
+@pytest.mark.full
 def test_the_mixture_behaves_as_its_comment_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Smaller and shorter: the largest disks keep the higher temperature, in the number of disks' 10 % errors."""
     monkeypatch.chdir(tmp_path)
@@ -104,6 +105,7 @@ def test_the_mixture_behaves_as_its_comment_says(tmp_path: Path, monkeypatch: py
     assert gas.disks.radius.max() / gas.disks.radius.min() < 8.0  # 40 mm over 5 mm
 
 
+@pytest.mark.full
 def test_large_disks_rise_or_sink_by_their_mass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a quarter of the time; the whole run has 24.6, 12.9 and 7.6 (its comment)."""
     monkeypatch.chdir(tmp_path)

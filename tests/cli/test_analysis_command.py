@@ -437,6 +437,7 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
     assert len(found.tables[""]["time"]) == 499
 
 
+@pytest.mark.full(keep=3)
 @pytest.mark.parametrize(
     "what",
     [
@@ -494,6 +495,7 @@ def test_legends_hide_no_curve_and_axes_end_where_the_data_do(what: str, tmp_pat
     assert legends == (2 if what == "velocity" else 1)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     ("given", "made", "begin"),
     [

@@ -160,6 +160,7 @@ def test_command_that_cannot_be_understood_is_refused(
 COMMANDS = [name for name in app if not name.startswith("-")]
 
 
+@pytest.mark.full(keep=6)
 @pytest.mark.parametrize("command", COMMANDS)
 def test_an_empty_text_or_a_nul_character_is_refused_for_every_argument_and_option(
     command: str, folder: Path, capsys: pytest.CaptureFixture[str]

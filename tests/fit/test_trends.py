@@ -80,6 +80,7 @@ def test_restitution_that_falls_with_speed_is_found_and_fitted() -> None:
     assert any("e_n depends on g_n" in each for each in found.laws["ifr-percussion"].warnings)
 
 
+@pytest.mark.full
 def test_trends_without_cause_have_uniform_probabilities() -> None:
     """Over 20 sets: of 80 probabilities 4 are expected below 0.05; 12 or more have a chance of 5e-4."""
     low = total = 0

@@ -105,6 +105,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.full
 @mpi.needed
 def test_three_ranks_and_two_have_the_bits_and_the_errors_of_one_process(folder: Path) -> None:
     names = [*(path.name for path in folder.glob("*.csv")), "none.csv"]

@@ -13,7 +13,10 @@ import pytest
 
 from ifrdem.kernels.compiler import runtime
 
-pytestmark = pytest.mark.skipif(runtime.version("quadrants") is None, reason="quadrants is not installed")
+pytestmark = [
+    pytest.mark.full,
+    pytest.mark.skipif(runtime.version("quadrants") is None, reason="quadrants is not installed"),
+]
 
 RUN = """
 import hashlib, json, sys

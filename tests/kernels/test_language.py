@@ -94,6 +94,7 @@ print(type(ti.lang.kernel_impl._inside_class).__name__, gas.collisions, gas.stat
 """
 
 
+@pytest.mark.full
 def test_another_version_of_a_runtime_gets_no_patches_and_the_same_bits() -> None:
     """Patches save time only: without them the runtime's own functions do the same."""
     found = {}

@@ -143,6 +143,7 @@ print(runtime.chosen(), gas.collisions, hash)
 """
 
 
+@pytest.mark.full
 @both
 def test_a_checkpoint_resumes_bitwise_on_the_other_runtime(tmp_path: Path) -> None:
     logged = ""
@@ -183,6 +184,7 @@ with Trajectory("clusters.h5") as trajectory:
 """
 
 
+@pytest.mark.full
 @both
 def test_a_run_resumes_in_a_process_of_the_other_runtime(tmp_path: Path) -> None:
     """Its kernels are imported: it cannot change to the runtime of the checkpoint. The file names both."""

@@ -137,6 +137,7 @@ def test_distances_scale_as_speed_squared_over_deceleration():
     assert other[3][0] == pytest.approx(3.0 * 2.0 * one[3][0], rel=1e-11)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("dt", [1e-4, 0.03])
 def test_short_steps_end_in_single_precision_too(dt):
     """A friction that is nearly constant: v - a F dt and u - k a T dt, to the square of the step."""
@@ -152,6 +153,7 @@ def test_short_steps_end_in_single_precision_too(dt):
     np.testing.assert_allclose(got[1], u - 2.0 * T * dt, atol=4.0 * dt**2 + 1e-6)
 
 
+@pytest.mark.full
 def test_single_precision_agrees_to_its_own():
     angle = np.linspace(0.1, 1.5, 15)
     v, u = np.sin(angle), np.cos(angle)

@@ -51,6 +51,7 @@ def n_elastic(n: int, collisions: list[tuple[float, int, int]], contact_time: fl
 # --- the tc rule ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize(("packing_fraction", "law"), [(0.3, COIN), (0.65, INELASTIC)])
 def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
@@ -99,6 +100,7 @@ def test_a_stored_state_has_the_latest_collision_times() -> None:
     assert not np.array_equal(partners(np.array(forgot)), partners(np.array(on)))
 
 
+@pytest.mark.full
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 @pytest.mark.parametrize("order", ["tiled"])
 def test_the_tc_rule_gives_the_same_bits_on_two_threads(order: str) -> None:
@@ -122,6 +124,7 @@ def test_the_tc_rule_gives_the_same_bits_on_two_threads(order: str) -> None:
         np.testing.assert_array_equal(getattr(ends[0][0], name), getattr(ends[1][0], name))
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 @pytest.mark.parametrize(("contact_time", "elastic"), [(1.49, 0), (1.51, 1)])
 def test_a_collision_soon_after_another_is_elastic(contact_time: float, elastic: int, precision: str) -> None:
@@ -204,6 +207,7 @@ def test_a_column_of_disks_comes_to_rest_on_a_floor() -> None:
 # --- gases that collapse --------------------------------------------------------------------------------------
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize(
     "law", [IFRLaw(e_n=0.4, e_t=-1.0, mu=0.0), IFRLaw(e_n=0.4, e_t=-0.5, mu=0.3)], ids=["smooth", "rough"]
 )

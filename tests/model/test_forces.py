@@ -160,6 +160,7 @@ def test_an_elastic_gas_in_a_bath_reaches_its_temperature() -> None:
     assert mean[1] == pytest.approx(0.5, rel=0.035)  # one component instead of two: sqrt(2) more
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("strength", [{"power": 0.6}, {"diffusion": 0.3}])
 def test_kicks_keep_the_momentum_and_put_in_the_power_that_was_set(strength: dict[str, float]) -> None:
     """400 kicks of 1000 disks in pairs of masses 0.5 and 1.5, or of equal masses, 2 m D = 0.6.

@@ -16,6 +16,7 @@ SCRIPT = Path(__file__).parents[1] / "support" / "ranks" / "distribution.py"
 MISSING = "a disk is on no rank, or on two: please report this"
 
 
+@pytest.mark.full
 @mpi.needed
 def test_slices_are_scattered_and_gathered_again() -> None:
     """Rows from anywhere, from and to the first rank; sums, digests and starts are those of one process, to the bit."""

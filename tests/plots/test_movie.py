@@ -21,6 +21,8 @@ from ifrdem.plots import movie
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
+pytestmark = pytest.mark.full
+
 
 def two_disks(path: Path, **options) -> None:
     """One disk spins counter-clockwise at (5, 15), radius 2; one clockwise at (29, 4), across the right side."""
@@ -147,6 +149,7 @@ def test_angles_are_marked_where_the_file_holds_them(tmp_path):
 
 
 # imageio-ffmpeg's reader leaves its pipes to the garbage collector.
+@pytest.mark.full(keep=1)
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("colour", ["spin", "direction"])
 def test_the_file_plays_with_as_many_pictures_as_frames(tmp_path, colour, capsys):

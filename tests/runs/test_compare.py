@@ -51,6 +51,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "two.h5"
 
 
+@pytest.mark.full
 def test_picture_has_walls_and_times_of_positions(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     walls = '[[wall]]\nshape = "line"\npoint = [0.0, 4.45]\nnormal = [0.0, 1.0]\nmaterial = "m"\n'
     case = CASE.replace("open = true", 'lengths = [10.0, 10.0]\nperiodic = [true, false]\nmaterial = "m"')

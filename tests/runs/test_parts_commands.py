@@ -70,6 +70,7 @@ def same(
     assert printed["one"] or wrote["one"]
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     "words",
     [

@@ -40,6 +40,7 @@ picture = false
 """
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("remedy", "says", "never"),
     [

@@ -137,6 +137,7 @@ def save_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run, "save", first_only)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("threads", ["1", "2"])
 def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(whole, tmp_path, stopping, threads, capsys):
     case = whole.parent / "gas.toml"

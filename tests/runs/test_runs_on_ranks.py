@@ -158,6 +158,7 @@ def _in(folder: str, files: list[str]) -> list[str]:
     return [each.removeprefix(f"{folder}/") for each in files if str(Path(each).parent) == folder]
 
 
+@pytest.mark.full
 @mpi.needed
 def test_a_stopped_run_resumes_bitwise_with_another_number_of_ranks(
     plain: Path, outcomes: dict[str, dict[str, Any]]
@@ -172,6 +173,7 @@ def test_a_stopped_run_resumes_bitwise_with_another_number_of_ranks(
     assert _in("stopped", goes_on["files"]) == ["gas.h5", "gas.status.json"]
 
 
+@pytest.mark.full
 @mpi.needed
 @pytest.mark.parametrize("ranks", [1, 4])  # 3, 2 and 1 one after another below
 def test_a_run_in_parts_has_the_bits_of_one_file(
@@ -190,6 +192,7 @@ def test_a_run_in_parts_has_the_bits_of_one_file(
         assert again["err"].count("exists already; --force replaces it") == 1
 
 
+@pytest.mark.full
 @mpi.needed
 def test_a_run_from_a_frame_that_ranks_read_in_slices_has_the_bits_of_one_process(
     plain: Path, outcomes: dict[str, dict[str, Any]]
@@ -200,6 +203,7 @@ def test_a_run_from_a_frame_that_ranks_read_in_slices_has_the_bits_of_one_proces
     assert differing(*(folder / "gas.h5" for folder in folders)) == []
 
 
+@pytest.mark.full
 @mpi.needed
 def test_a_run_in_parts_resumes_with_any_number_of_ranks(
     plain: Path, outcomes: dict[str, dict[str, Any]]
@@ -224,6 +228,7 @@ def test_a_run_in_parts_resumes_with_any_number_of_ranks(
         assert len(np.unique(file["particles/all/radius"])) > 20_990  # hardly any two alike
 
 
+@pytest.mark.full
 @mpi.needed
 def test_many_disks_go_into_one_file_if_the_case_says_so(
     plain: Path, outcomes: dict[str, dict[str, Any]]
@@ -263,6 +268,7 @@ def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(case: Path, pl
         assert np.array_equal(found[-1].velocity, expected[-1].velocity)
 
 
+@pytest.mark.full
 @mpi.needed
 def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(case: Path, long: Path) -> None:
     """The second of two ranks is killed; the file has the counts of the run. Three ranks resume to the same bits."""
@@ -303,6 +309,7 @@ def _counted(path: Path) -> int:
         return 0
 
 
+@pytest.mark.full
 @mpi.needed
 def test_a_checkpoint_or_trajectory_that_lacks_a_part_is_refused_on_all_ranks(case: Path) -> None:
     folder = case.parent / "lacking"
@@ -362,6 +369,7 @@ def test_a_gas_is_shared_by_as_many_ranks_as_its_tiles_can_be_divided_among(case
     assert why == "200000 disks make 6 x 6 tiles"
 
 
+@pytest.mark.full
 @mpi.needed
 def test_a_case_is_checked_on_ranks_as_by_one_process(case: Path) -> None:
     words = list(map(str, mpi.ifrdem("check", case)))
@@ -371,6 +379,7 @@ def test_a_case_is_checked_on_ranks_as_by_one_process(case: Path) -> None:
     assert done.stdout == alone.stdout
 
 
+@pytest.mark.full
 @mpi.needed
 def test_the_lines_of_the_manual_run(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
@@ -382,6 +391,7 @@ def test_the_lines_of_the_manual_run(tmp_path: Path) -> None:
     assert 0.5 < temperature < 1.0
 
 
+@pytest.mark.full
 @mpi.needed
 def test_the_lines_of_the_manual_on_slices_run(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
@@ -393,6 +403,7 @@ def test_the_lines_of_the_manual_on_slices_run(tmp_path: Path) -> None:
     )  # two frames of two slices; lines of two ranks may run into each other
 
 
+@pytest.mark.full
 @mpi.needed
 def test_calls_that_differ_from_rank_to_rank_end_on_all() -> None:
     """Two of three ranks share a gas of which only the first has disks; both raise errors, and the gas stays usable."""

@@ -15,6 +15,8 @@ from support.ranks.results import differing
 from ifrdem.case import file as case_file
 from ifrdem.case import shipped
 
+pytestmark = pytest.mark.full
+
 SCRIPT = Path(__file__).parents[1] / "support" / "ranks" / "commands.py"
 # A free gas with a history, friction on a table, disks at rest, a piston, a sheared box.
 NAMES = ["cooling", "coins_on_table", "heap", "piston", "shear"]

@@ -76,6 +76,7 @@ def test_a_run_that_is_resumed_has_the_same_rows(folder: Path) -> None:
         np.testing.assert_array_equal(file.series["stress"], whole)
 
 
+@pytest.mark.full
 def test_between_walls_stresses_refer_to_the_free_area(folder: Path) -> None:
     """A container of radius 4 in a box of 9 x 9: the trace of the kinetic part is the energy over 16 pi."""
     walls = CASE.replace("packing_fraction = 0.2, shear_rate = 0.5", "lengths = [9.0, 9.0], periodic = [false, false], "
@@ -143,6 +144,7 @@ def test_gases_without_a_stress_are_refused(
     assert f"output.stress = true: cannot be combined with {other}" in capsys.readouterr().err
 
 
+@pytest.mark.full
 def test_a_file_without_stresses_says_how_to_get_them(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -75,6 +75,7 @@ CHANGES: dict[str, tuple[Callable[[Simulation], None], dict[str, Any]]] = {
 }
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize(
     ("kind", "change"),
     [

@@ -134,6 +134,7 @@ def driven(threads: int | None = None) -> Simulation:
     )  # fmt: skip
 
 
+@pytest.mark.full(keep=("walled", "driven"))
 @pytest.mark.parametrize(
     "make",
     [gas(), walled, pushed, heap, sheared, freed, driven, pytest.param(gas(precision="f32"), id="f32")],
@@ -161,6 +162,7 @@ def test_a_run_resumes_to_the_bit(tmp_path, make):
             assert np.array_equal(whole.wall_sums.values, goes_on.wall_sums.values)
 
 
+@pytest.mark.full
 def test_a_gas_from_a_checkpoint_is_unchanged(tmp_path):
     gas = pushed()
     gas.set_law(IFRLaw(e_n=0.7, e_t=-0.5, mu=0.3))
@@ -218,6 +220,7 @@ def test_custom_laws_and_forces_are_given_again(tmp_path):
     same_bits(whole, again)
 
 
+@pytest.mark.full
 def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch):
     monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
     make = gas(tracked=[0, 5])

@@ -38,6 +38,7 @@ def test_half_of_what_a_head_on_collision_takes_belongs_to_either_disk():
     np.testing.assert_allclose(run.state.dissipated, [[0.27, 0, 0, 0, 0, 0, 0]] * 2, rtol=1e-14)
 
 
+@pytest.mark.full
 def test_a_wall_leaves_all_of_it_to_the_disk():
     # Normal restitution 0.8 at v = 2: (1 - 0.64) 2^2 / 2 = 0.72.
     disks = ifrdem.Disks(

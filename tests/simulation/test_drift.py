@@ -37,6 +37,7 @@ def rescaled(gas: Simulation, step: float, collisions_per_disk: float) -> State:
     return gas.state
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("precision", "collisions", "drift", "exact"),
     # Sums of 50 terms in double precision; velocities are stored, and the factor computed, to 6e-8 in single.
@@ -93,6 +94,7 @@ def test_disks_that_fly_side_by_side_are_at_rest_to_a_thermostat() -> None:
     np.testing.assert_allclose(gas.state.velocity, state.velocity, rtol=1e-13)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("law", "free"), [(SMOOTH, True), (ROUGH, False)])
 def test_between_walls_the_gas_drifts_along_smooth_ones_only(law: IFRLaw, free: bool) -> None:
     """Floor and ceiling without friction keep P_x; other velocities, and those between rough ones, are in the lab."""

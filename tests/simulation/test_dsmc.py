@@ -149,6 +149,7 @@ def test_a_heat_bath_alone_brings_disks_to_its_temperature() -> None:
     assert found.energy_input[-1] == pytest.approx(gained, rel=1e-10)
 
 
+@pytest.mark.full
 def test_species_of_a_young_mixture_follow_the_mixture_theory_on_one_thread() -> None:
     n = 30_000
     big = np.arange(n) % 3 == 0
@@ -170,6 +171,7 @@ def test_species_of_a_young_mixture_follow_the_mixture_theory_on_one_thread() ->
     )
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 @pytest.mark.skipif(backend.cores() < 2, reason="one core only")
 def test_one_and_two_threads_give_the_same_bits(precision: str) -> None:

@@ -84,6 +84,7 @@ def states_equal(a: State, b: State) -> bool:
     )
 
 
+@pytest.mark.full
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_trajectory_is_bitwise_the_same_on_one_and_two_threads() -> None:
     disks = equal_disks(20_000)
@@ -326,6 +327,7 @@ def test_a_thermostat_hotter_than_numbers_can_hold_is_refused(name: str) -> None
         engine.set_forces(forces)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
     """Powers of two in length, speed and mass only shift exponents."""

@@ -75,6 +75,7 @@ def test_the_ledger_is_the_energy_before_and_after_each_force() -> None:
     assert simulation.energy_input == pytest.approx(energy_input, rel=1e-12)
 
 
+@pytest.mark.full
 def test_driven_coins_stay_at_the_temperatures_of_kinetic_theory() -> None:
     """Input equals dissipation: 800 coins at phi = 0.05, means over 30 collisions per coin after 20.
 
@@ -108,6 +109,7 @@ def test_collisions_are_recorded_across_forces() -> None:
     np.testing.assert_array_equal(np.bincount(found.pair.ravel(), minlength=500), simulation.state.collisions)
 
 
+@pytest.mark.full
 def test_forces_work_in_single_precision() -> None:
     """The ledger counts what was stored: elastic disks differ from it by the rounding of collisions only."""
     disks = mixture(500)
@@ -126,6 +128,7 @@ def test_forces_work_in_single_precision() -> None:
     assert energy == pytest.approx(expected, abs=1e-6 * float(np.abs(simulation.energy_inputs).sum()))
 
 
+@pytest.mark.full
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
     """Also where one thread does all collisions: the forces are computed by all."""

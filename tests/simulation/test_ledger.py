@@ -209,6 +209,7 @@ def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(device):
         assert abs(residual(measures[0], measures[-1])) < 1e-12
 
 
+@pytest.mark.full
 def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
     """Sums of tiles are added in the order of tiles; one tile adds in the order of events, off by rounding."""
     disks = mixture(3000)

@@ -166,6 +166,7 @@ def message(gas: Simulation) -> str:
     return str(stopped.value)
 
 
+@pytest.mark.full
 def test_a_collapse_advises_what_is_not_set_and_could_help() -> None:
     text = message(ball(0.5, **DOWN))
     assert "ContactTime" in text

@@ -274,6 +274,7 @@ class OutsideLedger(ifrdem.CollisionLaw):
         return 1.5 * pair.m_n * pair.g_n, 0.0, 0.0, 0.0 * FACTOR, 0.0, 0.0
 
 
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore::SyntaxWarning")
 @pytest.mark.parametrize(
     "given", [{"forces": [Outside(0.1)]}, {"law": OutsideLaw()}, {"law": OutsideLedger()}]

@@ -116,6 +116,7 @@ def test_spin_kicks_give_the_power() -> None:
     assert measure(disks, simulation.state).translational_energy == 0.0
 
 
+@pytest.mark.full
 def test_kicks_and_drag_have_the_steady_state_of_shot_noise() -> None:
     """Campbell's theorem: cumulants of v_x are rate <w^n> times the integral of exp(-n gamma t).
 
@@ -145,6 +146,7 @@ def test_kicks_and_drag_have_the_steady_state_of_shot_noise() -> None:
     assert fourth / second**2 == pytest.approx(3.0 * gamma / rate, rel=0.01)  # what it tends to without steps
 
 
+@pytest.mark.full
 def test_andersens_thermostat_sets_the_temperature_of_a_lossy_gas() -> None:
     """20 actions on a disk for each of its collisions. 40 frames of 1000 disks, each new: 0.5 % of T; five allowed."""
     gas = gas_of(equal_disks(1000), 0.1, LOSSY, forces=[Andersen(20.0, temperature=1.7)], seed=4)
@@ -188,6 +190,7 @@ def test_collisions_are_those_of_a_run_that_gets_the_same_kicks_from_outside() -
     assert kicked.energy_input == pytest.approx(reference.energy_input, rel=1e-9)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_energy_is_balanced_and_numbers_of_collisions_do_not_count_kicks(precision: Any) -> None:
     gas = gas_of(
@@ -229,6 +232,7 @@ def ends(
     return found
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     ("forces", "speed"),
     [
@@ -246,6 +250,7 @@ def test_tiles_give_the_same_bits(forces: list[Any], speed: float) -> None:
     assert found["serial"][0].collisions.sum() > 500
 
 
+@pytest.mark.full
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_threads_give_the_same_bits() -> None:
     forces = [PoissonKicks(10.0, power=1.0)]
@@ -265,6 +270,7 @@ def walled(**options: Any) -> Simulation:
     return Simulation(disks, box, LOSSY, state, gravity=gravity, seed=2, **options)
 
 
+@pytest.mark.full
 def test_stops_in_a_window_change_no_bit_also_under_gravity_between_walls() -> None:
     options: dict[str, Any] = {
         "forces": [PoissonKicks(3.0, power=2.0)], "walls": [Wall.post((10.0, 18.0), 0.5)], "record": ["energy"],
@@ -301,6 +307,7 @@ def test_a_restart_in_a_window_changes_no_bit(tmp_path: Path) -> None:
     np.testing.assert_array_equal(whole.energy_inputs, again.energy_inputs)
 
 
+@pytest.mark.full
 def test_a_sheared_gas_closes_its_balance_of_energy() -> None:
     disks = equal_disks(400)
     box, state = start(disks, 0.2)

@@ -144,6 +144,7 @@ def test_the_angle_is_the_integral_of_the_spin_of_the_history(order: str) -> Non
     assert np.abs(found[-1].angle).max() > math.pi
 
 
+@pytest.mark.full
 def test_threads_do_not_matter() -> None:
     found = []
     for threads in (2, 1):
@@ -159,6 +160,7 @@ def test_threads_do_not_matter() -> None:
         assert np.array_equal(measured_one.momentum, measured_other.momentum)
 
 
+@pytest.mark.full(keep=1)
 def test_kicks_do_not_move_frames(order: str) -> None:
     def driven() -> Simulation:
         return gas(forces=[RandomKicks(0.07, power=0.5)], seed=5)

@@ -77,6 +77,7 @@ def expected(
     return disks, box, state, reference
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize(
     ("rate", "beginning", "law"),
@@ -177,6 +178,7 @@ def test_small_boxes_give_the_serial_collisions(order: str) -> None:
 
 
 # `backend.check` refuses more threads than cores: with one core there is nothing to compare.
+@pytest.mark.full
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_a_sheared_run_is_bitwise_the_same_on_one_and_two_threads() -> None:
     disks = mixture(1500)
@@ -294,6 +296,7 @@ def test_the_ledger_closes_for_elastic_disks_and_forces() -> None:
     )
 
 
+@pytest.mark.full
 def test_single_precision_keeps_the_ledger_to_its_rounding() -> None:
     disks = equal_disks(500)
     box, state = sheared(disks, 0.3, 0.5)
@@ -396,6 +399,7 @@ def test_nothing_jumps_at_the_seam() -> None:
     assert np.polyfit(y, lab, 1)[0] == pytest.approx(0.5, rel=0.03)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("start", [0.1, 4.0], ids=["cold", "hot"])
 def test_temperature_and_stress_approach_those_of_kinetic_theory(start: float) -> None:
     """500 smooth disks at phi = 0.05, e_n = 0.9; means over 280 collisions per disk after 60, from two beginnings.

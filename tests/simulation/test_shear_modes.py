@@ -19,6 +19,7 @@ from ifrdem.theory.hydrodynamics import shear_length, shear_mode_energy
 PHI, SIDE, AGE = 0.2, 150.0, 12.0
 
 
+@pytest.mark.full
 def test_shear_modes_of_cooling_coins_grow_as_linear_theory_says() -> None:
     """The energy of transverse waves longer than the shear length, beyond their thermal share, after 12 collisions.
 

@@ -28,6 +28,7 @@ def gas(**options: Any) -> ifrdem.Simulation:
     return ifrdem.Simulation(disks, box, law, start, **options)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("options", [
     {},
     {"drift": np.array([20.0, -7.0])},
@@ -126,6 +127,7 @@ def test_checkpoint_keeps_species(tmp_path: Path) -> None:
     assert again.measure().species_temperature == pytest.approx(expected, rel=1e-13)
 
 
+@pytest.mark.full
 @mpi.needed
 def test_series_of_a_run_on_ranks(tmp_path: Path) -> None:
     """Of two ranks, which have a part of each species, the series of one process to rounding of sums."""

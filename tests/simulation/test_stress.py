@@ -88,6 +88,7 @@ def test_an_immovable_disk_transfers_what_the_other_one_loses(device):
         assert gas.measure().virial == pytest.approx(np.array([[2.0, 0.0], [0.0, 0.0]]), abs=1e-12)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_a_sheared_gas_transfers_the_momentum_of_a_serial_code(order):
     """Of a code in the lab without frames or rows (`Sheared`); 700 collisions, some across the moving images."""
@@ -145,6 +146,7 @@ def test_what_shear_stresses_differ_by_turns_the_spins():
     assert abs(gained) > 0.01
 
 
+@pytest.mark.full
 def test_the_virial_theorem_of_a_gas_between_walls():
     """d(sum p_x x) = integral of sum m v_x^2 + sum of impulses times x.
 
@@ -190,6 +192,7 @@ def test_sums_do_not_depend_on_what_looks():
     assert (np.diff([each[0, 0] for each in found]) > 0.0).all()
 
 
+@pytest.mark.full
 def test_heat_sums_and_pistons_have_columns_of_their_own() -> None:
     """The bits of all sums of walls, with and without the virial before them."""
     position = np.stack(np.meshgrid(np.arange(10), np.arange(6)), axis=-1).reshape(-1, 2) * 1.3 + 1.0

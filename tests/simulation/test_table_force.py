@@ -152,6 +152,7 @@ def test_resting_spins_are_braked_before_a_gas_goes_to_the_end() -> None:
     assert run.energy_input == pytest.approx(-measure(disks, begin).energy, rel=1e-14)
 
 
+@pytest.mark.full
 def test_resting_is_left_only_with_forces_that_set_in_motion() -> None:
     disks = equal_disks(4)
     begin = State(apart(4), np.zeros((4, 2)), np.zeros(4))
@@ -162,6 +163,7 @@ def test_resting_is_left_only_with_forces_that_set_in_motion() -> None:
     assert run.state.velocity.any()
 
 
+@pytest.mark.full
 def test_threads_orders_and_precisions_agree() -> None:
     disks = equal_disks(300)
     box, state = start(disks, 0.3)

@@ -98,6 +98,7 @@ def test_no_pair_that_will_meet_is_taken_for_parted() -> None:
     assert no_pair_approaches(simulation.state, disks)
 
 
+@pytest.mark.full
 def test_any_number_of_threads_gives_the_same_bits() -> None:
     disks, state = blob(400)
     law = np.array([[COIN]])

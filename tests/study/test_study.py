@@ -381,6 +381,7 @@ def test_progress_in_a_pipe_has_a_line_for_more_runs_only(capsys, monkeypatch) -
 INTERVAL = "95 % interval of the mean (Student's $t$, 2 seeds)"
 
 
+@pytest.mark.full
 def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     study = ifrdem.Study(case, vary=[VARY, "material[0].mu=0.1,0.5"], seeds=2, output=tmp_path / "t")
     study.run(workers=0)
@@ -493,6 +494,7 @@ def quiet(tmp_path_factory: pytest.TempPathFactory) -> ifrdem.Study:
     return study
 
 
+@pytest.mark.full(keep=("pool",))
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
 @pytest.mark.parametrize("engine", ["pool", "dask"])
 def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(case, quiet, tmp_path, engine):

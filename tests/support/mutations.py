@@ -129,7 +129,9 @@ def run(tests: list[str], seconds: float, lines: Path | None = None) -> tuple[bo
         import pytest
 
         plugin = Lines(f"{os.getcwd()}/ifrdem/")
-        failed = pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], [plugin] if lines else [])
+        failed = pytest.main(
+            ["-q", "-x", "--full", "-p", "no:cacheprovider", *tests], [plugin] if lines else []
+        )
         sys.settrace(None)
         if lines:
             lines.write_text(json.dumps({name: sorted(observed) for name, observed in plugin.found.items()}))

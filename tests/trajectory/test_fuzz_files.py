@@ -134,6 +134,7 @@ def ends_well(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
                 read(path.with_name("repaired.h5"))
 
 
+@pytest.mark.full(keep=4)
 @pytest.mark.parametrize("compression", ["none", "gzip"])
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_a_flipped_bit_is_reported_or_harmless(tmp_path, capsys, files, compression, seed):
@@ -324,6 +325,7 @@ def test_data_that_lie_elsewhere_are_refused(tmp_path, capsys, files, name):
     ends_well(path, capsys)
 
 
+@pytest.mark.full(keep=12)
 @pytest.mark.parametrize("name", DAMAGED)
 def test_a_file_made_to_harm_is_refused(tmp_path, capsys, files, name):
     path = harmed(tmp_path, files["none"], DAMAGED[name])

@@ -304,6 +304,7 @@ def test_a_failing_drive_in_the_middle_of_a_frame_leaves_the_previous_frames(tmp
     assert assert_whole(path, 3, "fs") == (1, 1, 0)
 
 
+@pytest.mark.full
 def test_a_disk_that_refuses_pieces_leaves_a_file_that_can_be_closed(tmp_path, monkeypatch):
     """An error remembers where it happened, and with that the memory that is let go of."""
     path = tmp_path / "run.h5"

@@ -305,6 +305,7 @@ def test_interruption_ends_with_a_message_and_its_status() -> None:
 # --- starts -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 def test_starts_are_timed_in_fresh_processes(capsys: pytest.CaptureFixture[str]) -> None:
     assert script(start.start, ["--n", "100", "--threads", "1"]) == 0
     lines = [line.split(": ", 1) for line in capsys.readouterr().out.splitlines()]
@@ -346,6 +347,7 @@ def test_loops_of_a_kernel_are_summed() -> None:
     ]
 
 
+@pytest.mark.full
 @pytest.mark.usefixtures("unprofiled")
 def test_the_profile_is_of_the_time_that_passed(capsys: pytest.CaptureFixture[str]) -> None:
     own = json.loads(output([*SMALL, "--profile", "--json"], capsys))["profile"]
@@ -359,6 +361,7 @@ def test_the_profile_is_of_the_time_that_passed(capsys: pytest.CaptureFixture[st
     assert re.search(r"^  outside: Python, launches +\S+ +\S+ %$", text, flags=re.MULTILINE)
 
 
+@pytest.mark.full
 @pytest.mark.usefixtures("unprofiled")
 def test_a_profiled_device_serves_a_simulation_that_asks_for_no_profile() -> None:
     profiled = backend.start(Device("cpu", threads=1), profile=True)
@@ -409,6 +412,7 @@ def test_two_sizes_share_the_area() -> None:
     assert disks.mass == pytest.approx(4.0 * disks.radius**2)  # of one density; the small ones have mass 1
 
 
+@pytest.mark.full
 def test_the_table_measures_each_of_its_gases(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,6 +14,7 @@ from ifrdem.validation.speed import bench, output_cost
 from ifrdem.validation.speed.output_cost import FRAMES, between, cost
 
 
+@pytest.mark.full
 def test_each_turn_times_the_same_time_bare_with_the_ledger_and_with_all(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,6 +21,7 @@ from ifrdem.validation.report import registry, runner, terminal
 from ifrdem.validation.report.registry import Result, Row
 
 
+@pytest.mark.full
 def test_rows_and_figures_of_workers_are_those_of_one_process_to_the_last_bit(tmp_path, capsys) -> None:
     names = ["misprints", "gas_collapse"]
     for jobs in ("1", "2"):

@@ -23,6 +23,7 @@ from ifrdem.cli.main import main
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytestmark = [
+    pytest.mark.full,
     pytest.mark.browser,
     pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine"),
 ]
@@ -362,6 +363,7 @@ def test_many_disks_are_a_map_until_the_view_is_narrow(page, serve, path):
 SIZES = {"narrow": (390, 844), "wide": (1400, 900)}
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_no_fault_with_a_disk_chosen_nor_in_a_study(browser, serve, path, tmp_path, scheme, size):

@@ -182,6 +182,7 @@ def test_ledger_closes_and_no_collision_adds_energy(law: laws.CollisionLaw) -> N
     assert by_mechanism[:3].min() > 0.0  # normal, tangential restitution, friction
 
 
+@pytest.mark.full(keep=1)
 @EACH
 def test_cooling_by_theory_is_that_of_the_monte_carlo_of_its_equation(law: laws.CollisionLaw) -> None:
     """Velocities are Gaussian until disks have collided: changes agree within the noise of 400,000 disks, about 1 %."""

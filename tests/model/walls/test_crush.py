@@ -90,6 +90,7 @@ def test_walls_that_crush_no_disk_are_not_reported(walls: list[Wall]) -> None:
     assert list(crushes(walls, BOX, 0.5, 0.0, 0.8)) == []
 
 
+@pytest.mark.full
 def test_a_simulation_and_a_check_report_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     walls = [
         Wall.segment((2.0, 5.0), (6.0, 5.0), motion=DOWN, group="piston"),

@@ -23,10 +23,13 @@ SETTINGS = {
     "STUB_RACE": "1",
 }
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("gcc") is None or (sys.platform, platform.machine()) != ("linux", "x86_64"),
-    reason="the emulator needs gcc, and Linux on x86-64",
-)
+pytestmark = [
+    pytest.mark.full,
+    pytest.mark.skipif(
+        shutil.which("gcc") is None or (sys.platform, platform.machine()) != ("linux", "x86_64"),
+        reason="the emulator needs gcc, and Linux on x86-64",
+    ),
+]
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from ifrdem.model.state import Disks, State
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 
-pytestmark = pytest.mark.optimised
+pytestmark = [pytest.mark.full, pytest.mark.optimised]
 
 N = 4000
 LAWS = {"elastic": ELASTIC, "coin": COIN}

@@ -74,6 +74,7 @@ def equal_gas(packing_fraction: float, law: tuple[float, ...]) -> tuple[Disks, B
     return disks, box, state, per_disk, simulate(disks, box, law, state, max_collisions=int(per_disk * 500))
 
 
+@pytest.mark.full(keep=4)
 @pytest.mark.parametrize("order", ["serial", "tiled"])
 @pytest.mark.parametrize("law", [ELASTIC, COIN, ROLLING], ids=["elastic", "coin", "rolling"])
 @pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.6, 0.7])
@@ -86,6 +87,7 @@ def test_collisions_are_those_of_the_serial_code(
     assert engine.statistics.in_order < engine.statistics.windows
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(("order", "n"), [("serial", 20_000), ("tiled", 50_000)])
 def test_none_of_many_disks_ever_overlap(order: str, n: int) -> None:
     """A pair that was missed meets without a collision: looked for among all pairs, several times per flight.

@@ -105,6 +105,7 @@ CASES: dict[str, Make] = {
 }  # fmt: skip
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("name", CASES)
 def test_the_motion_is_that_of_forces_that_end_windows(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Windows begin elsewhere, and with them rounding: errors of 1e-16 have grown for up to 6 collisions per disk."""
@@ -172,6 +173,7 @@ def test_tiles_threads_stops_and_a_restart_change_no_bit() -> None:
         )
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("power", [50.0, 5000.0])
 def test_strong_kicks_are_exact_in_tiles(power: float) -> None:
     """Each kick heats the gas many times over, or it begins at rest: halos get as wide as they need to be."""
@@ -192,6 +194,7 @@ def test_strong_kicks_are_exact_in_tiles(power: float) -> None:
         check_equal(*found)
 
 
+@pytest.mark.full
 def test_the_energy_of_a_gas_between_walls_is_what_was_put_in() -> None:
     """Under gravity, and in both precisions: kinetic and potential energy, work, heat and losses close."""
     precisions: list[tuple[Literal["f64", "f32"], float]] = [("f64", 1e-11), ("f32", 2e-5)]
@@ -229,6 +232,7 @@ def test_parameters_set_between_runs_act_from_then_on() -> None:
         np.testing.assert_allclose(change, [0.5 + 10 * 0.05 * 4.0, 0.0], atol=1e-13)
 
 
+@pytest.mark.full
 def test_the_energy_ledger_goes_on_where_forces_are_set() -> None:
     simulation = gas_of(
         equal_disks(300), 0.3, IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2), forces=[RandomKicks(0.05, power=1.0)]

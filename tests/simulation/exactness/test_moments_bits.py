@@ -52,6 +52,7 @@ def looked_at(
     return found, engine, len(computed) - engine.statistics.windows
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("name", sorted(set(GASES) - {"driven"}))  # whose windows end at forces
 def test_moments_in_windows_of_tiles_have_the_bits_of_the_serial_order(
     name: str, monkeypatch: pytest.MonkeyPatch
@@ -120,6 +121,7 @@ def test_collisions_of_tiles_that_are_run_again_count_once(monkeypatch: pytest.M
         assert all(np.array_equal(getattr(state, each), getattr(state_1, each)) for each in LOOKED_AT)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("name", ["phi = 0.3", "mixture"])
 def test_low_memory_keeps_the_bits_without_room_for_moments(name: str) -> None:
     """At times, some of them in one window, and at numbers of collisions, the last of which lies in a later window."""

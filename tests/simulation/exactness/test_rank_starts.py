@@ -7,7 +7,10 @@ import re
 import sys
 from pathlib import Path
 
+import pytest
 from support import mpi
+
+pytestmark = pytest.mark.full
 
 SCRIPT = Path(__file__).parents[2] / "support" / "ranks" / "starts.py"
 CASE = """

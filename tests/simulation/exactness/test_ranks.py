@@ -31,10 +31,14 @@ FAULTS = (
 
 
 @pytest.fixture(scope="module")
-def results() -> dict[str, dict[str, Any]]:
-    """Results of each run, by its words."""
-    words = [*RUNS, *(f"2:cooling:{fault}" for fault in FAULTS), "2:sizes:wrong_row"]
-    done = mpi.on(4, sys.executable, "-m", "mpi4py", GASES, *words, timeout=600.0)
+def results(request: pytest.FixtureRequest) -> dict[str, dict[str, Any]]:
+    """Results of each run that is tested, by its words."""
+    here = [item.name for item in request.session.items if item.path == request.path]
+    words = [run for run in RUNS if any(name.endswith(f"[{run}]") for name in here)]
+    if test_faults_are_found_out.__name__ in here:
+        words += [*(f"2:cooling:{fault}" for fault in FAULTS), "2:sizes:wrong_row"]
+    ranks = max(int(word[0]) for word in words)
+    done = mpi.on(ranks, sys.executable, "-m", "mpi4py", GASES, *words, timeout=600.0)
     assert done.returncode == 0, done.stderr + done.stdout
     found = {line["word"]: line for line in map(json.loads, done.stdout.splitlines())}
     assert list(found) == words
@@ -42,6 +46,7 @@ def results() -> dict[str, dict[str, Any]]:
 
 
 @mpi.needed
+@pytest.mark.full(keep=("2:sizes",))
 @pytest.mark.parametrize("run", RUNS)
 def test_all_bits_are_those_of_one_rank(run: str, results: dict[str, dict[str, Any]]) -> None:
     """State, past of disks, sums, ledger, windows, what forces put in, and 250 collisions in their order.
@@ -80,6 +85,7 @@ def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
     assert found["seen"] == ["0", "0", "0"]
 
 
+@pytest.mark.full
 @mpi.needed
 def test_faults_are_found_out(results: dict[str, dict[str, Any]]) -> None:
     """Faults: half a ring, a narrow one, no hashes or verification, other sums, an unowned tile, wrong masses.

@@ -123,6 +123,7 @@ def same(one: State, other: State) -> bool:
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in COMPARED)
 
 
+@pytest.mark.full(keep=4)
 @pytest.mark.parametrize(
     ("threads", "name"),
     [(threads, name) for threads in THREADS for name in GASES if threads > 1 or name.startswith("phi")],
@@ -344,6 +345,7 @@ def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> No
     assert len(np.unique(one * 2**32 + two)) == n
 
 
+@pytest.mark.full
 def test_ids_up_to_the_last_of_32_bits_on_one_thread() -> None:
     """The last disk has number 2^31 - 1, as in a gas of so many: it moves as disk 3999 does, and names its partners."""
     disks, box, state, law, _ = periodic(0.3, COIN)

@@ -48,6 +48,7 @@ def test_disks_in_a_narrow_channel_collide_as_in_a_serial_code() -> None:
     np.testing.assert_allclose([one[0] for one in found], [one[0] for one in expected], rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.full
 def test_a_narrow_channel_in_many_tiles_has_the_bits_of_one() -> None:
     disks, state = channel(150)
     box = Box((300.0, WIDTH), (True, False))

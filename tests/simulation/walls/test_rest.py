@@ -372,6 +372,7 @@ def test_a_pile_comes_to_rest_at_a_bounded_cost() -> None:
     np.testing.assert_array_equal(run.state.position, state.position)
 
 
+@pytest.mark.full
 def test_the_more_disks_rest_the_more_steps_may_find_their_forces() -> None:
     """Each of 450 on a floor has a contact of its own, F_n = m g, found as quickly as one."""
     n = 450
@@ -396,6 +397,7 @@ def test_a_pile_rests_at_any_friction() -> None:
     closes(run)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     ("box", "walls", "law"),
     [
@@ -452,6 +454,7 @@ def test_gravity_that_turns_wakes_piles_which_flow_and_rest_again() -> None:
     assert np.mean(shifts) == pytest.approx(1.71, abs=0.60)
 
 
+@pytest.mark.full
 def test_a_heap_takes_the_memory_that_the_estimate_says() -> None:
     run = pile(30)
     run.run(t_end=0.1)
@@ -542,6 +545,7 @@ def test_a_gate_that_opens_under_sleeping_disks_wakes_them() -> None:
     np.testing.assert_allclose(lost, gas.measure().dissipated, rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("angle", [20.0, 45.0])
 def test_nothing_sleeps_on_the_slope_of_an_arc(angle: float) -> None:
     """Without rolling friction a disk rolls from the slope of a bowl, an arc as a container."""

@@ -137,6 +137,7 @@ def test_every_way_of_running_draws_the_same_numbers() -> None:
     assert np.abs(other.velocity - ends["serial"].velocity).max() > 0.1
 
 
+@pytest.mark.full
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_two_threads_give_the_same_bits() -> None:
     found = []

@@ -76,6 +76,7 @@ def same(one: State, other: State) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
+@pytest.mark.full
 def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
     """Gates end windows; a readout, or sums of impulses, change nothing."""
     end = 9.0
@@ -98,6 +99,7 @@ def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
     same(run_to(gas("tiled", threads=1), end), state)
 
 
+@pytest.mark.full
 def test_bits_of_a_shaken_container_under_gravity_do_not_depend_on_tiles() -> None:
     """Its root is found in steps whose last bits depend on how far ahead their bounds reach: to the window's end."""
     shaken = Motion("sine", (1.0, 0.4), amplitude=0.3, frequency=0.3)

@@ -269,6 +269,7 @@ def test_every_way_of_running_gives_the_same_shaken_gas() -> None:
             np.testing.assert_array_equal(getattr(ends[order], name), getattr(ends["serial"], name))
 
 
+@pytest.mark.full
 def test_a_shaken_gas_is_the_same_on_two_threads() -> None:
     # Another number restarts Taichi, which takes seconds: that of other tests is first.
     two, one = ([run_to(shaken(order, threads), 5.0) for order in ORDERS] for threads in (2, 1))
