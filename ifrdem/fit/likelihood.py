@@ -17,6 +17,16 @@ Student-t with nu degrees of freedom; integrated over x at each scale,
     -2 ln L = sum_i (nu + m_i) ln(1 + c_i / nu),
 
 so that x is where it was, and an impact far out weighs (nu + m_i) / (nu + c_i).
+
+Where errors are estimated from the residuals, a maximum over x is no likelihood of them: every impact takes as many
+values as x has coordinates (J. Neyman and E. L. Scott, Econometrica 16, 1 (1948), doi:10.2307/1914288). It is then
+integrated over x, by Laplace's method, which is exact where h is linear over an error,
+
+    -2 ln L = sum_i (c_i + sum_j ln(2 pi s_ij^2) + ln det A_i^T A_i - d ln 2 pi),   A_i = W_i dh/dx.
+
+Its derivative by ln s_g^2 is 0 where the squared residuals of the group g add up to its redundancy. x has the same
+coordinates for all laws, so that differences between laws depend neither on units nor on the choice of coordinates
+that are linear in one another.
 """
 
 from __future__ import annotations
@@ -53,6 +63,19 @@ class Points:
     jacobian: Array  # (n, q, p): its derivative by the free coefficients, x following
     robust: float | None  # nu of a Student-t likelihood
     redundancy: Array  # (n,)
+    tangents: Array  # (n, q, d): `slope` with chi free at edges between regimes too, on the side of the point
+    scale: Array  # (d,): units of the latent coordinates, the same for all laws
+
+    @property
+    def log_volumes(self) -> Array:
+        """ln det A^T A of each impact, (n,), A the whitened slope by latent coordinates over their `scale`.
+
+        Without directions that no measured value determines. exp(-half of it) is the volume of true motions that agree
+        with what was measured.
+        """
+        singular = np.linalg.svd(self.tangents * self.scale, compute_uv=False)
+        seen = singular > 1e-9 * singular[:, :1]
+        return np.asarray(2.0 * np.sum(np.log(np.where(seen, singular, 1.0)), axis=1))
 
     @property
     def distance(self) -> Array:
@@ -141,7 +164,8 @@ class Likelihood:
         )
         rows, y = problem.rows, np.nan_to_num(problem.y)
         f, slope = latent_slope(problem, law, values, x, rows, side)
-        slope = problem.white @ slope
+        tangents = problem.white @ slope
+        slope = tangents.copy()
         slope[at_edge >= 0, :, 0] = 0.0
         # At an edge between regimes chi moves with the edge; elsewhere it is free to follow.
         changed = values + _STEP * np.eye(p)
@@ -153,7 +177,8 @@ class Likelihood:
         by_value = problem.white @ by_value
         along = _solve(slope, by_value)
         residual = np.einsum("nab,nb->na", problem.white, y - np.where(np.isnan(problem.y), 0.0, f))
-        return Points(x, residual, slope, slope @ along - by_value, self.robust, problem.redundancy)
+        jacobian, scale = slope @ along - by_value, problem.step * 1e6
+        return Points(x, residual, slope, jacobian, self.robust, problem.redundancy, tangents, scale)
 
     def rough(self, values: Array) -> float:
         """The loss with each distance after one step from the motion as it was measured: to choose starts by."""

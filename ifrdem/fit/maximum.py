@@ -381,7 +381,7 @@ class _LawFit:
             )
         loss, chi2 = points.loss, float(np.sum(points.distance))
         given = not self.problem.estimated
-        minus_2_ln_L = loss + self._normalisation(problem, points)
+        minus_2_ln_L = loss + float(np.sum(self._normalisation(problem, points)))
         q = p + len(self.problem.estimated)
         suspects = self._suspects(problem, points)
         verdict = None
@@ -451,14 +451,16 @@ class _LawFit:
             f"separately: give one of them, e.g. {_error_of(one)}"
         )
 
-    def _normalisation(self, problem: FitProblem, points: Points) -> float:
-        """The constant of -2 ln L; where errors are estimated, of the residuals after the latent coordinates."""
+    def _normalisation(self, problem: FitProblem, points: Points) -> Array:
+        """The constant of -2 ln L of each impact, (n,); where errors are estimated, integrated over true motions."""
         with np.errstate(invalid="ignore"):
             size = np.log(2.0 * np.pi * problem.s**2)
         size = np.where(np.isnan(problem.y) | problem.known, 0.0, size)
         if not self.problem.estimated:
-            return float(np.sum(size))
-        return float(np.sum(_redundancies(points, with_coefficients=False) * size))
+            return np.asarray(np.sum(size, axis=1))
+        measured = np.sum(~(np.isnan(problem.y) | problem.known), axis=1)
+        taken = np.maximum(measured - problem.redundancy, 0)
+        return np.asarray(np.sum(size, axis=1) + points.log_volumes - taken * np.log(2.0 * np.pi))
 
     def _pairs(self) -> list[tuple[float, float, float, float]]:
         """k_1, k_2, m_1, m_2 of every kind of pair."""
@@ -506,7 +508,11 @@ class _LawFit:
                 problem.rows[(problem.rows % folds == fold) == which] for which in (False, True)
             )
             values, _ = Search(Likelihood(problem.take(training), self.law, self.robust)).descend(best)
-            total += Likelihood(problem.take(held_out), self.law, self.robust).at(values).loss
+            tested = problem.take(held_out)
+            points = Likelihood(tested, self.law, self.robust).at(values)
+            total += points.loss
+            if self.problem.estimated:  # errors differ from law to law: larger ones must not look like success
+                total += float(np.sum(self._normalisation(tested, points)))
         return total / len(problem.rows)
 
     def _bootstrap(
