@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -197,18 +198,73 @@ def _correlation_times(x: Array) -> Array:
     return np.maximum(0.5, np.take_along_axis(tau, stop[None], axis=0)[0])
 
 
+class MeanErrors(NamedTuple):
+    """Standard errors of means of correlated series, and the number of independent values with the same error."""
+
+    error: Array
+    effective: Array
+
+
+def mean_errors(series: Array) -> MeanErrors:
+    """Standard errors of the means of series along the first axis, (n, ...), and n_eff; nan for one row.
+
+    A series is taken as of the correlation rho^|lag|. The mean is one of the sample, so that the correlation of
+    successive values that is seen is too low, by some (1 + 3 rho) / n (F. H. C. Marriott and J. A. Pope, Biometrika 41,
+    390 (1954), doi:10.1093/biomet/41.3-4.390), and so is the sum of squares, by 1 / n_eff. Both are inverted exactly:
+    rho is where the expectation of the correlation is the one that is seen, or follows from the integrated
+    autocorrelation time if that is longer. Then
+
+        n_eff = n^2 / sum_ij rho^|i - j|,    error^2 = sum_i (x_i - mean)^2 / (n (1 - 1 / n_eff)) / n_eff,
+
+    and an interval of confidence is that of Student's t with n_eff - 1 degrees of freedom, 1 at least.
+    """
+    x = np.asarray(series, dtype=float)
+    n = len(x)
+    if n < 2:
+        nothing = np.full(x.shape[1:], np.nan)
+        return MeanErrors(nothing, nothing)
+    own = x - x.mean(axis=0)
+    square = np.sum(own**2, axis=0)
+    rho = np.zeros(x.shape[1:])
+    if n >= FEWEST_CORRELATED:
+        seen = np.sum(own[1:] * own[:-1], axis=0) / np.where(square > 0.0, square, 1.0)
+        values, expected = _expected_correlation(n)
+        rho = np.interp(seen, expected, values)
+        tau = _correlation_times(x)
+        rho = np.where(square > 0.0, np.maximum(rho, (tau - 0.5) / (tau + 0.5)), 0.0)
+    share = _variance_of_mean(n, rho)
+    return MeanErrors(np.sqrt(square / (n * (1.0 - share)) * share), 1.0 / share)
+
+
+FEWEST_CORRELATED = 4
+"""Values below which a series says nothing of its own correlation."""
+
+
+def _variance_of_mean(n: int, rho: Array) -> Array:
+    """Variance of the mean of n values of variance 1 and correlation rho^|lag|: sum_ij rho^|i - j| / n^2."""
+    return np.asarray((n + 2.0 * rho / (1.0 - rho) * (n - (1.0 - rho**n) / (1.0 - rho))) / n**2)
+
+
+@functools.lru_cache(maxsize=64)
+def _expected_correlation(n: int) -> tuple[Array, Array]:
+    """Values of rho, and the mean correlation of successive values about the mean of n of them, both rising."""
+    rho = np.concatenate((np.linspace(0.0, 0.9, 181), 1.0 - np.geomspace(0.0995, 0.01, 60)))
+    rho = np.concatenate((rho, 1.0 - np.geomspace(0.0099, 0.1 / n, 120))) if n > 10 else rho
+    rho = rho[rho <= 1.0 - 0.1 / n]
+    of_mean = _variance_of_mean(n, rho)
+    end = (1.0 - rho**n) / (1.0 - rho) / n  # covariance of the mean with the first value
+    product = (n - 1) * rho - 2.0 * (n * of_mean - end) + (n - 1) * of_mean
+    return rho, np.maximum.accumulate(product / (n * (1.0 - of_mean)))
+
+
 def standard_errors(series: Array) -> Array:
-    """Standard errors of the means of series along the first axis, (n, ...), by `correlation_time`; nan for one row."""
-    if len(series) < 2:
-        return np.full(series.shape[1:], np.nan)
-    return np.asarray(
-        np.std(series, axis=0, ddof=1) * np.sqrt(2.0 * _correlation_times(series) / len(series))
-    )
+    """Standard errors of the means of series along the first axis, (n, ...), by `mean_errors`; nan for one row."""
+    return mean_errors(series).error
 
 
 @validated
 def mean_with_error(series: Series) -> tuple[float, float]:
-    """Mean of a series and its standard error by `correlation_time`; nan for one value.
+    """Mean of a series and its standard error by `mean_errors`; nan for one value.
 
     Examples
     --------

@@ -71,7 +71,7 @@ def fit(
     it is above `OUTRIGHT` times that, if there is one. Its parameters are then those of the nearest curve of its kind:
     they have no statistical error, and `errors` are nan.
 
-    Otherwise errors are those of independent points times sqrt(2 tau), tau of r itself.
+    Otherwise errors are those of least squares under such noise, (J'J)^-1 J' R J (J'J)^-1 s^2, with rho and s of r.
 
     `law` gives values where the data (n,) are from parameters (p,), of which `start` are the first; `along` (n,) is a
     rising coordinate in which misfits are smooth; `scatter` the root mean square of slow waves that noise has anyway,
@@ -93,9 +93,33 @@ def fit(
     describes = not (
         (p_value < CHANCE and misfit > allowed) or (scatter > 0.0 and misfit > OUTRIGHT * allowed)
     )
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * whole / max(n - len(start), 1) * 2.0 * tau
+    rho, kept = _autoregression(left - own @ (own.T @ left), own)
+    covariance = covariance_of(found.jac, rho, whole / max(kept, 1e-300))
     errors = np.sqrt(np.diag(covariance)) if describes else np.full(len(start), np.nan)
     return found.x, errors, Goodness(float(np.sqrt(whole / n)), tau, misfit, p_value, describes)
+
+
+def covariance_of(J: Array, rho: float, variance: float) -> Array:
+    """Covariance (p, p) of parameters of least squares with derivatives J (n, p) and noise of correlation rho^|lag|.
+
+    (J'J)^-1 J' R J (J'J)^-1 times the variance of the noise. Parameters in a combination that the data do not determine
+    have an infinite one: a pseudo-inverse would leave out that very direction, and give an error of nearly 0.
+    """
+    size = np.linalg.norm(J, axis=0)
+    moving = size > 0.0
+    unit = 1.0 / np.where(moving, size, 1.0)
+    _, singular, directions = np.linalg.svd(J * unit, full_matrices=False)
+    flat = singular <= FLAT * singular[0]
+    inverse = (directions.T / np.where(flat, 1.0, singular) ** 2) @ directions
+    found = inverse @ ((J * unit).T @ correlated(J * unit, rho)) @ inverse * variance
+    tied = ~moving | np.any(np.abs(directions[flat]) > FLAT, axis=0)
+    found = found * np.outer(unit, unit)
+    found[tied, tied] = np.inf
+    return np.asarray(found)
+
+
+FLAT = 1e-6
+"""Singular value of the derivatives over the largest, below which a combination of parameters is not determined."""
 
 
 def _basis(columns: Array) -> Array:
@@ -120,12 +144,12 @@ def _p_value(left: Array, own: Array, beyond: Array) -> float:
     if modes == 0 or n < FEWEST:
         return float("nan")
     variance = max(float(rest @ rest) / kept, 1e-300)
-    covariance = variance * beyond.T @ _correlated(beyond, rho)
+    covariance = variance * beyond.T @ correlated(beyond, rho)
     F = float(coefficients @ np.linalg.solve(covariance, coefficients)) / modes
     return float(f_distribution.sf(F, modes, freedom))
 
 
-def _correlated(columns: Array, rho: float) -> Array:
+def correlated(columns: Array, rho: float) -> Array:
     """Product of the correlation matrix R_ij = rho^|i - j| and columns."""
     from scipy.signal import lfilter
 
@@ -145,7 +169,7 @@ def _autoregression(rest: Array, modes: Array) -> tuple[float, float]:
     n = len(rest)
 
     def means(rho: float) -> tuple[float, float]:
-        moved = _correlated(modes, rho)
+        moved = correlated(modes, rho)
         inner = modes.T @ moved
         square = n - float(np.sum(modes * moved))
         off_diagonal = (n - 1) * rho - float(np.sum(modes[:-1] * moved[1:] + moved[:-1] * modes[1:]))
@@ -308,10 +332,40 @@ def ratio_fit(
 
     scatter = 0.0 if disks is None else float(np.mean(np.abs(ratio))) * (3.0 / disks) ** 0.5
     values, errors, goodness = fit(law, ratio, start, np.log1p(along / np.exp(start[2])), scatter=scatter)
-    begin, end, lag = float(values[0]), float(values[1]), float(np.exp(values[2]))
+    begin, end, lag = float(values[0]), float(values[1]), float(np.exp(np.clip(values[2], -50.0, 50.0)))
     begin_error, end_error, of_lag = errors.tolist()
+    lag_error = lag * of_lag
+    if goodness.describes and not (of_lag < DETERMINED and lag < along[-1] and 3.0 * lag > along[1]):
+        # The data show no approach to an end. Where they show no change either, their mean is the end.
+        lag = lag_error = end_error = float("nan")
+        mean, error, change, of_change, _ = mean_and_change(along, ratio)
+        end, end_error = (mean, error) if abs(change) < 2.0 * of_change else (float("nan"), float("nan"))
     return RatioFit(**vars(goodness), theta_0=begin, theta_0_error=begin_error, theta_end=end,
-                    theta_end_error=end_error, lag=lag, lag_error=lag * of_lag)  # fmt: skip
+                    theta_end_error=end_error, lag=lag, lag_error=lag_error)  # fmt: skip
+
+
+DETERMINED = 0.5
+"""Largest standard error of the logarithm of a lag that is determined."""
+
+
+def noise_about_parabola(y: Array) -> tuple[float, float, float]:
+    """rho, variance, and number of independent values as good as these, of the noise of y (n,) about a parabola."""
+    own = _basis(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(y)), 2))
+    left = y - own @ (own.T @ y)
+    rho, kept = _autoregression(left, own)
+    return rho, float(left @ left) / max(kept, 1e-300), len(y) * (1.0 - rho) / (1.0 + rho)
+
+
+def mean_and_change(x: Array, y: Array) -> tuple[float, float, float, float, float]:
+    """Mean of y (n,), its change along x by a straight line, each with its error under correlated noise, and n_eff."""
+    J = np.stack((np.ones_like(x), (x - x.mean()) / np.ptp(x)), axis=1)
+    own = _basis(J)
+    left = y - own @ (own.T @ y)
+    rho, kept = _autoregression(left, own)
+    values = np.linalg.lstsq(J, y, rcond=None)[0]
+    errors = np.sqrt(np.diag(covariance_of(J, rho, float(left @ left) / max(kept, 1e-300))))
+    mean, change = values.tolist()
+    return mean, float(errors[0]), change, float(errors[1]), len(x) * (1.0 - rho) / (1.0 + rho)
 
 
 def _window(first: float | None, last: float | None, least: int, **columns: ArrayLike) -> tuple[Array, Array]:

@@ -27,6 +27,7 @@ from ..model.box import Box
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .common import cells_of
+from .cooling import correlated, noise_about_parabola
 from .result import NOT_STATIONARY
 
 LEVEL = 0.0027
@@ -41,19 +42,43 @@ ROUNDING = 1e-6
 
 
 def is_stationary(T: Array) -> bool:
-    """True if T changes by at most a tenth from first to last, or by no more than its noise explains.
+    """True if T changes by at most a tenth over the rows, or by no more than its noise explains.
 
-    The ends are those of the straight line of least squares through the rows, the tenth is of the higher one. Noise is
-    3 standard errors of that change, from the second differences of T, in which a slow change does not show.
+    Two changes are looked at: that of the straight line of least squares through all rows, and that from the mean of
+    the first tenth to the mean of the last half (J. Geweke, in Bayesian Statistics 4, Oxford 1992). The noise is that
+    of one half about its own parabola, of the quieter one, which has no start or end of a change: of the correlation rho^|lag|, corrected
+    for that (`cooling.noise_about_parabola`), because rows closer than the gas remembers are not independent. A change is
+    no noise beyond half the level `LEVEL` of Student's t with n_eff - 3 degrees of freedom of the last half, 3 at least.
     """
+    from scipy.stats import t as student
+
     n = len(T)
-    if n < 2:
+    T = np.asarray(T, dtype=float)
+    if n < 2 or np.ptp(T) == 0.0:
         return True
-    middle, place = float(np.mean(T)), np.arange(n) - 0.5 * (n - 1)
-    change = (n - 1) * float(place @ T) / float(place @ place)
-    noise = float(np.mean(np.diff(T, 2) ** 2)) / 6.0 if n > 2 else 0.0
-    error = math.sqrt(12.0 * noise * (n - 1) / (n * (n + 1)))
-    return abs(change) <= max(0.1 * (middle + 0.5 * abs(change)), 3.0 * error)
+    if n < FEWEST_CHANGES:
+        place = np.arange(n) - 0.5 * (n - 1)
+        change = (n - 1) * float(place @ T) / float(place @ place)
+        noise = float(np.mean(np.diff(T, 2) ** 2)) / 6.0 if n > 2 else 0.0
+        error = math.sqrt(12.0 * noise * (n - 1) / (n * (n + 1)))
+        return abs(change) <= max(0.1 * (float(np.mean(T)) + 0.5 * abs(change)), 3.0 * error)
+    halves_of = [noise_about_parabola(part) for part in (T[n // 2 :], T[: n - n // 2])]
+    rho, variance, effective = min(halves_of, key=lambda each: each[1])
+    place = np.arange(n) - 0.5 * (n - 1)
+    line = place * (n - 1) / float(place @ place)
+    early = np.zeros(n)
+    early[: max(n // 10, 1)], early[n // 2 :] = -1.0 / max(n // 10, 1), 1.0 / (n - n // 2)
+    beyond = float(student.isf(0.25 * LEVEL, max(effective - 3.0, 3.0)))
+    for weight in (line, early):
+        change = float(weight @ T)
+        error = math.sqrt(variance * float(weight @ correlated(weight[:, None], rho)[:, 0]))
+        if abs(change) > max(0.1 * (float(np.mean(T)) + 0.5 * abs(change)), beyond * error):
+            return False
+    return True
+
+
+FEWEST_CHANGES = 8
+"""Rows below which nothing is known of the correlation of their noise: second differences then stand for it."""
 
 
 def stationarity_warning(trajectory: Trajectory, T: Array) -> str:

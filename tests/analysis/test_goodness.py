@@ -38,7 +38,7 @@ def test_sums_over_correlated_noise_are_those_of_its_matrix() -> None:
     n, rho, rng = 40, 0.6, np.random.default_rng(1)
     modes = np.linalg.qr(rng.normal(size=(n, 4)))[0]
     lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
-    np.testing.assert_allclose(cooling._correlated(modes, rho), rho**lag @ modes, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(cooling.correlated(modes, rho), rho**lag @ modes, rtol=1e-12, atol=1e-14)
     project = np.eye(n) - modes @ modes.T
     rest = project @ noise(3, n, rho)
     found, kept = cooling._autoregression(rest, modes)
