@@ -438,10 +438,7 @@ class Engine:
     def _end_window(self) -> None:
         """Begin a window at the present time: later bits depend on where windows begin."""
         if self.windows.inside:
-            state = self._state()
-            if self.tracking is not None:
-                self.tracking.drop_after(state.time)
-            self._restart_from(state)
+            self._restart_from(self._state())
         else:
             self.windows.commit()
 
@@ -450,6 +447,8 @@ class Engine:
         if wakes and self.options.resting_speed:
             self._asleep_before -= self.asleep
             state.asleep = np.zeros_like(state.asleep)
+        if self.tracking is not None:  # what was to follow does not happen
+            self.tracking.drop_after(state.time)
         excess = self._excess()
         self.windows.commit_at(state.time)
         self._load(state)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..steps.force_steps import ForceSteps
 
 MOST_HALVINGS = 40  # of the window of a sheared gas
+NOTHING_TOLD = -1.0  # before the beginning of any window
 ROUNDING = 8  # last digits by which a window is longer than the moment that it is cut at, for collisions at that time
 
 
@@ -62,6 +63,8 @@ class Windows:
         # It has been run to the requested moment; the scratch space holds the rest of it.
         self._paused = False
         self._recorded = 0  # what has been written down of the present window
+        self._told = NOTHING_TOLD  # moment to which events of tracked disks have been handed on, where it has paused
+        self._paused_at = NOTHING_TOLD  # as kernels have it
         self._moments: list[Moment] = []  # that have been written
         self._end_overwritten = False  # by the state at the first moment: `low_memory`
         self._moment_now = 0.0
@@ -204,8 +207,8 @@ class Windows:
         if self.forces is not None:
             self.forces.begin_window(self.moment)
         self.now = self.arrays.clock.begin = self.arrays.clock.end = time
-        self._times = None
-        self._completed = self._ready = self._paused = self._end_overwritten = False
+        self._times, self._told = None, NOTHING_TOLD
+        self._completed = self._ready = self._paused = self._end_overwritten = self.fresh = False
         self._moments, self._moment_now = [], 0.0
 
     def snapshot(self) -> dict[str, NDArray[np.float64]]:
@@ -253,6 +256,7 @@ class Windows:
         if ended:
             self._last_collisions = float(self._at_end[TALLY.collisions])
             self._completed, self._moments, self._moment_now, self._times = False, [], 0.0, None
+            self._told = NOTHING_TOLD
         narrow = a.least_side - overhang < LEAST_HALO * a.least_side and not (a.single_tile or a.uses.sheared)
         if narrow:  # halos would be
             self._plan(commits=ended, plans=False)
@@ -301,7 +305,7 @@ class Windows:
             # From its beginning, to see what happened in it.
             self._compute(self._present_moment(), 1, watching)
         if self._paused or self._end_overwritten or not self._completed:
-            pausing = a.single_tile and not a.on_gpu and not watching & k.TRACKED
+            pausing = a.single_tile and not a.on_gpu
             self._requested = [until] if pausing else [until, *next_points()]
             if pausing or (a.on_gpu and math.isfinite(stop)):
                 room = a.make_moments()
@@ -417,8 +421,17 @@ class Windows:
         return self.domain.comm.nth_smallest(self._times, counts)
 
     def watched(self, none: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Events of tracked disks on this rank in the present window, or `none`: rows of `event` and `event_int`."""
-        return self.runner.events.rows(none)
+        """Events of tracked disks on this rank in the present window, or `none`: rows of `event` and `event_int`.
+
+        Of a window that has paused, those that were not given before.
+        """
+        real, whole = self.runner.events.rows(none)
+        if self._told >= 0.0:
+            new = named(real, "event").time > self._told
+            real, whole = real[new], whole[new]
+        if self._paused:
+            self._told = self._paused_at
+        return real, whole
 
     def pairs(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Collisions of two disks here in the present window: rows of `pair_time` and `pair`."""
@@ -431,6 +444,8 @@ class Windows:
         """
         a, runner = self.arrays, self.runner
         resuming = self._paused and pausing
+        if self._paused and not pausing:  # the rest of the window, too, which will not be run again
+            watching |= self._recorded & k.TRACKED
         self._paused = self._end_overwritten = False
         begin = self.begin
         again = begin == self._counted
@@ -477,7 +492,7 @@ class Windows:
         if begin != self.begin:  # the kernel ran further windows
             self._times = None
         self._at_end = self._tally(k.AT_END)
-        moment_time = float(a.scale.moment[0])
+        moment_time = self._paused_at = float(a.scale.moment[0])
         if begin != self.begin or a.counter.paused == k.BY_COUNT:  # the kernel chose
             if begin != self.begin and a.counter.paused != k.BY_COUNT:
                 moment_time = float(a.clock.stop) - self.begin if moment_time < k.FAR else k.FAR
