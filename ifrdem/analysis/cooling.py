@@ -358,7 +358,7 @@ def noise_about_parabola(y: Array) -> tuple[float, float, float]:
 
 def mean_and_change(x: Array, y: Array) -> tuple[float, float, float, float, float]:
     """Mean of y (n,), its change along x by a straight line, each with its error under correlated noise, and n_eff."""
-    J = np.stack((np.ones_like(x), (x - x.mean()) / np.ptp(x)), axis=1)
+    J: Array = np.stack((np.ones_like(x), (x - x.mean()) / np.ptp(x)), axis=1)
     own = _basis(J)
     left = y - own @ (own.T @ y)
     rho, kept = _autoregression(left, own)

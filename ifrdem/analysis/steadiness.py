@@ -46,9 +46,9 @@ def is_stationary(T: Array) -> bool:
 
     Two changes are looked at: that of the straight line of least squares through all rows, and that from the mean of
     the first tenth to the mean of the last half (J. Geweke, in Bayesian Statistics 4, Oxford 1992). The noise is that
-    of one half about its own parabola, of the quieter one, which has no start or end of a change: of the correlation rho^|lag|, corrected
-    for that (`cooling.noise_about_parabola`), because rows closer than the gas remembers are not independent. A change is
-    no noise beyond half the level `LEVEL` of Student's t with n_eff - 3 degrees of freedom of the last half, 3 at least.
+    of the quieter half about its own parabola (`cooling.noise_about_parabola`), with the correlation rho^|lag|, because
+    rows closer than the gas remembers are not independent. A change is no noise beyond half the level `LEVEL` of
+    Student's t with n_eff - 3 degrees of freedom of that half, 3 at least.
     """
     from scipy.stats import t as student
 
@@ -65,7 +65,7 @@ def is_stationary(T: Array) -> bool:
     halves_of = [noise_about_parabola(part) for part in (T[n // 2 :], T[: n - n // 2])]
     rho, variance, effective = min(halves_of, key=lambda each: each[1])
     place = np.arange(n) - 0.5 * (n - 1)
-    line = place * (n - 1) / float(place @ place)
+    line: Array = place * (n - 1) / float(place @ place)
     early = np.zeros(n)
     early[: max(n // 10, 1)], early[n // 2 :] = -1.0 / max(n // 10, 1), 1.0 / (n - n // 2)
     beyond = float(student.isf(0.25 * LEVEL, max(effective - 3.0, 3.0)))

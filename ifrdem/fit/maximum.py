@@ -511,7 +511,8 @@ class _LawFit:
             tested = problem.take(held_out)
             points = Likelihood(tested, self.law, self.robust).at(values)
             total += points.loss
-            if self.problem.estimated:  # errors differ from law to law: larger ones must not look like success
+            # Errors differ from law to law: larger ones must not look like success.
+            if self.problem.estimated:
                 total += float(np.sum(self._normalisation(tested, points)))
         return total / len(problem.rows)
 

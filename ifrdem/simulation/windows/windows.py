@@ -63,7 +63,8 @@ class Windows:
         # It has been run to the requested moment; the scratch space holds the rest of it.
         self._paused = False
         self._recorded = 0  # what has been written down of the present window
-        self._told = NOTHING_TOLD  # moment to which events of tracked disks have been handed on, where it has paused
+        # Moment to which events of tracked disks have been handed on, where it has paused.
+        self._told = NOTHING_TOLD
         self._paused_at = NOTHING_TOLD  # as kernels have it
         self._moments: list[Moment] = []  # that have been written
         self._end_overwritten = False  # by the state at the first moment: `low_memory`
