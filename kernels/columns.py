@@ -7,10 +7,12 @@ kernels reach columns by name through `compiler/records.py`, the host through `n
 
 import functools
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..quantities import FRAME, Quantity
 
 REAL, F64, F32, I32, U64 = "real", "f64", "f32", "i32", "u64"
 """Types of numbers: REAL is that of the run, f64 or f32."""
@@ -357,54 +359,16 @@ SPECIES = Columns(
 )
 
 
-class FrameField(NamedTuple):
-    """A quantity of each disk in a frame: its name in `State`, how many numbers, its name in files (vectors have a view
-    in 3D there), the feature that it needs, and whether it is int32 or in the precision of the frame."""
-
-    attribute: str
-    components: int
-    file: str = ""
-    feature: str = ""
-    count: bool = False
-
-    @property
-    def dataset(self) -> str:
-        """Name of the dataset with the stored data inside the field's group."""
-        return "value_2d" if self.components == 2 else "value"
-
-    @property
-    def tail(self) -> tuple[int, ...]:
-        """Shape of one disk's values."""
-        return () if self.components == 1 else (self.components,)
-
-
-FRAME = {each.attribute: each for each in (
-    FrameField("position", 2, "position"),
-    FrameField("velocity", 2, "velocity"),
-    FrameField("angle", 1, "angle", "turned"),
-    FrameField("spin", 1, "angular_velocity"),
-    FrameField("dissipated", MECHANISM.width, "dissipated", "itemised"),
-    FrameField("latest_collision", 1, feature="remembers"),
-    FrameField("collisions", 1, "collisions", count=True),
-    FrameField("image", 2, "image", count=True),
-    FrameField("last_partner", 1, "last_partner", "partnered", count=True),
-    FrameField("asleep", 1, "asleep", "rests", count=True),
-    FrameField("wall_collisions", 1, feature="walled", count=True),
-)}  # fmt: skip
-
-
-def rows_dtype(quantities: Iterable[FrameField], real: Any) -> np.dtype[Any]:
-    """Type of a disk in a structured array of these quantities, real ones in this precision."""
-    return np.dtype([(each.attribute, np.int32 if each.count else real, each.tail) for each in quantities])
+def rows_dtype(quantities: Iterable[Quantity], real: str) -> np.dtype[Any]:
+    """Type of a row of a structured array of these quantities, real ones in this precision."""
+    return np.dtype([(each.name, each.dtype(real), each.tail) for each in quantities])
 
 
 @functools.cache
 def frame_dtype(uses: Any, single: bool) -> np.dtype[Any]:
     """Type of a disk in what `read_out` gives: all that a gas with these `uses` keeps; if `single`, what files hold."""
     kept = [each for each in FRAME.values() if not each.feature or getattr(uses, each.feature)]
-    return rows_dtype(
-        (each for each in kept if each.file or not single), np.float32 if single else np.float64
-    )
+    return rows_dtype((each for each in kept if each.stored or not single), "f4" if single else "f8")
 
 
 def first_word(name: str, uses: Any, single: bool) -> int:

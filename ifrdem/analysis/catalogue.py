@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..model.laws.ifr import IFRLaw
 from ..model.laws.walton import Walton
-from ..model.observables import STRESS_SERIES
+from ..quantities import STRESS_SERIES
 from ..theory.sonine import cooling_sonine
 from ..tools.checked import Array
 from ..tools.reprs import Brief

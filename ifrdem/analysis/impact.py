@@ -28,7 +28,7 @@ COUNTED = {
     "rolling_sticking": REGIMES[Regime.STICKING_ROLLING],
     "elastic": REGIMES[9],
 }
-"""Labels of the regimes that a run counts, `observables.REGIMES`; regimes without the torque rho P_n are one there."""
+"""Labels of the regimes that a run counts, `quantities.REGIMES`; regimes without the torque rho P_n are one there."""
 BINS = (9, 45)
 """Of psi, from 0 to pi / 2, at least and at most."""
 PER_BIN = 40

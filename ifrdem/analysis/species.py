@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..model.observables import SPECIES_SERIES
+from ..quantities import SPECIES_SERIES
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory

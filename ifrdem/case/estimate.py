@@ -14,11 +14,21 @@ from numpy.typing import NDArray
 from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
+from ..kernels.columns import rows_dtype
 from ..model.density import packing_fraction
 from ..model.laws.law import EnergyWarning
 from ..model.laws.viscoelastic import Viscoelastic
-from ..model.observables import COMPONENTS, MECHANISMS, REGIMES, SPECIES_SERIES, STRESS_SERIES
-from ..model.walls.wall import PISTONS, SUMS
+from ..quantities import (
+    EVENT,
+    FIELDS,
+    LEDGER,
+    OBSERVABLES,
+    PISTON_SERIES,
+    SPECIES_SERIES,
+    STRESS_SERIES,
+    WALL_SERIES,
+    numbers_of,
+)
 from ..theory import driven_gas, sheared_gas
 from ..theory.cooling_gas import cooling_until
 from ..theory.driven_gas import Driving
@@ -33,21 +43,6 @@ if TYPE_CHECKING:
 
     from .gas import CaseGas
     from .species import Species
-
-OBSERVABLES = {
-    "translational_energy": 1, "rotational_energy": 1, "energy": 1, "temperature": 1, "rotational_temperature": 1,
-    "momentum": 2, "potential_energy": 1, "energy_input": 1, "wall_work": 1, "wall_heat": 1, "dissipated_energy": 1,
-    "collisions": 1, "wall_collisions": 1,
-}  # fmt: skip
-"""Quantities of the whole gas in each frame and row of the time series, with the number of components."""
-LEDGER = {
-    "dissipated_by_mechanism": len(MECHANISMS),
-    "collisions_by_regime": len(REGIMES),
-    "ledger_residual": 1,
-}
-"""The same of each row with output.ledger."""
-STRESSES = len(STRESS_SERIES) * len(COMPONENTS)
-"""Numbers of each row with output.stress."""
 
 OVERHEAD = 1.02
 """Of HDF5's groups, indices of chunks and half-filled chunks, as a multiple of the data of a trajectory file."""
@@ -515,8 +510,7 @@ def disk_bytes(output: OutputSection) -> int:
 
 
 def _field_bytes(output: OutputSection, name: str) -> int:
-    field = layout.FIELDS[name]
-    return field.components * (4 if field.count else np.dtype(layout.PRECISIONS[output.precision]).itemsize)
+    return rows_dtype((FIELDS[name],), output.precision).itemsize
 
 
 def _trajectory_bytes(
@@ -525,16 +519,16 @@ def _trajectory_bytes(
     """Bytes of a trajectory file of n disks without compression, with so many events of tracked disks, about."""
     output = case.output
     pistons = sum(each.piston is not None for each in case.wall)
-    totals = sum(OBSERVABLES.values()) + len(PISTONS) * pistons
+    totals = numbers_of(OBSERVABLES) + len(PISTON_SERIES) * pistons
     per_chunk = layout.chunk_disks(n)
     chunks = -(-n // per_chunk)
     frame = chunks * sum(on_pages(per_chunk * _field_bytes(output, name)) for name in output.fields)
     walls = len(case.wall) + 2 * sum(not each for each in case.box.periodic)
-    row = totals + sum(LEDGER.values()) * output.ledger + walls * len(SUMS) * output.wall_sums
-    row += STRESSES * output.stress + len(SPECIES_SERIES) * len(case.species) * (len(case.species) > 1)
-    event = sum(
-        column.components * np.dtype(column.dtype).itemsize for column in layout.EVENT_COLUMNS.values()
+    row = totals + numbers_of(LEDGER) * output.ledger + walls * len(WALL_SERIES) * output.wall_sums
+    row += numbers_of(STRESS_SERIES) * output.stress + len(SPECIES_SERIES) * len(case.species) * (
+        len(case.species) > 1
     )
+    event = rows_dtype(EVENT.values(), "f8").itemsize
     constant = 28 * n  # radius, mass and k in 8 bytes, the material in 4
     size = constant + frames * (frame + 8 * totals) + rows * 8 * row + events * event
     return round(OVERHEAD * size)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,21 +11,15 @@ from pydantic import Field, field_validator
 
 from ..errors import InputError, nearest
 from ..mpi.distribution import GATHERED
+from ..quantities import FIELDS
 from ..simulation.steps.schedule import MOST as MOST_FRAMES
 from ..simulation.steps.schedule import Trigger
 from .section import Section, field, refusal
 
-FieldName = Literal[
-    "position",
-    "velocity",
-    "angle",
-    "angular_velocity",
-    "asleep",
-    "collisions",
-    "dissipated",
-    "image",
-    "last_partner",
-]
+if TYPE_CHECKING:
+    FieldName = str
+else:
+    FieldName = Literal[tuple(FIELDS)]
 Interval = Annotated[float, Field(gt=0.0)]
 ROWS_PER_FRAME = 10  # of series, up to, where a case does not say
 _TRACKED = ("histories", "histories_sample", "histories_region", "histories_all")

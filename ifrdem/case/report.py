@@ -19,13 +19,13 @@ from ..model.laws.sampling import PAIRS
 from ..model.laws.viscoelastic import Viscoelastic
 from ..model.walls.wall import Wall
 from ..mpi.distribution import GATHERED
+from ..quantities import OBSERVABLES
 from ..simulation import backend
 from ..tools.progress import size_of_time
 from .case import GROWN, CaseSections, ForceSection
 from .estimate import (
     COST_OF_RATIO,
     ENDS_WINDOW,
-    OBSERVABLES,
     RESTING,
     RankPlan,
     RunEstimate,

@@ -18,9 +18,9 @@ from ..fit.tabular import TableFormat
 from ..model.box import Box
 from ..model.walls.wall import Wall, at_displacements
 from ..mpi import current
+from ..quantities import FIELDS
 from ..tools.checked import Array
 from ..trajectory.export import CSV_KEYS, csv_names
-from ..trajectory.layout import FIELDS
 from ..trajectory.reader import SPIN
 
 POSITION = ("x", "y")

@@ -12,24 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..kernels.columns import READOUT, SPECIES, Named
 from ..mpi import SERIAL, collective, current
+from ..quantities import MECHANISMS, REGIMES
 from ..tools.checked import Array, Integer, Numbers, Positive, Real, validated
 from .state import Disks, State
 
-MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls", "rest")
-"""Mechanisms by which collisions take energy: normal and tangential restitution, friction while it slides or sticks,
-rolling friction, all of these in collisions with walls, and what disks lose that fall asleep."""
 TANGENTIAL = ("tangential_restitution", "sliding", "sticking")
 """Those of the tangential impulse. By convention restitution acts first. So each may be negative; their sum is not, if
 no tangential impulse adds energy."""
-REGIMES = ("sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic")
-"""Of collisions of two disks: whether friction slides or sticks, with the rolling torque rho P_n or without, or whether
-a remedy for collapse made them elastic."""
-STRESS_SERIES = ("stress", "stress_kinetic")
-"""Names in the time series of the pressure tensor and of its kinetic part."""
-COMPONENTS = ("xx", "xy", "yx", "yy")
-"""Of the pressure tensor: first of the momentum, then of the normal of the line that it crosses."""
-SPECIES_SERIES = ("species_temperature", "species_rotational_temperature", "species_collisions")
-"""Names in the time series of quantities of species, with a column for each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +47,10 @@ class Measure:
     asleep : int
         Disks that sleep.
     dissipated : array (7,) or None
-        Energy that collisions have taken since the start, by mechanism (`MECHANISMS`) [energy]; None without a ledger.
+        Energy that collisions have taken since the start, by mechanism (`quantities.MECHANISMS`) [energy]; None without
+        a ledger.
     regimes : array (5,) or None
-        Collisions of two disks since the start, by regime (`REGIMES`).
+        Collisions of two disks since the start, by regime (`quantities.REGIMES`).
     walls : array (W, 6) or None
         Sums of each wall, the sides of the box last (`WallSums`); None unless they are requested.
     pistons : array (P, 4) or None

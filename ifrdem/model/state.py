@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.columns import FRAME, MECHANISM, MOST_IDS
+from ..kernels.columns import MECHANISM, MOST_IDS
 from ..mpi import SERIAL, current
 from ..mpi.distribution import broadcast_constant_rows
+from ..quantities import FRAME
 from ..tools import checked
 from ..tools.checked import Array, Integer, Numbers, validated
 from ..tools.not_recorded import NotRecorded
@@ -290,7 +291,7 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
         How far each disk has turned since the start, counter-clockwise, full turns included [rad]. Recorded by runs
         with `record=["angle"]`.
     dissipated : array (n, 7)
-        Energy that each disk's collisions have taken, by mechanism (`observables.MECHANISMS`), half of what one took
+        Energy that each disk's collisions have taken, by mechanism (`quantities.MECHANISMS`), half of what one took
         for either disk [energy]. Recorded by runs with `record=["disk_energy"]`.
     asleep : array (n,) of int32
         1 for disks that sleep where they are at rest, else 0 (`collapse=Rest(speed)`).
@@ -434,7 +435,7 @@ def gather_state(n: int, state: State) -> State | None:
 
 @dataclass(frozen=True, eq=False)
 class FrameRows:
-    """Disks at one time as writers take them: a structured array by id (`columns.FRAME`); fields are attributes too."""
+    """Disks at one time as writers take them: a structured array by id (`quantities.FRAME`), fields as attributes."""
 
     time: float
     rows: NDArray[Any]

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..errors import InputError
-from ..model.observables import MECHANISMS
+from ..quantities import MECHANISMS
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import collisions_of, draw_walls, shown_region

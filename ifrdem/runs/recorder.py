@@ -11,20 +11,19 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ..case.estimate import OBSERVABLES
 from ..errors import InputError, TrajectoryError
-from ..model.observables import (
-    COMPONENTS,
-    MECHANISMS,
-    REGIMES,
+from ..model.observables import Measure, stress
+from ..model.state import FrameRows, State
+from ..quantities import (
+    AXES,
+    OBSERVABLES,
+    PISTON_SERIES,
+    SERIES,
     SPECIES_SERIES,
     STRESS_SERIES,
-    Measure,
-    stress,
+    WALL_SERIES,
 )
-from ..model.state import FrameRows, State
-from ..model.walls.wall import OF_PISTONS, PISTONS, SUMS
-from ..simulation.measuring.tracking import Events, joined
+from ..simulation.measuring.tracking import Events
 from ..tools.checked import Array, Integer, Positive, validated
 from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
@@ -35,13 +34,7 @@ or frame has those written that wait: each commit costs a run, however little th
 BYTES_PER_DISK = 64
 """Of a state that waits, about."""
 EVENTS_AT_ONCE = 200_000
-"""Events that wait in memory before they are written; each takes 177 bytes."""
-OF_WALLS = "walls_"
-"""Prefix of the sums of single walls (`model.walls.wall.SUMS`) in a row of the time series."""
-COLUMNS: dict[str, tuple[str, ...]] = {
-    "dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES,
-    **dict.fromkeys(STRESS_SERIES, COMPONENTS),
-}  # fmt: skip
+"""Events that wait in memory before they are written."""
 
 
 @validated
@@ -93,21 +86,19 @@ class Ledger:
 
     @validated
     def observables(self, measure: Measure) -> dict[str, Any]:
-        """Quantities of the whole gas in a frame (`estimate.OBSERVABLES`)."""
+        """Quantities of the whole gas in a frame (`quantities.OBSERVABLES`)."""
         if self.first is None:
             self.first = measure
         # What is missing of what was there and what forces and walls put in was dissipated.
         own = {"dissipated_energy": self.dissipated(measure)}
         found = {name: own[name] if name in own else getattr(measure, name) for name in OBSERVABLES}
         if measure.pistons is not None:
-            found |= {
-                f"{OF_PISTONS}{name}": column for name, column in zip(PISTONS, measure.pistons.T, strict=True)
-            }
+            found |= dict(zip(PISTON_SERIES, measure.pistons.T, strict=True))
         return found
 
     @validated
     def row(self, measure: Measure) -> dict[str, Any]:
-        """Quantities of a row of the time series (with `estimate.LEDGER`).
+        """Quantities of a row of the time series (with `quantities.LEDGER`).
 
         Stresses are means since the row before, nan in the first one (`observables.stress`); InputError if the measure
         has a virial and the ledger no area.
@@ -126,7 +117,7 @@ class Ledger:
         if measure.species_temperature is not None:
             row |= {name: getattr(measure, name) for name in SPECIES_SERIES}
         if measure.walls is not None:
-            row |= {f"{OF_WALLS}{name}": column for name, column in zip(SUMS, measure.walls.T, strict=True)}
+            row |= dict(zip(WALL_SERIES, measure.walls.T, strict=True))
         return row
 
     def _stresses(self, measure: Measure, area: float) -> tuple[Array, Array]:
@@ -185,7 +176,8 @@ class Recorder:
     ) -> None:
         self._writer, self._take = writer, take_events
         self.ledger: Ledger = ledger
-        self._walls, self._pistons, self._species = tuple(walls), tuple(pistons), tuple(species)
+        self._names = AXES | {"wall": tuple(walls), "piston": tuple(pistons), "species": tuple(species)}
+        del self._names["axis"]  # vectors are stored without names of their columns
         self._clock, self._wrote = clock, -math.inf
         self.seconds: float = 0.0
         self._rows: list[tuple[float, dict[str, Any]]] = []
@@ -227,10 +219,8 @@ class Recorder:
         """Write pending rows, events and frames."""
         if self._rows:
             first = self._rows[0][1]
-            columns = {name: COLUMNS[name] for name in COLUMNS if name in first}
-            columns |= {name: self._walls for name in first if name.startswith(OF_WALLS)}
-            columns |= {name: self._pistons for name in first if name.startswith(OF_PISTONS)}
-            columns |= {name: self._species for name in SPECIES_SERIES if name in first}
+            axes = {name: SERIES[name].along for name in first}
+            columns = {name: self._names[axis] for name, axis in axes.items() if axis in self._names}
             self._writer.write_series_rows(self._rows, columns)
         if self._parts:
             self._writer.write_history_parts(self._parts)
@@ -251,7 +241,7 @@ class Recorder:
         if self._take is None:
             return None
         self._gather()
-        return joined(self._pending) if self._pending else self._take()
+        return Events.joined(self._pending)
 
     def _gather(self) -> None:
         if self._take is not None and len(found := self._take()):
@@ -261,6 +251,6 @@ class Recorder:
         """Close a part of the histories: its events, until now, are written in one commit."""
         if self._take is not None:
             self._gather()
-            found = joined(self._pending) if self._pending else self._take()
+            found = Events.joined(self._pending)
             self._parts.append((found.columns(), now))
             self._pending = []

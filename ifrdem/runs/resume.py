@@ -213,7 +213,7 @@ def _gas_of(path: Path, runtime: str | None) -> CaseGas:
 def _events(arrays: Mapping[str, NDArray[Any]]) -> Events | None:
     """Events that had not been written at the checkpoint; None if no disk is tracked."""
     found = {name.removeprefix("extra_"): each for name, each in arrays.items() if name.startswith("extra_")}
-    return Events(**found) if found else None
+    return Events.of(len(found["id"]), **found) if found else None
 
 
 def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:

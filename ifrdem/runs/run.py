@@ -24,10 +24,11 @@ from ..case.gas import REPORTED_DRIFT, CaseGas
 from ..case.objects import choose_runtime
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
 from ..model.laws.records import to_record
-from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
+from ..model.observables import TANGENTIAL, Measure, drift_text
 from ..model.state import FrameRows, State
 from ..model.walls.wall import wall_names
 from ..mpi import SERIAL, Communicator, current
+from ..quantities import MECHANISMS
 from ..simulation import backend
 from ..simulation.checkpoints import checkpoint
 from ..simulation.measuring.tracking import Events

@@ -355,7 +355,7 @@ class Engine:
 
     @property
     def pistons(self) -> NDArray[np.float64]:
-        """Displacement, velocity, energy and force of each piston, shape (pistons, 4): `model.walls.wall.PISTONS`."""
+        """Displacement, velocity, energy and force of each piston, shape (pistons, 4): `quantities.PISTON_SERIES`."""
         states = self.arrays.extra_tally.piston_states(self.windows.sums).array
         pistons = [(wall.piston, wall.normal_of_piston) for wall in self.walls if wall.piston is not None]
         found = np.empty((len(pistons), 4))

@@ -21,9 +21,10 @@ from pydantic_core import PydanticCustomError
 from ..case import file as case_file
 from ..case import shipped
 from ..case.case import CaseSections
-from ..case.estimate import LEDGER, OBSERVABLES, long_steps
+from ..case.estimate import long_steps
 from ..case.messages import spelled
 from ..errors import InputError, listed, nearest, option_name
+from ..quantities import LEDGER, OBSERVABLES
 from ..tools.versions import __version__
 from .task import OverTime, PerFrame, Task
 

@@ -23,14 +23,14 @@ from ..case.gas import CaseGas
 from ..case.keys import about
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, there_are
 from ..model.laws.ifr import EnergyWarning
-from ..model.observables import COMPONENTS, MECHANISMS, REGIMES
+from ..quantities import AXES, NUMBER, SERIES
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..tools import files
 from ..tools.files import NO_VALUES
 from ..tools.intervals import student_t
 from ..tools.versions import __version__
-from ..trajectory.descriptions import NUMBER, REDUCED, WHOLE_GAS
+from ..trajectory.descriptions import REDUCED
 from ..trajectory.tables import optional_import
 from . import reading
 from .plan import Plan
@@ -150,9 +150,7 @@ class Results:
         for suffix, statistic in STATISTICS.items():
             if text is None and name.endswith(suffix):
                 stem = name.removesuffix(suffix)
-                described = (
-                    WHOLE_GAS[stem].text if stem in WHOLE_GAS else texts.get(stem, stem.replace("_", " "))
-                )
+                described = SERIES[stem].text if stem in SERIES else texts.get(stem, stem.replace("_", " "))
                 text = described + statistic
         units = {} if one.values.dtype.kind in "UO" else {"units": one.unit or NUMBER}
         return units | {"long_name": text or name}
@@ -194,8 +192,7 @@ def collect(
             unit = about(dict(zip(axis.names, axis.keys, strict=True))[name], reduced=reduced)[1]
             variables[name] = Variable((axis.names[0],), _coordinate(values), unit)
     variables[SEED] = Variable((SEED,), np.array(plan.seeds))
-    names = {"mechanism": MECHANISMS, "regime": REGIMES, "component": COMPONENTS, "axis": ("x", "y")}
-    names |= {"species": tuple(each.name for each in case.species)} if len(case.species) > 1 else {}
+    names = AXES | ({"species": tuple(each.name for each in case.species)} if len(case.species) > 1 else {})
     for name, parts in names.items():
         variables[name] = Variable((name,), np.array(parts))
     if plan.output.analyses_at:

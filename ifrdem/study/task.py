@@ -25,8 +25,8 @@ from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..errors import DamageError, EngineError, InputError
-from ..model.observables import SPECIES_SERIES, STRESS_SERIES
-from ..runs.recorder import COLUMNS, Ledger
+from ..quantities import SERIES
+from ..runs.recorder import Ledger
 from ..simulation.steps.schedule import RunPlan, RunPoint, end_at
 from ..tools.files import write_aside
 from ..trajectory.damage import FAULTS
@@ -191,20 +191,17 @@ def _at_rows(case: CaseSections, n: int, found: dict[str, NDArray[Any]]) -> dict
     result = {}
     for each, values in found.items():
         padded = np.concatenate([values.astype(float), np.full((1, *values.shape[1:]), np.nan)])
-        part = each.removeprefix("dissipated_by_").removeprefix("collisions_by_")
-        part = "component" if each in STRESS_SERIES else part
-        part = "species" if each in SPECIES_SERIES else part
-        inner = () if values.ndim == 1 else (part,) if each in (*COLUMNS, *SPECIES_SERIES) else ("axis",)
+        inner = () if values.ndim == 1 else (SERIES[each].along,)
         result[each] = Variable((name, *inner), padded[np.minimum(rows, len(values))], units.get(each, ""))
     return result
 
 
 def _units(case: CaseSections) -> dict[str, str]:
     from ..case.case import UNITS
-    from ..trajectory.descriptions import WHOLE_GAS, unit_of_whole_gas
+    from ..trajectory.descriptions import unit_of_whole_gas
 
     units = UNITS[case.run.units]
-    return {name: unit_of_whole_gas(name, units) or "" for name in ("time", *WHOLE_GAS)}
+    return {name: unit_of_whole_gas(name, units) or "" for name in ("time", *SERIES)}
 
 
 def _analysed(trajectory: Any, name: str, at: tuple[float, ...], axis: str) -> dict[str, Variable]:

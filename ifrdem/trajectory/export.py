@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import printable
+from ..quantities import FIELDS
 from ..tools import checked
 from ..tools.files import check_apart, write_aside
-from . import layout, tables
+from . import tables
 from .damage import FAULTS
 from .history import History
 from .reader import SPIN, Trajectory
@@ -104,7 +105,7 @@ def _csv(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:
 
 def csv_names(fields: Iterable[str]) -> list[str]:
     """Names of the columns of a CSV after the keys: fields, then constant properties."""
-    empty = {name: np.zeros((0, *layout.FIELDS[name].tail)) for name in fields}
+    empty = {name: np.zeros((0, *FIELDS[name].tail)) for name in fields}
     return [*(end for name, value in empty.items() for end, _ in tables.columns(name, value)), *CONSTANT]
 
 

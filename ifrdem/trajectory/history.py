@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, NameMissing, nearest, there_are
 from ..model.box import Box
+from ..quantities import EVENT, START
 from ..tools.checked import Numbers, validated
 from . import damage
-from .layout import EVENT_COLUMNS, START_COLUMNS
 from .layout import HISTORIES as GROUP
 
 Times = Annotated[ArrayLike, Numbers(None, -np.inf, np.inf, gaps=True)]
@@ -214,7 +214,7 @@ def read(
         )
     columns, group = _events(file, disk, count), file[GROUP]
     flights = {"time": np.concatenate([[float(damage.read(group["start/time"]))], columns["time"]])}
-    for name in START_COLUMNS:
+    for name in START:
         after = columns[f"{name}_after" if name in ("velocity", "spin") else name]
         flights[name] = np.concatenate([damage.read(group[f"start/{name}"], row)[None], after])
     flights["angle"] = np.concatenate([[0.0], np.cumsum(flights["spin"][:-1] * np.diff(flights["time"]))])
@@ -230,7 +230,7 @@ def _events(file: h5py.File, disk: int, count: int) -> dict[str, NDArray[Any]]:
     events = file[f"{GROUP}/events"]
     found: dict[str, list[NDArray[Any]]] = {
         name: [np.zeros((0, *column.tail), dtype=events[name].dtype)]
-        for name, column in EVENT_COLUMNS.items()
+        for name, column in EVENT.items()
         if name != "id"
     }
     for first in range(0, count, _BLOCK):

@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import h5py
@@ -20,10 +19,11 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ..errors import DamageError, InputError, install_extra
-from ..kernels.columns import FRAME, FrameField, rows_dtype
+from ..kernels.columns import rows_dtype
 from ..kernels.compiler.runtime import of_versions
 from ..model.box import Box
 from ..model.state import Disks
+from ..quantities import EVENT, FIELDS, START, Quantity
 from ..tools.versions import package_versions
 from . import damage
 from . import parts as part_files
@@ -58,13 +58,10 @@ CHUNK_FRAMES = 64
 CHUNK_ROWS = 512
 
 
-FIELDS = {each.file: each for each in FRAME.values() if each.file}
-"""Quantities stored per disk and frame, (frames, n) or, of vectors, (frames, n, 2)."""
-
 VIEWS = {
     f"{PARTICLES}/{name}/value": {(".", f"/{PARTICLES}/{name}/{field.dataset}")}
     for name, field in FIELDS.items()
-    if field.components == 2
+    if field.along == "axis"
 }
 """Virtual datasets of a trajectory, and what each shows: files and datasets."""
 PRECISIONS: dict[str, type[np.floating]] = {"f4": np.float32, "f8": np.float64}
@@ -82,59 +79,12 @@ CHUNK_EVENTS, FEW_EVENTS, MANY = 16384, 512, 1000
 """Events per chunk of many tracked disks; of fewer than MANY."""
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of the events: components of a row, and the type in the file."""
-
-    components: int
-    dtype: DTypeLike
-
-    @property
-    def tail(self) -> tuple[int, ...]:
-        """Shape of one row."""
-        return () if self.components == 1 else (self.components,)
-
-
-EVENT_COLUMNS = {
-    "time": Column(1, np.float64),
-    "id": Column(1, np.int32),
-    # 0 or more: a disk; -2 - w: wall w; -1: no collision, a force changed the disk's velocity or spin ("kick").
-    "partner": Column(1, np.int32),
-    # The disk's centre, inside the box, and box lengths travelled.
-    "position": Column(2, np.float64),
-    "image": Column(2, np.int32),
-    # From the disk's centre to the partner's, or to the wall; 0, 0 for a kick.
-    "normal": Column(2, np.float64),
-    "velocity_before": Column(2, np.float64),
-    "velocity_after": Column(2, np.float64),
-    "spin_before": Column(1, np.float64),
-    "spin_after": Column(1, np.float64),
-    # Of a wall: its velocity at the contact, and spin 0.
-    "partner_velocity_before": Column(2, np.float64),
-    "partner_velocity_after": Column(2, np.float64),
-    "partner_spin_before": Column(1, np.float64),
-    "partner_spin_after": Column(1, np.float64),
-    # P_n, P_t that the disk gives to its partner along n and t = (-n_y, n_x).
-    "impulse": Column(2, np.float64),
-    # Angle between the relative velocity of the centres and the line of centres, 0 to pi/2.
-    "psi": Column(1, np.float64),
-    # `law.Regime`; -1 not known, 9 elastic by the remedy for collapse.
-    "regime": Column(1, np.int8),
-}
-
 MEANINGS = {
     "partner": "0 or more: a disk; -1: none, a force changed the motion; -2 - w: wall w",
     "regime": "0 none; 1 sliding, 2 sticking; with rolling friction 3 sliding rolling, 4 sticking rolling, 5 sliding "
     "non-rolling, 6 sticking non-rolling; 9 elastic by a remedy for collapse; -1 not known",
 }
 """Meaning of numbers; in the file an attribute of the column."""
-
-START_COLUMNS = {
-    "position": Column(2, np.float64),
-    "velocity": Column(2, np.float64),
-    "spin": Column(1, np.float64),
-    "image": Column(2, np.int32),
-}
 
 
 def create(
@@ -185,7 +135,7 @@ def create(
     _add_species(particles, disks.n, within, parameters)
     for name in fields:
         group, field = _stepped(file, f"{PARTICLES}/{name}"), FIELDS[name]
-        stored_as: DTypeLike = np.int32 if field.count else PRECISIONS[precision]
+        stored_as: DTypeLike = field.dtype(precision)
         if parts is None:
             _create_field(group, field, disks.n, stored_as, COMPRESSIONS[compression])
             continue
@@ -260,7 +210,7 @@ def _fixed(text: str) -> Any:
 
 def frame_dtype(fields: Sequence[str], precision: str) -> np.dtype[Any]:
     """Type of a disk in a frame of a file with these fields, by the names in `State`."""
-    return rows_dtype((FIELDS[name] for name in fields), PRECISIONS[precision])
+    return rows_dtype((FIELDS[name] for name in fields), precision)
 
 
 def clock(file: h5py.File) -> str:
@@ -276,7 +226,7 @@ def _are_si(units: Mapping[str, str]) -> bool:
 
 
 def _create_field(
-    group: h5py.Group, field: FrameField, n: int, dtype: DTypeLike, filters: Mapping[str, object]
+    group: h5py.Group, field: Quantity, n: int, dtype: DTypeLike, filters: Mapping[str, object]
 ) -> None:
     # HDF5 has no chunks of size 0 in an axis that cannot grow.
     group.create_dataset(
@@ -287,7 +237,7 @@ def _create_field(
         dtype=dtype,
         **filters,
     )
-    if field.components != 2:
+    if field.along != "axis":
         return
     if n == 0:  # nothing to view, and HDF5 has no unlimited view of an empty selection
         group.create_dataset(
@@ -353,8 +303,8 @@ def create_histories(
         group["tracked"] = tracked
         for name, values in start.items():
             group[f"start/{name}"] = values
-        for name, column in EVENT_COLUMNS.items():
-            _growing(group, f"events/{name}", column.dtype, chunk_events(len(tracked)), column.tail)
+        for name, column in EVENT.items():
+            _growing(group, f"events/{name}", column.dtype(), chunk_events(len(tracked)), column.tail)
         for name, text in MEANINGS.items():
             group[f"events/{name}"].attrs["meaning"] = text
         for name, first in (("events", np.int64(0)), ("time", np.float64(start["time"]))):
@@ -512,7 +462,7 @@ def _check_frames(file: h5py.File, path: str, parts: Parts | None) -> None:
     own: Expected = {f"{PARTICLES}/{name}": ((n,), "iu" if name == "material" else "f") for name in STATIC}
     for name in stored_fields(file):
         field = FIELDS[name]
-        own[f"{PARTICLES}/{name}/{field.dataset}"] = (None, n, *field.tail), "i" if field.count else "f"
+        own[f"{PARTICLES}/{name}/{field.dataset}"] = (None, n, *field.tail), "i" if field.whole else "f"
     groups = ("h5md/modules/ifrdem", "parameters", "observables")
     if missing := [name for name in (*expected, *own, *groups) if name not in file]:
         name = file["h5md/creator"].attrs.get("name", "unknown") if "h5md/creator" in file else "unknown"
@@ -552,11 +502,8 @@ def _check_histories(group: h5py.Group, path: str) -> None:
     expected: Expected = {
         "tracked": ((None,), "i"),
         "start/time": ((), "iuf"),
-        **{f"start/{name}": ((tracked, *column.tail), "iuf") for name, column in START_COLUMNS.items()},
-        **{
-            f"events/{name}": ((None, *column.tail), np.dtype(column.dtype).kind)
-            for name, column in EVENT_COLUMNS.items()
-        },
+        **{f"start/{name}": ((tracked, *column.tail), "iuf") for name, column in START.items()},
+        **{f"events/{name}": ((None, *column.tail), column.dtype()[0]) for name, column in EVENT.items()},
         "committed/events": ((None,), "iu"),
         "committed/time": ((None,), "f"),
     }
@@ -569,6 +516,6 @@ def _check_histories(group: h5py.Group, path: str) -> None:
     events = int(damage.read(group["committed/events"], commits - 1))
     if events < 0:
         raise InputError(f"{path} is damaged: its histories have {events} events")
-    for name in EVENT_COLUMNS:
+    for name in EVENT:
         if (held := len(group[f"events/{name}"])) < events:
             raise InputError(f"{path} is damaged: its histories hold {held} of {events} events ({name})")

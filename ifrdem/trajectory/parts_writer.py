@@ -19,6 +19,7 @@ from ..model.box import Box
 from ..model.state import Disks, FrameRows, State
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
+from ..quantities import FIELDS
 from ..tools.checked import Comm, Count, validated
 from . import layout
 from . import parts as part_files
@@ -69,7 +70,7 @@ class PartsWriter:
         self._comm = comm
         self._own = {number: AsyncWriter(each) for number, each in own.items()}
         self._head = None if head is None else AsyncWriter(head)
-        self._attributes = {"position", *(layout.FIELDS[name].attribute for name in fields)}
+        self._attributes = {"position", *(FIELDS[name].name for name in fields)}
         self._waiting: list[tuple[FrameRows, Mapping[str, ArrayLike] | None]] = []
         self._counted = 0 if self._head is None else int(self._head.written_counts["frames"])
 

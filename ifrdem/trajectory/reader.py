@@ -37,6 +37,7 @@ from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import OF_PISTONS, Wall, at_displacements
 from ..model.walls.wall import from_json as walls_from_json
 from ..mpi.distribution import GATHERED
+from ..quantities import FIELDS
 from ..tools import checked
 from ..tools.checked import Integer, validated
 from ..tools.notebook import DisksRepr, NotebookRepr, plots, refuse_unknown
@@ -505,9 +506,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         if self._parts is None:
             return damage.read(self.dataset(name), selection)
         field = self.require(name)
-        return self._parts.read(
-            self.path, f"{layout.PARTICLES}/{field}/{layout.FIELDS[field].dataset}", selection
-        )
+        return self._parts.read(self.path, f"{layout.PARTICLES}/{field}/{FIELDS[field].dataset}", selection)
 
     def _read_rows(self, name: str, rows: int, columns: int) -> NDArray[Any]:
         """The first rows of a quantity; with columns, each has so many numbers."""
@@ -763,7 +762,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
 
         Raises InputError as `require`.
         """
-        return (self._frames, self.n, *layout.FIELDS[self.require(name)].tail)
+        return (self._frames, self.n, *FIELDS[self.require(name)].tail)
 
     @validated
     def dtype(self, name: str) -> np.dtype[Any]:

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..errors import InputError, TrajectoryError, there_are
 from ..model.state import State
+from ..quantities import EVENT, FIELDS, START
 from . import layout
 from .file import OutputFile, drop_staged
-from .layout import EVENT_COLUMNS, HISTORIES, START_COLUMNS, TIMESERIES
+from .layout import HISTORIES, TIMESERIES
 
 
 class CommitLog:
@@ -103,7 +104,7 @@ class CommitLog:
         where = np.unravel_index(int(np.argmax(different)) // stored.dtype.itemsize, stored.shape)
         row, *position = (int(index) for index in where)
         element = f"{name}[{', '.join(map(str, position))}]" if position else name
-        if self.what == "frame" and name in layout.FIELDS:
+        if self.what == "frame" and name in FIELDS:
             component = f", component {'xy'[position[1]]}," if len(position) > 1 else ""
             element = f"{name} of disk {self.first_disk + position[0]}{component}"
         raise TrajectoryError(
@@ -204,7 +205,7 @@ class HistoryWriter:
         marks, times = group["committed/events"], group["committed/time"]
         self._tracked: NDArray[np.int32] = group["tracked"][()]
         self._commits = CommitLog("commit of histories", marks, {"time": times}, len(marks))
-        columns = {name: group[f"events/{name}"] for name in EVENT_COLUMNS}
+        columns = {name: group[f"events/{name}"] for name in EVENT}
         # The events have no marker of their own: the commits count them.
         self.events = CommitLog("event of the histories", None, columns, int(marks[len(marks) - 1]), at)
 
@@ -216,10 +217,10 @@ class HistoryWriter:
         if len(twice := tracked[1:][tracked[1:] == tracked[:-1]]):
             raise InputError(f"tracked: disk {twice[0]} is given twice")
         start: dict[str, Any] = {"time": np.float64(state.time)}
-        for name, column in START_COLUMNS.items():
+        for name, column in START.items():
             rows = getattr(state, name)
             rows = rows if len(rows) == len(tracked) else rows[tracked]
-            start[name] = stored(name, rows, (len(tracked), *column.tail), column.dtype)
+            start[name] = stored(name, rows, (len(tracked), *column.tail), column.dtype())
         if self.events is None:
             layout.create_histories(self._output.file, tracked, start)
             self._output.flush()
@@ -255,7 +256,7 @@ class HistoryWriter:
             ends.append((time, end))
         if not found:
             return
-        rows.add({name: np.concatenate([each[name] for each in found]) for name in EVENT_COLUMNS})
+        rows.add({name: np.concatenate([each[name] for each in found]) for name in EVENT})
         for time, end in ends:
             if end < rows.committed and float(rows.datasets["time"][end]) < time:
                 raise TrajectoryError(
@@ -275,15 +276,15 @@ class HistoryWriter:
             self._commits.drop_uncommitted()
 
     def _checked(self, events: Mapping[str, ArrayLike], time: float) -> dict[str, NDArray[Any]]:
-        if missing := [name for name in EVENT_COLUMNS if name not in events]:
+        if missing := [name for name in EVENT if name not in events]:
             raise InputError(f"histories: the events lack {', '.join(missing)}")
         for name in events:
-            if name not in EVENT_COLUMNS:
-                raise InputError(f"histories: there is no column {name!r}{there_are(name, EVENT_COLUMNS)}")
+            if name not in EVENT:
+                raise InputError(f"histories: there is no column {name!r}{there_are(name, EVENT)}")
         length = len(np.atleast_1d(np.asarray(events["time"])))
         columns = {
-            name: stored(f"histories: {name}", events[name], (length, *column.tail), column.dtype)
-            for name, column in EVENT_COLUMNS.items()
+            name: stored(f"histories: {name}", events[name], (length, *column.tail), column.dtype())
+            for name, column in EVENT.items()
         }
         times, ids = columns["time"], columns["id"]
         falling = (times[1:] < times[:-1]) | ((times[1:] == times[:-1]) & (ids[1:] < ids[:-1]))

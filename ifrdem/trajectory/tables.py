@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, install_extra
-from ..model.observables import MECHANISMS, SPECIES_SERIES, STRESS_SERIES
 from ..model.walls.wall import OF_PISTONS
+from ..quantities import AXES, FIELDS, MECHANISMS, SERIES
 from ..tools import checked
 from .descriptions import unit_of_whole_gas
 from .layout import STATIC, version_of
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from .reader import Series, Trajectory
 
-AXES = ("x", "y")
 PER_DISK = "collisions_per_disk"
 WHICH = ("series", "observables", "frame")
 
@@ -47,7 +46,7 @@ def columns(
         return
     flat = value.reshape(len(value), int(np.prod(value.shape[1:])))
     names = MECHANISMS if name == "dissipated" else names
-    ends = names or (AXES if flat.shape[1] == 2 else tuple(map(str, range(flat.shape[1]))))
+    ends = names or (AXES["axis"] if flat.shape[1] == 2 else tuple(map(str, range(flat.shape[1]))))
     for end, column in zip(ends, flat.T, strict=True):
         yield f"{name}_{end}", column
 
@@ -82,14 +81,13 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     xarray = optional_import("xarray", "analysis")
     data: dict[str, Any] = {}
     for name in trajectory.fields:
-        dims = ("time", "disk", "mechanism" if name == "dissipated" else "axis")[
-            : len(trajectory.shape(name))
-        ]
+        inner = (FIELDS[name].along,) if FIELDS[name].along else ()
+        dims = ("time", "disk", *inner)
         data[name] = (dims, _lazy(xarray, trajectory, name))
     for name in STATIC:
         data[name] = ("disk", getattr(trajectory.disks, name))
     coordinates: dict[str, Any] = {
-        "time": trajectory.times, "disk": np.arange(trajectory.n), "axis": list(AXES),
+        "time": trajectory.times, "disk": np.arange(trajectory.n), "axis": list(AXES["axis"]),
         **({"mechanism": list(MECHANISMS)} if "dissipated" in trajectory.fields else {}),
     }  # fmt: skip
     for series, time, prefix in (
@@ -219,10 +217,8 @@ def _axes(
         coordinates.update({"piston": list(names)} if names else {})
         return ("piston",)
     if value.ndim == 2 and names:
-        dimension = name.removeprefix("dissipated_by_").removeprefix("collisions_by_")
-        dimension = "wall" if name.startswith("walls_") else dimension
-        dimension = "component" if name in STRESS_SERIES else dimension
-        dimension = "species" if name in (*SPECIES_SERIES, "species_theta") else dimension
+        # Files of other programs have quantities of their own; `species_theta` is derived, not stored.
+        dimension = SERIES[name].along if name in SERIES else name.removesuffix("_theta")
         coordinates[dimension] = list(names)
         return (dimension,)
     if value.shape[1:] == (2,):
@@ -273,9 +269,9 @@ def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
     elif box.periodic[0] != box.periodic[1]:
         axis = box.periodic.index(False)
         text = (
-            f"{trajectory.path}: walls along {AXES[axis]}: MDAnalysis takes all sides as periodic, so its box has "
-            f"{2.0 * box.lengths[axis]:.6g} there, twice the side, which no minimum image crosses; densities that use "
-            "its volume are too low"
+            f"{trajectory.path}: walls along {AXES['axis'][axis]}: MDAnalysis takes all sides as periodic, so its box "
+            f"has {2.0 * box.lengths[axis]:.6g} there, twice the side, which no minimum image crosses; densities that "
+            "use its volume are too low"
         )
         warnings.warn(text, UserWarning, stacklevel=3)
     return made

@@ -27,10 +27,11 @@ from numpy.typing import DTypeLike
 
 from ..errors import InputError
 from ..mpi import distribution
+from ..quantities import FIELDS
 from ..tools import files
 from ..tools.files import NO_VALUES, VIEWS, check_apart, check_files
 from . import layout as layouts
-from .descriptions import CONSTANTS, FIELDS, REDUCED, unit_of
+from .descriptions import CONSTANTS, REDUCED, unit_of
 from .file import check_views
 from .parts import SEE, as_source, nothing
 from .reader import Trajectory, check_file
@@ -100,7 +101,7 @@ def _view(
     """A virtual dataset of a field or a constant, in another shape of as many numbers; vectors get z = 0."""
     frames, n, dtype, field = len(trajectory), trajectory.n, trajectory.dtype(source), source not in CONSTANT
     tail = trajectory.shape(source)[2:] if field else ()
-    dataset = f"/{layouts.PARTICLES}/{source}" + (f"/{layouts.FIELDS[source].dataset}" if field else "")
+    dataset = f"/{layouts.PARTICLES}/{source}" + (f"/{FIELDS[source].dataset}" if field else "")
     layout = h5py.VirtualLayout(shape=shape, dtype=dtype)
     vector = tail == (2,)
     for data_file, disks in _data_files(trajectory):
@@ -242,7 +243,7 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
             continue
         tail = (3,) if len(trajectory.shape(name)) == 3 else ()
         view = _view(file, names.get(name, name), trajectory, name, (frames, n, *tail))
-        unit = unit_of(FIELDS[name].quantity, units)
+        unit = unit_of(FIELDS[name].dimension, units)
         attach(view, "frame", "atom", *(("spatial",) if tail else ()), unit=unit)
     for zeros in file[ZEROS].values():
         attach(zeros, "frame", "atom")
@@ -250,4 +251,4 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
     for name in CONSTANT:
         # ASE takes `atom_types` for numbers of chemical elements, so materials keep their own name.
         view = _view(file, name, trajectory, name, (n,))
-        attach(view, "atom", unit=unit_of(CONSTANTS[name].quantity, units))
+        attach(view, "atom", unit=unit_of(CONSTANTS[name].dimension, units))

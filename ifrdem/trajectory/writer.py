@@ -19,6 +19,7 @@ from ..errors import InputError, counted
 from ..model.box import Box, below
 from ..model.state import Disks, FrameRows, State
 from ..model.walls.wall import Wall, to_json
+from ..quantities import FIELDS
 from ..tools import checked
 from ..tools.checked import validated
 from ..tools.read_only import ReadOnlyAttributes
@@ -129,7 +130,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
         units = units or {}
         fields = [fields] if isinstance(fields, str) else list(fields)
         for name in fields:
-            checked.choice("field", name, layout.FIELDS)
+            checked.choice("field", name, FIELDS)
         if len(set(fields)) != len(fields):
             raise InputError(f"fields = {fields}: each may be given once")
         checked.choice("precision", precision, layout.PRECISIONS)
@@ -224,7 +225,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
         rows = {"time": clock["time"], **edges, **fields, **_prefixed(observables)}
         self._rows = CommitLog("frame", step, rows, committed, frames, part_files.first_of(file))
         # Views of no disks do not grow by themselves.
-        views = [name for name in fields if n == 0 and layout.FIELDS[name].components == 2]
+        views = [name for name in fields if n == 0 and FIELDS[name].along == "axis"]
         self._rows.blank = [
             *file.get(part_files.ZEROS, {}).values(),
             *(file[f"{layout.PARTICLES}/{name}/value"] for name in views),
@@ -363,7 +364,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
     def write_histories(self, events: Mapping[str, ArrayLike], time: float) -> None:
         """Append events of the tracked disks and commit them.
 
-        `events` has every column of `layout.EVENT_COLUMNS`, an array with a row an event, in the order of time and id;
+        `events` has every column of `quantities.EVENT`, an array with a row an event, in the order of time and id;
         arrays of no rows say that nothing happened. Up to `time` the histories are complete [time].
 
         Raises InputError if a column is missing, unknown or of another shape or type; if the order is wrong, a disk is
@@ -410,7 +411,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
             raise InputError(f"time = {state.time}: must be a finite time not before {before}")
         found = {}
         for name, like in self._fields.items():
-            found[name] = stored(name, getattr(state, layout.FIELDS[name].attribute), like.shape, like.dtype)
+            found[name] = stored(name, getattr(state, FIELDS[name].name), like.shape, like.dtype)
         if "position" in found and found["position"].dtype != state.position.dtype:
             # Rounding to fewer digits may carry a disk out of the box through its upper side.
             for axis, length in enumerate(self._box.lengths):
@@ -474,7 +475,7 @@ def _check_resumable(
     for name in there if parts is None else ():
         dataset = layout.field_dataset(file, name)
         expected_dtype = np.dtype(layout.PRECISIONS[precision])
-        if not layout.FIELDS[name].count and dataset.dtype != expected_dtype:
+        if not FIELDS[name].whole and dataset.dtype != expected_dtype:
             raise InputError(
                 f"{path} holds {name} as {dataset.dtype}, the run has precision {precision!r}: {expected_dtype}"
             )

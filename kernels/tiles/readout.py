@@ -3,7 +3,8 @@
 Also copies of small arrays, and of rows of others, between host and GPU.
 """
 
-from ..columns import FRAME, MECHANISM, READOUT, SMALL, first_word
+from ...quantities import FRAME
+from ..columns import MECHANISM, READOUT, SMALL, first_word
 from ..compiler.language import Rows, Table, has_numbers, spread_of_loops, ti, width
 from ..compiler.records import NamedVector
 from ..layout import ASLEEP, ASLEEP_UNVERIFIED, SNAPSHOT
@@ -96,9 +97,9 @@ def store_number(i, name: ti.template(), m: ti.template(), value, gas: ti.templa
     """Write number `m` of a quantity of disk `i` into its frame: a real one in the precision of the frame."""
     single = ti.static(is_single(gas.frame_out))
     at = ti.static(first_word(name, gas.uses, single))
-    if ti.static(FRAME[name].count and single):
+    if ti.static(FRAME[name].whole and single):
         gas.frame_out[i, at + m] = ti.bit_cast(ti.cast(value, ti.i32), ti.u32)
-    elif ti.static(FRAME[name].count):
+    elif ti.static(FRAME[name].whole):
         gas.frame_out[i, at + m] = ti.cast(value, ti.i32)
     elif ti.static(single):
         gas.frame_out[i, at + m] = ti.bit_cast(ti.cast(value, ti.f32), ti.u32)

@@ -17,12 +17,12 @@ from ifrdem.case.gas import CaseGas
 from ifrdem.case.output_section import OutputSection
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.model.observables import MECHANISMS, measure
+from ifrdem.model.observables import measure
+from ifrdem.quantities import EVENT, MECHANISMS, REGIMES
 from ifrdem.runs import run
-from ifrdem.runs.recorder import COLUMNS, Ledger
+from ifrdem.runs.recorder import Ledger
 from ifrdem.simulation.steps.schedule import Trigger
 from ifrdem.tools import seeds
-from ifrdem.trajectory import layout
 from ifrdem.trajectory.writer import TrajectoryWriter
 
 CASE = """
@@ -278,14 +278,13 @@ def test_the_size_of_a_file_agrees_with_its_estimate(folder, overrides):
             events = round(2.0 * expected.collisions / gas.disks.n * expected.tracked)
             writer.begin_histories(np.arange(expected.tracked), start)
             columns = {
-                name: np.zeros((events, *column.tail), dtype=column.dtype)
-                for name, column in layout.EVENT_COLUMNS.items()
+                name: np.zeros((events, *column.tail), dtype=column.dtype()) for name, column in EVENT.items()
             }
             writer.write_histories(columns, 1.0)
         for number in range(expected.frames):
             writer.write(replace(start, time=float(number)), ledger.observables(measured))
-        names = ("dissipated_by_mechanism", "collisions_by_regime")
-        columns = {name: COLUMNS[name] for name in names} if output.ledger else None
+        names = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
+        columns = names if output.ledger else None
         writer.write_series_rows([(1.0 * i, ledger.row(measured)) for i in range(expected.rows)], columns)
     assert expected.file_bytes == pytest.approx(place.stat().st_size, rel=0.05 if gas.n > 10_000 else 0.2)
 

@@ -23,9 +23,8 @@ from ifrdem.analysis.catalogue import number
 from ifrdem.cli import main as cli
 from ifrdem.cli.analyse import NAMES
 from ifrdem.errors import InputError
-from ifrdem.model.observables import COMPONENTS, STRESS_SERIES
 from ifrdem.plots import pictures
-from ifrdem.trajectory.layout import EVENT_COLUMNS, START_COLUMNS
+from ifrdem.quantities import COMPONENTS, EVENT, START, STRESS_SERIES
 
 N, FRAMES, SPAN = 300, 12, 4.0
 BOX = Box((40.0, 30.0))
@@ -110,11 +109,11 @@ def add_histories(path: Path, count: int = 4000) -> np.ndarray:
         group = file.create_group("histories")
         group["tracked"] = np.array([3, 7, 20], dtype=np.int32)
         group["start/time"] = 0.0
-        for name, column in START_COLUMNS.items():  # which analyses do not read
-            group[f"start/{name}"] = np.zeros((3, *column.tail), dtype=column.dtype)
-        for name, column in EVENT_COLUMNS.items():
+        for name, column in START.items():  # which analyses do not read
+            group[f"start/{name}"] = np.zeros((3, *column.tail), dtype=column.dtype())
+        for name, column in EVENT.items():
             if name not in columns:
-                group[f"events/{name}"] = np.zeros((count + 1, *column.tail), dtype=column.dtype)
+                group[f"events/{name}"] = np.zeros((count + 1, *column.tail), dtype=column.dtype())
         group["committed/events"] = np.array([count // 2, count])
         group["committed/time"] = np.array([SPAN / 2.0, SPAN, 2.0 * SPAN])
         for name, values in columns.items():

@@ -14,10 +14,11 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks
 from ifrdem.model.laws.collision import collide
 from ifrdem.model.laws.ifr import IFRLaw, Regime
-from ifrdem.model.observables import MECHANISMS, REGIMES, Measure
+from ifrdem.model.observables import Measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
+from ifrdem.quantities import MECHANISMS, REGIMES
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.steps.schedule import Trigger

@@ -20,6 +20,7 @@ from ifrdem.model.forces import RandomKicks
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import Measure, measure
 from ifrdem.model.state import FrameRows, State
+from ifrdem.quantities import FIELDS
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.steps.schedule import RunPlan, RunPoint, Trigger
@@ -28,7 +29,7 @@ from ifrdem.trajectory.writer import TrajectoryWriter
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 COMPARED = ("position", "velocity", "spin", "collisions", "image", "last_partner", "angle")
-STORED = layout.frame_dtype(tuple(layout.FIELDS), "f4")
+STORED = layout.frame_dtype(tuple(FIELDS), "f4")
 Frames = list[tuple[State, Measure]]
 
 
@@ -394,7 +395,7 @@ def test_a_quantity_that_is_not_recorded_raises_instead_of_reading_as_zeros(
     again = Simulation(disks, box, COIN, begin, **RECORDED_BY[name])
     expected = {"latest_collision": -np.inf, "last_partner": -1}.get(name, 0.0)
     assert np.all(getattr(again.state, name) == expected)
-    if name in layout.FIELDS:
+    if name in FIELDS:
         with (
             TrajectoryWriter(tmp_path / "gas.h5", disks, box, fields=("position", name)) as file,
             pytest.raises(InputError, match=f"State.{name} was not recorded"),

@@ -33,9 +33,8 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.laws import IFRLaw
 from ifrdem.model.laws.records import to_record
-from ifrdem.model.observables import MECHANISMS
 from ifrdem.model.state import State
-from ifrdem.model.walls.wall import PISTONS
+from ifrdem.quantities import MECHANISMS, PISTON_SERIES
 from ifrdem.study import figure, task
 from ifrdem.study.results import Results
 from ifrdem.study.task import Variable
@@ -251,7 +250,7 @@ def heap(path: Path) -> None:
                 "dissipated_energy": 0.0,
                 "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0, "ledger_residual": 0.0,
                 "dissipated_by_mechanism": np.full(7, 0.1 * number), "collisions_by_regime": np.full(5, number),
-                **{f"piston_{name}": np.array([0.1 * number]) for name in PISTONS},
+                **{name: np.array([0.1 * number]) for name in PISTON_SERIES},
             }  # fmt: skip
             if start is None:
                 start = state

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from support.layout_files import some_state
 
 from ifrdem.model.state import State
-from ifrdem.trajectory.layout import EVENT_COLUMNS
+from ifrdem.quantities import EVENT
 
 TRACKED = (2, 5, 11)
 SERIES_COLUMNS = {"dissipated_by_mechanism": ("normal", "sliding")}
@@ -30,12 +30,12 @@ def batch(number: int, count: int = EVENTS_A_BATCH) -> tuple[dict[str, NDArray],
     """Events between the times number and number + 1, and the time up to which they are complete."""
     rng = np.random.default_rng((99, number))
     events: dict[str, NDArray] = {}
-    for name, column in EVENT_COLUMNS.items():
+    for name, column in EVENT.items():
         shape = (count, *column.tail)
-        if np.dtype(column.dtype).kind == "f":
+        if not column.whole:
             events[name] = rng.normal(size=shape)
         else:
-            events[name] = rng.integers(-1, 10, shape).astype(column.dtype)
+            events[name] = rng.integers(-1, 10, shape).astype(column.dtype())
     events["id"] = rng.choice(TRACKED, count).astype(np.int32)
     events["time"] = np.sort(number + rng.uniform(0.0, 1.0, count))
     return events, number + 1.0

@@ -23,9 +23,9 @@ from support.trajectory_parts import SERIES_COLUMNS, TRACKED, row
 from support.trajectory_parts import batch as new_batch
 
 from ifrdem.errors import TrajectoryError
+from ifrdem.quantities import EVENT
 from ifrdem.trajectory.background import AsyncWriter
 from ifrdem.trajectory.file import OrderedFile
-from ifrdem.trajectory.layout import EVENT_COLUMNS
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
@@ -151,7 +151,7 @@ def assert_whole(path: Path, n: int, log: str) -> tuple[int, int, int]:
             batches = len(commits) - 1
             assert np.array_equal(commits, 50 * np.arange(len(commits)))
             events = [batch(i)[0] for i in range(batches)]
-            for name in EVENT_COLUMNS if batches else ():
+            for name in EVENT if batches else ():
                 given = np.concatenate([each[name] for each in events])
                 assert np.array_equal(file[f"histories/events/{name}"][: len(given)], given)
         assert batches >= log.count("e")

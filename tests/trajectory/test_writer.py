@@ -16,9 +16,9 @@ from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.model.box import Box
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
+from ifrdem.quantities import EVENT
 from ifrdem.runs.info import describe
 from ifrdem.trajectory.export import species
-from ifrdem.trajectory.layout import EVENT_COLUMNS
 from ifrdem.trajectory.parts_writer import PartsWriter
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
@@ -120,10 +120,10 @@ def test_histories_come_back_with_start_and_commits(tmp_path):
             assert np.array_equal(group[f"start/{name}"], getattr(state, name)[list(TRACKED)])
         assert np.array_equal(group["committed/events"], [0, 50, 100, 150, 150])
         assert np.array_equal(group["committed/time"], [state.time, 2.0, 3.0, 4.0, 4.5])
-        for name, column in EVENT_COLUMNS.items():
+        for name, column in EVENT.items():
             given = np.concatenate([batch(number)[0][name] for number in range(1, 4)])
             stored = group[f"events/{name}"]
-            assert stored.dtype == column.dtype
+            assert stored.dtype == column.dtype()
             assert stored.compression is None  # its last chunk is rewritten in place at each commit
             assert np.array_equal(stored, given)
 

@@ -20,16 +20,15 @@ from ...errors import InputError, nearest
 from ...kernels.columns import WALL, Named, named
 from ...kernels.layout import FAR
 from ...kernels.walls.kinds import FREE, MOTIONS, PIECES, TURNS
+from ...quantities import WALL_SERIES
 from ...tools.checked import Array, Integer, Numbers, validated
 from ..box import Box
 from . import outlines
 from .motion import Length, Motion, Piston, Point, Positive, Size, Turn
 from .shapes import FULL_TURN, SHAPES, Pieces, Shape
 
-SUMS = ("momentum_x", "momentum_y", "torque", "work", "heat", "hits")
+SUMS = tuple(name.removeprefix("walls_") for name in WALL_SERIES)
 """Columns of `Simulation.wall_sums`."""
-PISTONS = ("displacement", "velocity", "energy", "force")
-"""Columns of `Simulation.pistons`."""
 OF_PISTONS = "piston_"
 """Prefix of their names in frames and rows of the time series."""
 _STILL, _UNTURNED = Motion(), Turn()

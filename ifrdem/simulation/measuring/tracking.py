@@ -5,21 +5,23 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ...errors import InputError
+from ...errors import InputError, there_are
 from ...kernels import layout as k
-from ...kernels.columns import named
+from ...kernels.columns import EVENT as EVENT_COLUMNS
+from ...kernels.columns import named, rows_dtype
 from ...model.box import Box, below
 from ...model.laws.collision import UNKNOWN, collide
 from ...model.laws.ifr import EnergyWarning
 from ...model.laws.law import CollisionLaw, parts_of
 from ...model.state import Disks
 from ...model.walls.wall import Wall
+from ...quantities import EVENT
 
 KICK = k.KICKED
 """In place of a partner: a force changed the disk's velocity or spin."""
@@ -29,82 +31,53 @@ ELASTIC = 9
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """Collisions of tracked disks, e rows in order of time, then id; a collision of two of them stands twice.
-
-    Attributes
-    ----------
-    time : array (e,)
-        When [time].
-    id : array (e,) of int32
-        The disk.
-    partner : array (e,) of int32
-        The disk that it hit; -2 - w for wall w (those at sides of the box come last); -1 (`KICK`) where a force changed
-        its motion.
-    position : array (e, 2)
-        Its centre [length], inside the box.
-    image : array (e, 2) of int32
-        Box lengths travelled.
-    normal : array (e, 2)
-        Unit vector from its centre to the partner's, or to the wall; 0 for a kick.
-    velocity_before, velocity_after : array (e, 2)
-        Its velocity [length/time].
-    spin_before, spin_after : array (e,)
-        Its spin [rad/time].
-    partner_velocity_before, partner_velocity_after : array (e, 2)
-        The partner's velocity; of a wall, that of its surface at the contact.
-    partner_spin_before, partner_spin_after : array (e,)
-        The partner's spin; 0 for a wall.
-    impulse : array (e, 2)
-        P_n, P_t that it gives to the partner along n and t = (-n_y, n_x) [mass length/time].
-    psi : array (e,)
-        Angle of impact: between the centres' relative velocity and n, 0 to pi/2 [rad].
-    regime : array (e,) of int8
-        `law.Regime`; `UNKNOWN` or `ELASTIC`; 0 for a kick.
-    """
-
-    time: NDArray[np.float64]
-    id: NDArray[np.int32]
-    partner: NDArray[np.int32]
-    position: NDArray[np.float64]
-    image: NDArray[np.int32]
-    normal: NDArray[np.float64]
-    velocity_before: NDArray[np.float64]
-    velocity_after: NDArray[np.float64]
-    spin_before: NDArray[np.float64]
-    spin_after: NDArray[np.float64]
-    partner_velocity_before: NDArray[np.float64]
-    partner_velocity_after: NDArray[np.float64]
-    partner_spin_before: NDArray[np.float64]
-    partner_spin_after: NDArray[np.float64]
-    impulse: NDArray[np.float64]
-    psi: NDArray[np.float64]
-    regime: NDArray[np.int8]
+    rows: NDArray[Any]
 
     def __len__(self) -> int:
         """Number of rows."""
-        return len(self.time)
+        return len(self.rows)
+
+    def __getitem__(self, chosen: NDArray[Any] | slice) -> Events:
+        """Events of the selected rows."""
+        return Events(self.rows[chosen])
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in EVENT:
+            raise AttributeError(f"Events has no column {name!r}{there_are(name, EVENT)}")
+        return self.rows[name]
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """The arrays by name."""
-        return {each.name: getattr(self, each.name) for each in fields(self)}
+        """The columns by name."""
+        return {name: self.rows[name] for name in EVENT}
 
-    def where(self, chosen: NDArray[Any]) -> Events:
-        """Events of the selected rows."""
-        return Events(*(column[chosen] for column in self.columns().values()))
+    @classmethod
+    def of(cls, count: int, **columns: ArrayLike) -> Events:
+        """So many rows with these columns; the others are 0."""
+        rows: NDArray[Any] = np.zeros(count, EVENT_ROW)
+        for name, values in columns.items():
+            rows[name] = values
+        return cls(rows)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Events]) -> Events:
+        """The rows of all parts, one after another."""
+        return cls(np.concatenate([np.zeros(0, EVENT_ROW), *(part.rows for part in parts)]))
 
 
-def joined(parts: Sequence[Events]) -> Events:
-    """The rows of all parts, one after another."""
-    return Events(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Events)))
+EVENT_ROW = rows_dtype(EVENT.values(), "f8")
+_COLUMNS = "\n".join(
+    f"    {name} : array ({', '.join(map(str, ('e', *each.tail)))}) of {each.dtype()}\n"
+    f"        {each.text[0].upper()}{each.text[1:]} [{each.dimension}]."
+    for name, each in EVENT.items()
+)
+Events.__doc__ = f"""Collisions of tracked disks, in order of time, then id; a collision of two of them stands twice.
 
-
-def blank(rows: int) -> Events:
-    """So many rows of zeros."""
-    one, pair, ids = np.zeros(rows), np.zeros((rows, 2)), np.zeros(rows, dtype=np.int32)
-    return Events(
-        one, ids, ids, pair, np.zeros((rows, 2), dtype=np.int32), pair, pair, pair, one, one, pair, pair, one, one,
-        pair, one, np.zeros(rows, dtype=np.int8),
-    )  # fmt: skip
+    Attributes
+    ----------
+    rows : array (e,)
+        Structured array of the columns, which are attributes too.
+{_COLUMNS}
+    """
 
 
 def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray[np.int32]:
@@ -158,17 +131,17 @@ class Tracking:
 
     def take(self, until: float = math.inf) -> Events:
         """The events since the last call, up to a time [time]."""
-        found = joined(self._found) if self._found else blank(0)
+        found = Events.joined(self._found)
         now = found.time <= until
         if now.all():
             self._found = []
             return found
-        self._found = [found.where(~now)]
-        return found.where(now)
+        self._found = [found[~now]]
+        return found[now]
 
     def drop_after(self, time: float) -> None:
         """Drop events after a time [time]: another window begins there."""
-        self._found = [found.where(found.time <= time) for found in self._found]
+        self._found = [found[found.time <= time] for found in self._found]
 
     def gather(self, window_begin: float, real: NDArray[Any], whole: NDArray[Any], box: Box) -> None:
         """Enter the collisions of a window that began at this time [time]: rows of `event` and `event_int`."""
@@ -190,23 +163,10 @@ class Tracking:
                     position[:, axis] - boxes * length, below(length, np.dtype(np.float64))
                 )
                 image[:, axis] += boxes.astype(np.int32)
-        found = replace(
-            blank(len(real)),
-            time=window_begin + event.time,
-            id=info.id.copy(),
-            partner=info.partner.copy(),
-            position=position,
-            image=image,
-            normal=normal,
-            velocity_before=event.velocity_before.copy(),
-            velocity_after=event.velocity_after.copy(),
-            spin_before=event.spin_before.copy(),
-            spin_after=event.spin_after.copy(),
-            partner_velocity_before=event.partner_velocity_before.copy(),
-            partner_velocity_after=event.partner_velocity_after.copy(),
-            partner_spin_before=event.partner_spin_before.copy(),
-            partner_spin_after=event.partner_spin_after.copy(),
-        )
+        # What the law gives follows; all else has the same name in the kernel's rows.
+        given = {name: getattr(event, name) for name in EVENT.keys() & EVENT_COLUMNS.at.keys()}
+        given |= {"time": window_begin + event.time, "id": info.id, "partner": info.partner}
+        found = Events.of(len(real), **given | {"position": position, "image": image, "normal": normal})
         known = np.unique(np.concatenate([found.id, found.partner[found.partner >= 0]]))
         disks = self._disks_of(known)
         if not len(found):
@@ -218,15 +178,15 @@ class Tracking:
             _impulse(found, disks, pair),
         )
         along, across = _dot(relative, normal), _cross(normal, relative)
-        regime, hits = np.zeros(len(found), dtype=np.int8), np.flatnonzero(~kicked)
-        regime[hits] = self._regime(found.where(hits), disks, (pair[0][hits], pair[1][hits]))
+        regime, hits = found.regime, np.flatnonzero(~kicked)
+        regime[hits] = self._regime(found[hits], disks, (pair[0][hits], pair[1][hits]))
         regime[info.regime == k.BY_REMEDY] = ELASTIC
         regime[info.regime == k.BY_HEAT] = UNKNOWN
-        impulse = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
-        psi = np.arctan2(np.abs(across), np.maximum(along, 0.0))
-        for column in (impulse, psi, found.partner_velocity_before, found.partner_velocity_after):
+        found.impulse[:] = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
+        found.psi[:] = np.arctan2(np.abs(across), np.maximum(along, 0.0))
+        for column in (found.impulse, found.psi, found.partner_velocity_before, found.partner_velocity_after):
             column[kicked] = 0
-        self._found.append(replace(found, impulse=impulse, psi=psi, regime=regime))
+        self._found.append(found)
 
     def kick(
         self,
@@ -238,12 +198,12 @@ class Tracking:
         changed = np.flatnonzero(np.any(before[0][:, 2:] != after[0][:, 2:], axis=1))
         if not changed.size:
             return
-        old, new, rows = before[0][changed], after[0][changed], blank(len(changed))
+        old, new = before[0][changed], after[0][changed]
         self._found.append(
-            replace(
-                rows, time=rows.time + time, id=self.ids[changed], partner=rows.partner + KICK,
-                image=before[1][changed], position=old[:, :2].copy(), velocity_before=old[:, 2:4].copy(),
-                velocity_after=new[:, 2:4].copy(), spin_before=old[:, 4].copy(), spin_after=new[:, 4].copy(),
+            Events.of(
+                len(changed), time=time, id=self.ids[changed], partner=KICK, image=before[1][changed],
+                position=old[:, :2], velocity_before=old[:, 2:4], velocity_after=new[:, 2:4],
+                spin_before=old[:, 4], spin_after=new[:, 4],
             )
         )  # fmt: skip
 

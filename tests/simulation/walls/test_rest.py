@@ -17,10 +17,10 @@ from ifrdem.initial import maxwellian, random_positions
 from ifrdem.kernels.columns import RESTING_BYTES
 from ifrdem.model.box import Box
 from ifrdem.model.laws.ifr import IFRLaw
-from ifrdem.model.observables import MECHANISMS
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
+from ifrdem.quantities import MECHANISMS
 from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.simulation.simulation import Simulation
 
