@@ -45,8 +45,6 @@ def files_on_disk() -> dict[str, Path]:
             )
             if wanted and path.is_file() and not linked:
                 found[f"{inside}/{name.as_posix()}"] = path
-    for path in (ROOT / "validation" / "results").glob("*.md"):
-        found[f"ifrdem/docs/results/{path.name}"] = path
     return found
 
 
@@ -108,8 +106,6 @@ def test_a_bare_clone_finds_the_folders_by_relative_links():
         link = ROOT / "ifrdem" / folder
         assert os.readlink(link) == f"../{folder}"
         assert link.resolve() == ROOT / folder
-    results = ROOT / "ifrdem" / "docs" / "results"
-    assert os.readlink(results) == "../../validation/results"
 
 
 def test_a_class_has_its_name_alone():

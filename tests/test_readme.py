@@ -168,7 +168,7 @@ def test_gases_of_other_codes_run(
 
 
 def test_measured_figures_have_a_date_and_the_command_that_repeats_them() -> None:
-    pages = sorted((ROOT / "validation" / "results").glob("*.md"))
+    pages = sorted((ROOT / "ifrdem" / "docs" / "results").glob("*.md"))
     assert len(pages) > 5
     for each in pages:
         text = each.read_text()

@@ -49,7 +49,7 @@ OVERHEAD = 1.02
 
 COSTS = np.array([[1e-6, 106.0], [1e-4, 11.9], [0.1, 0.85], [0.3, 0.55], [0.6, 0.49]])
 """Packing fractions, and microseconds of one thread for a collision there, of a gas in one tile
-(`validation/results/bench.md`). Thinner gases cost phi^(-1/2), for disks pass so many more cells."""
+(`ifrdem/docs/results/bench.md`). Thinner gases cost phi^(-1/2), for disks pass so many more cells."""
 IN_A_WINDOW = 1.2
 """Collisions of a disk in a window of tiles, about."""
 IN_TILES = 1.75

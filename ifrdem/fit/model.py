@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
-class Quantity(NamedTuple):
+class Measurable(NamedTuple):
     """A measured quantity: its symbol in a picture, its unit, "deg" or "1", and its lowest and highest values."""
 
     symbol: str
@@ -36,16 +36,16 @@ class Quantity(NamedTuple):
     high: float = math.inf
 
 
-MEASURED: Mapping[str, Quantity] = {
-    "delta_1": Quantity(r"$\delta_1$", "deg", -180.0, 180.0),
-    "delta_2": Quantity(r"$\delta_2$", "deg", -90.0, 90.0),
-    "Rw_2": Quantity(r"$R_2 \omega_2 / v_o$", "1"),
-    "sqrt_d2_d1": Quantity(r"$\sqrt{d_2 / d_1}$", "1", 0.0),
-    "rebound": Quantity(r"$\delta_r$", "deg", -180.0, 180.0),
-    "rebound_contact": Quantity(r"$\delta_c$", "deg", -90.0, 90.0),
-    "v_t_ratio": Quantity(r"$v_{1t}'/v_{1t}$", "1"),
-    "Rw_1": Quantity(r"$R_1 \omega_1 / v_o$", "1"),
-    "e_t_apparent": Quantity(r"$e_t^*$", "1"),
+MEASURED: Mapping[str, Measurable] = {
+    "delta_1": Measurable(r"$\delta_1$", "deg", -180.0, 180.0),
+    "delta_2": Measurable(r"$\delta_2$", "deg", -90.0, 90.0),
+    "Rw_2": Measurable(r"$R_2 \omega_2 / v_o$", "1"),
+    "sqrt_d2_d1": Measurable(r"$\sqrt{d_2 / d_1}$", "1", 0.0),
+    "rebound": Measurable(r"$\delta_r$", "deg", -180.0, 180.0),
+    "rebound_contact": Measurable(r"$\delta_c$", "deg", -90.0, 90.0),
+    "v_t_ratio": Measurable(r"$v_{1t}'/v_{1t}$", "1"),
+    "Rw_1": Measurable(r"$R_1 \omega_1 / v_o$", "1"),
+    "e_t_apparent": Measurable(r"$e_t^*$", "1"),
 }
 """The quantities that can be fitted, by the names of their columns."""
 

@@ -158,7 +158,7 @@ def draw_pairs(offset, many, team, row, gas: ti.template()):
     """Draw the first pair of normal random numbers of the disks of a thread for a row of `kicks`.
 
     A separate loop takes half of the time of draws within the loop of the force, because a processor works on several
-    disks at a time (`validation/results/forces.md`). The numbers are stored in the times of events, which all disks
+    disks at a time (`ifrdem/docs/results/forces.md`). The numbers are stored in the times of events, which all disks
     predict again after the force.
     """
     for m in range(many):

