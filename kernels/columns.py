@@ -39,37 +39,45 @@ class Several:
 
 
 class Columns:
-    """Names of the columns of an array, in order.
+    """Names of the columns of an array, in order, each with a text that says what it is.
 
-    A name is followed by nothing, by a number of columns (`count=2`), by a table (`losses=MECHANISM`), or by both
-    (`contact=(4, HELD_CONTACT)`).
+    A name has its text, `begin="begin of the window"`, or for several columns the text with their number
+    (`count=("...", 2)`), their table (`losses=("...", MECHANISM)`) or both (`contact=("...", 4, HELD_CONTACT)`).
 
     Attributes
     ----------
     at : dict
         Number of each column by its name; `Several` or a table for a name that stands for several.
+    texts : dict
+        The text of each name.
     width : int
         Number of columns.
     first : int
         Number of the first one in the table that this one stands in.
+
+    ValueError if a text is missing, has several lines, or ends with a point.
     """
 
     of: "Columns | None" = None  # as of `Several`
 
-    def __init__(self, *, first: int = 0, **names: "int | Columns | tuple[int, Columns] | None") -> None:
+    def __init__(self, *, first: int = 0, **names: Any) -> None:
         self.first, self._names = first, names
         self.at: dict[str, Any] = {}
+        self.texts: dict[str, str] = {}
         at = first
         for name, given in names.items():
-            if given is None:
+            text, *of = given if isinstance(given, tuple) else (given,)
+            if not isinstance(text, str) or not text or text.endswith(".") or "\n" in text:
+                raise ValueError(f"{name}: must have a text of one line that does not end with a point")
+            self.texts[name] = text
+            if not of:
                 self.at[name] = at
                 at += 1
                 continue
-            count, of = given if isinstance(given, tuple) else (given, None)
-            if isinstance(count, Columns):
-                self.at[name] = count.moved(at)
+            if isinstance(of[0], Columns):
+                self.at[name] = of[0].moved(at)
             else:
-                self.at[name] = Several(at, count, of)
+                self.at[name] = Several(at, *of)
             at += self.at[name].width
         self.width: int = at - first
         vars(self).update(self.at)  # read thousands of times a second
@@ -89,9 +97,8 @@ class Columns:
         try:
             return self.__dict__["at"][name]
         except KeyError:
-            raise AttributeError(
-                f"no column {name!r}; columns are {', '.join(self.__dict__['at'])}"
-            ) from None
+            texts = "\n".join(f"  {each}: {text}" for each, text in self.__dict__["texts"].items())
+            raise AttributeError(f"no column {name!r}; columns are\n{texts}") from None
 
 
 class Named:
@@ -158,205 +165,276 @@ def _property_of(column: Any) -> property:
     return property(read_several if isinstance(column, Several) and column.of else read, write)
 
 
-def columns(*names: str) -> dict[str, None]:
-    """Names of one column each, to be given to `Columns`."""
-    return dict.fromkeys(names)
-
-
 # ---------------------------------------------------------------------- state of the disks
 
-# Positions from the lower left corner of the tile that lists the disk.
-DISK = Columns(**columns("x", "y", "vx", "vy", "spin"))
-# `events`: collisions with disks and walls; boxes travelled.
-META = Columns(**columns("id", "events", "image_x", "image_y"))
-# Time of the latest collision, and angle turned.
-PAST = Columns(**columns("latest", "angle"))
-HITS = Columns(**columns("wall_collisions", "last_partner"))
-# What collisions take, by mechanism.
-MECHANISM = Columns(**columns("normal", "restitution", "sliding", "sticking", "rolling", "walls", "rest"))
-# What one collision of two disks takes (`laws/contact.py`); friction is sliding or sticking.
-LOSS = Columns(**columns("normal", "restitution", "friction", "rolling"))
-KIND = Columns(**columns("inverse_mass", "k", "radius", "material", "mass", "inertia"))
-# Forces at contacts of a disk that may rest, as last solved for: of each the other's id (FIRST_WALL - wall for a wall,
-# or NO_PARTNER) and four forces.
+DISK = Columns(
+    x="position from the left side of the tile that lists the disk", y="position from its lower side",
+    vx="velocity along x", vy="velocity along y", spin="angular velocity",
+)  # fmt: skip
+META = Columns(
+    id="number of the disk", events="collisions with disks and walls", image_x="boxes travelled along x",
+    image_y="boxes travelled along y",
+)  # fmt: skip
+PAST = Columns(latest="time of the latest collision", angle="angle turned")
+HITS = Columns(wall_collisions="collisions with walls", last_partner="partner of the latest collision")
+# What collisions take.
+MECHANISM = Columns(
+    normal="by normal restitution", restitution="by tangential restitution", sliding="by friction while it slides",
+    sticking="by friction while it sticks", rolling="by rolling friction", walls="in collisions with walls",
+    rest="by disks that fall asleep",
+)  # fmt: skip
+# What one collision of two disks takes (`laws/contact.py`).
+LOSS = Columns(
+    normal="by normal restitution", restitution="by tangential restitution", friction="by sliding or sticking",
+    rolling="by rolling friction",
+)  # fmt: skip
+KIND = Columns(
+    inverse_mass="1 / m, 0 for immovable disks", k="shape number", radius="radius", material="number of the material",
+    mass="mass", inertia="moment of inertia",
+)  # fmt: skip
 FORCES = 4
-HELD_CONTACT = Columns(other=None, force=FORCES)
-HELD = Columns(contact=(4, HELD_CONTACT))
-HISTORY_HASH = Columns(**columns("hash_1", "hash_2"))
+# Forces at contacts of a disk that may rest, as last solved for.
+HELD_CONTACT = Columns(
+    other="id of the other disk, FIRST_WALL - wall for a wall, or NO_PARTNER", force=("four forces", FORCES)
+)
+HELD = Columns(contact=("contacts of the disk", 4, HELD_CONTACT))
+HISTORY_HASH = Columns(hash_1="first word", hash_2="second word")
 
 # ---------------------------------------------------------------------- tiles
 
-# First slot (within its part) and number of disks at the window's beginning and end, by part; ghost records; 1 if it
-# has to be run again; disks gathered; 1 for a tile of this rank, if there are several ranks of MPI
-# (`ifrdem/simulation/windows/ranks.py`); why a block of a GPU could not run it (`windows/blocks.py`), or 0.
-TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathered", "owned", "mark"))
-# Halo; bound on how far its own disks left its sides; their largest displacement; how far they are beyond its
-# sides at the end; halo over the initial one of all tiles.
-REACH = Columns(**columns("halo", "excursion", "max_displacement", "overhang", "halo_factor"))
-# Sums over a window; whole numbers are exact up to 2^53. `fastest` is the largest square of a speed. They are
-# followed by those that only some gases have: the virial, heat of thermal walls, sums of each wall, states of pistons.
+TILE = Columns(
+    start=("first slot within its part, at the window's beginning and end", 2),
+    count=("disks, at the window's beginning and end", 2),
+    ghosts="first ghost record", n_ghosts="number of ghost records", bad="1 if it has to be run again",
+    gathered="disks gathered",
+    owned="1 for a tile of this rank, if there are several (`ifrdem/simulation/windows/ranks.py`)",
+    mark="why a block of a GPU could not run it (`windows/blocks.py`), or 0",
+)  # fmt: skip
+REACH = Columns(
+    halo="width of its halo", excursion="bound on how far its own disks left its sides",
+    max_displacement="their largest displacement", overhang="how far they are beyond its sides at the end",
+    halo_factor="halo over the initial one of all tiles",
+)  # fmt: skip
+# Sums over a window; whole numbers are exact up to 2^53. They are followed by those that only some gases have: the
+# virial, heat of thermal walls, sums of each wall, states of pistons.
 TALLY = Columns(
-    collisions=None, wall_collisions=None, elastics=None, regimes=5, losses=MECHANISM,
-    **columns("wall_work", "flow_work", "fastest", "squares", "sleepers", "event_squares"),
+    collisions="collisions of two disks", wall_collisions="collisions with walls",
+    elastics="collisions that a remedy for collapse made elastic", regimes=("collisions by regime", 5),
+    losses=("energy dissipated by mechanism", MECHANISM), wall_work="work of moving walls",
+    flow_work="work of the mean flow", fastest="largest square of a speed", squares="sum of squares of speeds",
+    sleepers="disks that fell asleep", event_squares="sum of squares of speeds at events",
 )  # fmt: skip
 # Collisional part of the pressure tensor times area and time (`disks/stress.py`): momentum, then direction.
-VIRIAL = Columns(**columns("xx", "xy", "yx", "yy"))
-WALL_SUM = Columns(**columns("momentum_x", "momentum_y", "torque", "work", "heat", "hits"))
-PISTON_STATE = Columns(**columns("displacement", "speed"))
+VIRIAL = Columns(xx="xx", xy="xy", yx="yx", yy="yy")
+WALL_SUM = Columns(
+    momentum_x="momentum along x given to disks", momentum_y="momentum along y given to disks",
+    torque="angular momentum given to disks", work="work on disks", heat="heat given to disks", hits="collisions",
+)  # fmt: skip
+PISTON_STATE = Columns(displacement="displacement along its line", speed="velocity along its line")
 # Parts of which each is a sum that does not depend on the order of its terms (`forces/forces.py`).
 LEVELS = 3
-# Of all tiles, or of BLOCK_OF_TILES: the largest square of a speed, and maxima of `reach`; then sums of the tally to
-# the end of the window, and to each moment.
-TOTAL = Columns(**columns("max_speed_sq", "excursion", "max_displacement", "overhang"))
-# Slot of a copy at the window's beginning and, in the bits from GHOST_STEP on, the step of `tiles.gather_tile` to it;
-# hash of its history here; upper half of the largest square of its speed.
-GHOST = Columns(**columns("place", "hash_1", "hash_2", "max_speed_sq"))
+# Of all tiles, or of BLOCK_OF_TILES; then sums of the tally to the end of the window, and to each moment.
+TOTAL = Columns(
+    max_speed_sq="largest square of a speed", excursion="largest `reach.excursion`",
+    max_displacement="largest displacement", overhang="largest `reach.overhang`",
+)  # fmt: skip
+GHOST = Columns(
+    place="slot of a copy at the window's beginning, and from bit GHOST_STEP on the step of `tiles.gather_tile` to it",
+    hash_1="first word of the hash of its history here", hash_2="second word of it",
+    max_speed_sq="upper half of the largest square of its speed",
+)  # fmt: skip
 GHOST_STEP = 27
 
 # ---------------------------------------------------------------------- scratch space of a lane
 
-# Flight from `tau` on; times of its next collision and of leaving its cell.
-MOTION = Columns(**columns("x", "y", "vx", "vy", "tau", "t_hit", "t_leave", "spin"))
-# Next partner (another slot, a wall, or none); cell; collisions so far; those of the partner when that was
-# predicted; neighbours in the list of its bin; next in the list of its cell; latest partner in this window; id; its
-# rank among own disks, from 1 on, or minus that among copies; hash of its history; upper half of the largest square of
-# its speed; kind; row of tiles relative to the own one; side by which it leaves its cell. A line of the cache.
-EVENT_INFO = Columns(**columns(
-    "partner", "cell", "number", "partner_number", "previous", "next", "next_in_cell", "last", "id", "own_rank",
-    "hash_1", "hash_2", "max_speed_sq", "kind", "shear_row", "direction",
-))  # fmt: skip
-# Slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile that
-# lists it, as the step of `tiles.gather_tile` to that.
-IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_collisions", "step"))
-# The next action of a force on the disk alone (`disks/force_times.py`): time of the run, number of the slice of time,
-# number in it, number of the force among those within windows; actions so far in the window.
-ACTION = Columns(**columns("time", "slice", "draw", "force", "count"))
-CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
-# The scratch space of a block of a GPU (`windows/blocks.py`), by types of numbers.
-BLOCK_INTEGERS = Columns(event_info=EVENT_INFO, image_info=IMAGE_INFO, candidates=CANDIDATE)
-BLOCK_REALS = Columns(motion=MOTION, since=None)
-BLOCK_SUMS = Columns(loss=MECHANISM, turn=None, action=ACTION)
-# AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick hits of something
-# at rest, one after the other.
-REST = Columns(**columns("asleep", "may_rest", "hits"))
-# Contact that may bear: slots of both disks, the second -1 for a wall; the normal; what a unit of its four forces
-# (normal, along the contact, torques on both disks) does to either, scaled so that each changes sqrt(m) a by 1 in all;
-# bounds of the last three over the first; the forces, and trial forces, or the last change (`add_contact`).
-CONTACT = Columns(
-    **columns("i", "j", "normal_x", "normal_y"), push=2, drag=2, spin_up=2, bound=3, force=FORCES, trial=FORCES
+# Flight of a disk.
+MOTION = Columns(
+    x="position along x at tau", y="position along y at tau", vx="velocity along x", vy="velocity along y",
+    tau="time of the window at which the flight began", t_hit="time of its next collision",
+    t_leave="time at which it leaves its cell", spin="angular velocity",
 )  # fmt: skip
-# sqrt(m) a and sqrt(I) alpha.
-RESIDUAL_ACCELERATION = Columns(**columns("x", "y", "turn"))
+# A line of the cache.
+EVENT_INFO = Columns(
+    partner="next partner: another slot, a wall, or none", cell="cell", number="collisions so far",
+    partner_number="those of the partner when the next one was predicted",
+    previous="previous disk in the list of its bin", next="next disk in the list of its bin",
+    next_in_cell="next disk in the list of its cell", last="latest partner in this window", id="number of the disk",
+    own_rank="its rank among own disks, from 1 on, or minus that among copies",
+    hash_1="first word of the hash of its history", hash_2="second word of it",
+    max_speed_sq="upper half of the largest square of its speed", kind="number of its kind",
+    shear_row="row of tiles relative to the own one", direction="side by which it leaves its cell",
+)  # fmt: skip
+IMAGE_INFO = Columns(
+    slot="slot at the window's beginning", lap_x="boxes travelled along x in this window",
+    lap_y="boxes travelled along y in this window", events_before="collisions before this window",
+    wall_collisions="collisions with walls in it", step="tile that lists it, as the step of `tiles.gather_tile`",
+)  # fmt: skip
+# The next action of a force on the disk alone (`disks/force_times.py`).
+ACTION = Columns(
+    time="time of the run", slice="number of the slice of time", draw="number in the slice",
+    force="number of the force among those within windows", count="actions so far in the window",
+)  # fmt: skip
+CANDIDATE = Columns(
+    slot="slot", cell="cell", own_rank="as in `event_info`", step="step of `tiles.gather_tile`"
+)
+# The scratch space of a block of a GPU (`windows/blocks.py`), by types of numbers.
+BLOCK_INTEGERS = Columns(
+    event_info=("of disks", EVENT_INFO),
+    image_info=("of disks", IMAGE_INFO),
+    candidates=("of disks", CANDIDATE),
+)
+BLOCK_REALS = Columns(motion=("of disks", MOTION), since="time since the latest collision")
+BLOCK_SUMS = Columns(
+    loss=("energy dissipated by mechanism", MECHANISM), turn="angle turned", action=("next action", ACTION)
+)
+REST = Columns(
+    asleep="AWAKE, ASLEEP or WOKEN since the window's beginning", may_rest="1 where the disk may fall asleep in it",
+    hits="quick hits of something at rest, one after the other",
+)  # fmt: skip
+# Contact that may bear. A unit of one of its four forces (normal, along the contact, torques on both disks) is scaled
+# so that each changes sqrt(m) a by 1 in all.
+CONTACT = Columns(
+    i="slot of the first disk", j="slot of the second one, -1 for a wall", normal_x="normal along x",
+    normal_y="normal along y", push=("what a unit of the normal force does to either disk", 2),
+    drag=("what a unit of the force along the contact does to either", 2),
+    spin_up=("what a unit of the torque on either does to it", 2),
+    bound=("bounds of the last three forces over the first", 3), force=("the forces", FORCES),
+    trial=("trial forces, or the last change (`add_contact`)", FORCES),
+)  # fmt: skip
+RESIDUAL_ACCELERATION = Columns(x="sqrt(m) a along x", y="sqrt(m) a along y", turn="sqrt(I) alpha")
 
 # ---------------------------------------------------------------------- events that are written down
 
-# Time, position, normal, velocity and spin before and after; the same of the partner.
 EVENT = Columns(
-    time=None, position=2, normal=2, velocity_before=2, velocity_after=2, **columns("spin_before", "spin_after"),
-    partner_velocity_before=2, partner_velocity_after=2, partner_spin_before=None, partner_spin_after=None,
+    time="time of the window", position=("of the disk's centre", 2), normal=("towards the partner", 2),
+    velocity_before=("of the disk", 2), velocity_after=("of the disk", 2), spin_before="of the disk",
+    spin_after="of the disk", partner_velocity_before=("of the partner", 2),
+    partner_velocity_after=("of the partner", 2), partner_spin_before="of the partner",
+    partner_spin_after="of the partner",
 )  # fmt: skip
-# Tile; the disk's id; the partner's, or -2 - wall; boxes travelled; kind (BY_LAW ...); the disk's number of collisions.
 EVENT_INT = Columns(
-    **columns("tile", "id", "partner"), image=2, **columns("regime", "number", "unused"),
+    tile="tile", id="number of the disk", partner="number of the partner, or -2 - wall", image=("boxes travelled", 2),
+    regime="kind of the event: BY_LAW and others", number="the disk's number of collisions", unused="unused",
 )  # fmt: skip
-# A collision of two disks: tile; ids of both, the smaller first.
-PAIR = Columns(**columns("tile", "id", "partner"))
+# A collision of two disks.
+PAIR = Columns(tile="tile", id="smaller number of a disk", partner="larger number of a disk")
 
 # ---------------------------------------------------------------------- of the whole gas
 
-# Next tile to be run; ghost records used; why a launch ended early; slots used; what was needed; 1: a disk came to rest
-# on a wall, events without progress; bad tiles; events; windows; rows of events; 1 where only the listed tiles are run;
-# of a gas in one tile: 1 where it pauses at the moment of a snapshot; 1 where it resumes there; 1 where it has
-# paused at a time, BY_COUNT at a number of collisions; bad tiles with the widest halo; 1 where no window of a
-# launch may follow; windows in which resting disks were not determined, and disks that fell asleep at speed; rows
-# of pairs; tiles that need blocks with more room, and bad ones that no block can run (`windows/blocks.py`).
-COUNTER = Columns(**columns(
-    "next_tile", "n_ghosts", "full", "n_slots", "needed", "resting", "stalled", "n_bad", "n_events", "n_windows",
-    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unverified", "jammed", "n_pairs",
-    "n_dense", "n_marked",
-))  # fmt: skip
-# Begin and end of the window; where to stop (time, collisions in all), to pause, when a force acts; what sets the
-# length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
-# the box, collisions in a window of that; root mean square of speeds at the beginning; the longest window that may be;
-# when gravity last turned; number of disks; at the window's beginning the largest speed, and how far disks are beyond
-# the sides of the tiles that list them; collisions that a disk may
-# have in a window where most happen (`planner.path_from`). Of forces that act within windows: rows of `kicks` that
-# acted before the window; the next row of a gas in one tile that has paused; length of the latest windows; the
-# shortest step; what rounds energies that they give to a first part, over the unit of squares of speeds, and for the
-# next part over that; square of a speed that a disk at rest may get at a random time.
-CLOCK = Columns(**columns(
-    "begin", "end", "stop", "wanted", "pause", "pause_after", "kick", "path", "tile_side", "wall_speed",
-    "square_unit", "free_path", "in_window", "speed", "longest", "turned", "n", "fastest", "overhang",
-    "local_collisions",
-    "acted", "next_kick", "recent", "shortest_step", "gain_unit", "gain_step", "action_square",
-))  # fmt: skip
-# Disks; tiles; lanes; slots, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
-# seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small
-# cells along a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works; room
-# for moments; rows of pairs; the first piston among the rows of walls, or -1; blocks of a GPU that run tiles.
-GRID = Columns(**columns(
-    "n", "tiles_x", "tiles_y", "lanes", "lane_slots", "cells", "bins", "items", "part", "periodic_x", "periodic_y",
-    "walls", "seed_low", "seed_high", "single_tile", "most_ghosts", "tiles_aside", "boxes_aside", "room", "watching",
-    "most_events", "coarse", "opaque_zero", "stride", "moments", "most_pairs", "first_piston", "blocks",
-))  # fmt: skip
+COUNTER = Columns(
+    next_tile="the next tile to be run", n_ghosts="ghost records used", full="why a launch ended early",
+    n_slots="slots used", needed="what was needed of what was full", resting="1: a disk came to rest on a wall",
+    stalled="events without progress", n_bad="bad tiles", n_events="events", n_windows="windows",
+    n_watched="rows of events of tracked disks", again="1 where only the listed tiles are run",
+    pausing="of a gas in one tile: 1 where it pauses at the moment of a snapshot",
+    resuming="of a gas in one tile: 1 where it resumes there",
+    paused="1 where it has paused at a time, BY_COUNT at a number of collisions",
+    stuck="bad tiles with the widest halo", halted="1 where no window of a launch may follow",
+    unverified="windows in which resting disks were not determined", jammed="disks that fell asleep at speed",
+    n_pairs="rows of pairs", n_dense="tiles that need blocks with more room (`windows/blocks.py`)",
+    n_marked="bad tiles that no block can run",
+)  # fmt: skip
+CLOCK = Columns(
+    begin="begin of the window", end="end of the window", stop="time at which to stop",
+    wanted="collisions in all at which to stop", pause="time at which to pause",
+    pause_after="collisions in all after which to pause", kick="time at which a force acts",
+    path="a path sets the length of windows", tile_side="the side of a tile sets it",
+    wall_speed="the speed of walls sets it", square_unit="unit of squares of speeds",
+    free_path="path in a gas that fills the box", in_window="collisions in a window of that path",
+    speed="root mean square of speeds at the beginning", longest="the longest window that may be",
+    turned="when gravity last turned", n="number of disks",
+    fastest="the largest speed at the window's beginning",
+    overhang="how far disks are then beyond the sides of the tiles that list them",
+    local_collisions="collisions that a disk may have in a window where most happen (`planner.path_from`)",
+    acted="rows of `kicks` that acted before the window", next_kick="the next row of a gas in one tile that has paused",
+    recent="length of the latest windows", shortest_step="the shortest step of a force within windows",
+    gain_unit="what rounds energies that such forces give to a first part, over the unit of squares of speeds",
+    gain_step="the same for the next part, over that for the first",
+    action_square="square of a speed that a disk at rest may get at a random time",
+)  # fmt: skip
+GRID = Columns(
+    n="disks", tiles_x="tiles along x", tiles_y="tiles along y", lanes="lanes", lane_slots="slots of a lane",
+    cells="cells of a lane", bins="bins of a lane", items="walls of a lane", part="part of the window's beginning",
+    periodic_x="1 where the sides along x are periodic", periodic_y="1 where those along y are", walls="rows of walls",
+    seed_low="low word of the seed", seed_high="high word of the seed",
+    single_tile="1 where one tile is the whole box", most_ghosts="room for ghost records",
+    tiles_aside="whole tiles by which a row has moved on against the one below, in a sheared gas",
+    boxes_aside="whole boxes by which it has", room="slots of a part",
+    watching="what is written down: TRACKED and PAIRS", most_events="room for rows of events",
+    coarse="small cells along a large one", opaque_zero="a 0 that no compiler knows",
+    stride="threads of a GPU for each tile's events, of which one works", moments="room for moments",
+    most_pairs="room for rows of pairs",
+    first_piston="the first piston among the rows of walls, or -1", blocks="blocks of a GPU that run tiles",
+)  # fmt: skip
 MOST_MOMENTS = 8
-# Box; least side of a cell; window; largest diameter; what rounds positions; gravity; cut-off; contact time; shear
-# rate; speed of a row of tiles relative to the one below, and its shift beyond whole tiles; the largest radius of disks
-# in small cells; the halo that tiles begin with, and the widest; the part of it for disks that hit one another in
-# chains; the least side of a tile; the time, since the beginning of the window, of the state that is stored as
-# its end; moments in the window, in order, FAR behind the last.
 SCALE = Columns(
-    **columns(
-        "length_x", "length_y", "cell_side", "window", "widest", "rounding_constant", "gx", "gy", "cutoff",
-        "contact_time", "shear", "drift", "aside", "split", "usual_halo", "most_halo", "chain", "least_side",
-        "stored_at",
-    ),
-    moment=MOST_MOMENTS + 1,
+    length_x="length of the box along x", length_y="length along y", cell_side="least side of a cell",
+    window="length of the window", widest="largest diameter", rounding_constant="what rounds positions",
+    gx="gravity along x", gy="gravity along y", cutoff="cut-off of velocity, or the resting speed",
+    contact_time="contact time", shear="shear rate", drift="speed of a row of tiles relative to the one below",
+    aside="its shift beyond whole tiles", split="the largest radius of disks in small cells",
+    usual_halo="halo that tiles begin with", most_halo="the widest halo",
+    chain="the part of it for disks that hit one another in chains", least_side="the least side of a tile",
+    stored_at="time, since the beginning of the window, of the state that is stored as its end",
+    moment=("moments in the window, in order, FAR behind the last", MOST_MOMENTS + 1),
 )  # fmt: skip
 
 # ---------------------------------------------------------------------- walls
 
-# Displacement along (x, y), a unit vector: `kinds.MOTIONS`. Amplitude, of a steady motion its speed; angular frequency
-# of a sine, frequency of a sawtooth; phase at t = 0 of the run, or at `moving.begin`, in radians (sine) or periods
-# (sawtooth); part of its period in which a sawtooth rises, from minus its amplitude to it; what is needed of the
-# beginning of the window: displacement of a steady motion, else the phase.
-WALL_MOTION = Columns(**columns("kind", "x", "y", "amplitude", "rate", "phase", "rise", "now"))
-# Rotation about (x, y), which the displacement carries along: `kinds.TURNS`. Amplitude, of a steady turn its angular
-# velocity; angular frequency of a sine; phase; angle or phase as the window begins; distance of the farthest point of
-# the piece from (x, y).
-WALL_TURN = Columns(**columns("kind", "x", "y", "amplitude", "rate", "phase", "now", "lever"))
-# Time of the run from which on it moves, and until when; 1 if it moves in the window, which neither lies in, else 0.
-WALL_MOVING = Columns(**columns("begin", "end", "now"))
-# Displacement and speed at the latest event of a piston, and the time of the window of that; time of the window at
-# which it meets a stop; acceleration by its force; angular frequency on its spring; inverse mass; least and largest
-# displacement; first of the changes of its displacement and velocity, among the sums of walls; row of the next piston,
-# or -1.
-PISTON = Columns(**columns(
-    "displacement", "speed", "since", "stop_at", "push", "rate", "inverse_mass", "low", "high", "sums", "next",
-))  # fmt: skip
-# A piece of a wall: `kinds.PIECES` or GONE. A point of a line, the beginning of a segment, the centre of a circle; a
-# line's unit normal, towards the disks, the end of a segment minus its beginning, the unit vector to the middle of an
-# arc; radius of a circle; half the angle of an arc; number of the wall that this is a piece of; row of the law's table;
-# speed of the surface along its tangent, (-n_y, n_x) of the normal towards the disk; temperature of a thermal wall
-# [energy], else 0; which of the sums of walls is the heat of a thermal wall, else -1; the first of the sums of its
-# wall (WALL_SUM).
+WALL_MOTION = Columns(
+    kind="displacement along (x, y): `kinds.MOTIONS`", x="unit vector along x", y="unit vector along y",
+    amplitude="amplitude, of a steady motion its speed",
+    rate="angular frequency of a sine, frequency of a sawtooth",
+    phase="phase at t = 0 of the run, or at `moving.begin`, in radians (sine) or periods (sawtooth)",
+    rise="part of its period in which a sawtooth rises, from minus its amplitude to it",
+    now="at the beginning of the window: displacement of a steady motion, else the phase",
+)  # fmt: skip
+WALL_TURN = Columns(
+    kind="rotation about (x, y), which the displacement carries along: `kinds.TURNS`", x="centre along x",
+    y="centre along y", amplitude="amplitude, of a steady turn its angular velocity",
+    rate="angular frequency of a sine", phase="phase", now="angle or phase as the window begins",
+    lever="distance of the farthest point of the piece from (x, y)",
+)  # fmt: skip
+WALL_MOVING = Columns(
+    begin="time of the run from which on it moves", end="time until when it moves",
+    now="1 if it moves in the window, which neither lies in, else 0",
+)  # fmt: skip
+PISTON = Columns(
+    displacement="displacement at its latest event", speed="speed then", since="time of the window of that event",
+    stop_at="time of the window at which it meets a stop", push="acceleration by its force",
+    rate="angular frequency on its spring", inverse_mass="1 / m", low="least displacement", high="largest displacement",
+    sums="first of the changes of its displacement and velocity, among the sums of walls",
+    next="row of the next piston, or -1",
+)  # fmt: skip
+# A piece of a wall.
 WALL = Columns(
-    **columns("kind", "x", "y", "towards_x", "towards_y", "radius", "half", "owner", "material", "surface_speed"),
-    **columns("temperature", "heat", "sums"),
-    motion=WALL_MOTION, turn=WALL_TURN, moving=WALL_MOVING, piston=PISTON,
+    kind="`kinds.PIECES`, or GONE", x="point of a line, beginning of a segment, or centre of a circle, along x",
+    y="the same along y",
+    towards_x="along x: normal of a line towards the disks, end minus beginning of a segment, or the unit vector to "
+    "the middle of an arc",
+    towards_y="the same along y", radius="radius of a circle", half="half the angle of an arc",
+    owner="number of the wall that this is a piece of", material="row of the law's table",
+    surface_speed="speed of the surface along its tangent, (-n_y, n_x) of the normal towards the disk",
+    temperature="temperature of a thermal wall [energy], else 0",
+    heat="which of the sums of walls is the heat of a thermal wall, else -1",
+    sums="the first of the sums of its wall (WALL_SUM)", motion=("displacement", WALL_MOTION),
+    turn=("rotation", WALL_TURN), moving=("when it moves", WALL_MOVING), piston=("of a piston", PISTON),
 )  # fmt: skip
 
 # ---------------------------------------------------------------------- what is read out
 
 # Sums over all disks.
-READOUT = Columns(**columns(
-    "translational", "rotational", "momentum_x", "momentum_y", "momentum_flux_xy", "fall", "all_events", "excess",
-    "mass", "momentum_flux_xx",
-))  # fmt: skip
+READOUT = Columns(
+    translational="energy of translation", rotational="energy of rotation", momentum_x="momentum along x",
+    momentum_y="momentum along y", momentum_flux_xy="m v_x v_y", fall="minus the potential energy in gravity",
+    all_events="collisions of each disk", excess="energy beyond that of the peculiar motion, in a mean flow",
+    mass="mass", momentum_flux_xx="m v_x v_x",
+)  # fmt: skip
 # Sums over the disks of a species; those of infinite mass only in its collisions.
 SPECIES = Columns(
-    **columns("translational", "rotational", "momentum_x", "momentum_y", "mass", "movable", "collisions")
-)
+    translational="energy of translation", rotational="energy of rotation", momentum_x="momentum along x",
+    momentum_y="momentum along y", mass="mass", movable="number of movable disks", collisions="collisions",
+)  # fmt: skip
 
 
 def rows_dtype(quantities: Iterable[Quantity], real: str) -> np.dtype[Any]:
@@ -376,50 +454,76 @@ def first_word(name: str, uses: Any, single: bool) -> int:
     return int((frame_dtype(uses, single).fields or {})[name][1]) // 4
 
 
-# Coefficients of the IFR law (`IFRLaw.table_row`).
-LAW = Columns(**columns("e_n", "e_t", "mu", "contact_point", "rho"))
+LAW = Columns(
+    e_n="normal restitution", e_t="tangential restitution", mu="friction",
+    contact_point="1 where e_t is of the contact point, 0 of the percussion centre", rho="rolling friction [length]",
+)  # fmt: skip
 TRIAL_TABLES: dict[str, Columns] = {
     "law": LAW,
     # Of disk i, which approaches disk j or a wall (inverse mass 0) along x.
-    "pairs": Columns(**columns(
-        "material_i", "material_j", "inverse_mass_i", "radius_i", "k_i", "inverse_mass_j", "radius_j", "k_j",
-        "vx_i", "vy_i", "spin_i", "spin_j",
-    )),
-    # Impulse along n, that below which the disks would overlap; velocities and spins after the collision.
-    "found": Columns(**columns("P_n", "least_P_n", "vx_i", "vy_i", "spin_i", "vx_j", "vy_j", "spin_j")),
+    "pairs": Columns(
+        material_i="material of i", material_j="material of j", inverse_mass_i="1 / m of i", radius_i="radius of i",
+        k_i="shape number of i", inverse_mass_j="1 / m of j", radius_j="radius of j", k_j="shape number of j",
+        vx_i="velocity of i along x", vy_i="velocity of i along y", spin_i="spin of i", spin_j="spin of j",
+    ),
+    "found": Columns(
+        P_n="impulse along n", least_P_n="that below which the disks would overlap",
+        vx_i="velocity of i after, along x",
+        vy_i="along y", spin_i="spin of i after", vx_j="velocity of j after, along x", vy_j="along y",
+        spin_j="spin of j after",
+    ),
 }  # fmt: skip
 """Tables of the arrays of collisions by which a law is tried (`contact.sample_law`)."""
 
 # ---------------------------------------------------------------------- steps of forces
 
-# Time and length of the step; 1 for x and y where the whole gas can drift (`model.walls.wall.free_directions`), else 0.
-WHEN = Columns(**columns("time", "dt", "free_x", "free_y"))
-# A step of a force within a window: when it acts; number of the force among those that act so, and among all; number
-# and length of the step; where shares of the disks in its totals begin in `shares`, or -1; totals, at least one.
-KICK = Columns(**columns("time", "force", "index", "number", "dt", "shares"), totals=1)
-# 1 for x and y where the whole gas can drift, else 0; behind them the parameters of the forces. Of one that acts on
-# single disks, two numbers come before them: the mean time between two actions on a disk, its number among all forces.
-FORCE_VALUES = Columns(**columns("free_x", "free_y"))
-# Number of the step (low, high word), index of the force, seed (low, high word).
-COUNTER_WORDS = Columns(**columns("step_low", "step_high", "index", "seed_low", "seed_high"))
+WHEN = Columns(
+    time="time of the step", dt="length of the step",
+    free_x="1 where the whole gas can drift along x (`model.walls.wall.free_directions`), else 0", free_y="along y",
+)  # fmt: skip
+# A step of a force within a window.
+KICK = Columns(
+    time="when it acts", force="number of the force among those that act so", index="its number among all",
+    number="number of the step", dt="length of the step",
+    shares="where shares of the disks in its totals begin in `shares`, or -1", totals=("totals, at least one", 1),
+)  # fmt: skip
+# Behind them the parameters of the forces. Of one that acts on single disks, two numbers come before them: the mean
+# time between two actions on a disk, its number among all forces.
+FORCE_VALUES = Columns(free_x="1 where the whole gas can drift along x, else 0", free_y="along y")
+COUNTER_WORDS = Columns(
+    step_low="number of the step, low word", step_high="high word", index="index of the force",
+    seed_low="seed, low word", seed_high="high word",
+)  # fmt: skip
 
 # ---------------------------------------------------------------------- direct simulation Monte Carlo (`dsmc.py`)
 
-BODY = Columns(**columns("vx", "vy", "spin", "inverse_mass", "radius", "k", "material"))
+BODY = Columns(
+    vx="velocity along x", vy="velocity along y", spin="angular velocity", inverse_mass="1 / m", radius="radius",
+    k="shape number", material="number of the material",
+)  # fmt: skip
 DSMC_TABLES: dict[str, Columns] = {
     "disk": BODY,
-    # Candidates to resolve, in two lists that alternate; collisions; the first candidate that made a disk too fast.
-    "counter": Columns(open=2, **columns("collisions", "cut")),
-    # Of random numbers: number of the batch or of the kick (low, high word), seed (low, high word).
-    "key": Columns(**columns("number_low", "number_high", "seed_low", "seed_high")),
-    # Coefficients of contact values (`contact.contact_value_coefficients`); the largest g_ij sigma_ij |v_i - v_j| that
-    # may occur; the square of the highest speed for which that holds.
-    "contact_value": Columns(**columns("one", "two", "majorant", "cap")),
-    # Factors of a velocity and of a spin by friction; energy that noise gives to the motion and to the spin.
-    "factors": Columns(**columns("velocity", "spin", "energy", "spin_energy")),
+    "counter": Columns(
+        open=("candidates to resolve, in two lists that alternate", 2), collisions="collisions",
+        cut="the first candidate that made a disk too fast",
+    ),
+    # Of random numbers.
+    "key": Columns(
+        number_low="number of the batch or of the kick, low word", number_high="high word", seed_low="seed, low word",
+        seed_high="high word",
+    ),
+    "contact_value": Columns(
+        one="first coefficient of contact values (`contact.contact_value_coefficients`)", two="second one",
+        majorant="the largest g_ij sigma_ij |v_i - v_j| that may occur",
+        cap="square of the highest speed for which that holds",
+    ),
+    "factors": Columns(
+        velocity="factor of a velocity by friction", spin="factor of a spin",
+        energy="energy that noise gives to the motion", spin_energy="energy that it gives to the spin",
+    ),
     "scale": SCALE,
     "law": LAW,
-}
+}  # fmt: skip
 """Tables of the arrays of a gas without places."""
 
 TABLES: dict[str, Columns] = {

@@ -32,7 +32,7 @@ that has more disks than a block has room for, is run by one thread (`windows.ru
 from collections import namedtuple
 from typing import Any
 
-from ..columns import BLOCK_INTEGERS, BLOCK_REALS, BLOCK_SUMS, Columns, columns
+from ..columns import BLOCK_INTEGERS, BLOCK_REALS, BLOCK_SUMS, Columns
 from ..disks.flights import bits_of, contact_signs, real_of
 from ..disks.force_times import action_time
 from ..events.events import collide, compare, precedes, separation
@@ -89,11 +89,15 @@ MARGIN = 1.5  # beyond contact that lists have at least, in largest diameters
 ATTEMPTS = 3
 MOST_BLOCKS = 1024  # of a GPU
 MOST_ROUNDS = 20_000
-# What threads of a block note for one another; sums of warps; for each of the nine tiles around: first slot, number of
-# disks, boxes away.
+# What threads of a block note for one another.
 NOTES = Columns(
-    **columns("gathered", "own", "copies", "mark", "speed", "extent", "images", "queued", "least", "tile", "room"),
-    sums=THREADS // 32, list_begin=9, list_length=9, boxes=9,
+    gathered="disks gathered", own="own disks", copies="copies", mark="why the tile has to be run again, or 0",
+    speed="upper half of the largest square of a speed",
+    extent="upper half of the largest square of a distance that lists reach", images="images of walls",
+    queued="queued disks",
+    least="least key of the queue", tile="tile", room="room", sums=("sums of warps", THREADS // 32),
+    list_begin=("of each of the nine tiles around, the first slot", 9),
+    list_length=("of each, the number of disks", 9), boxes=("of each, boxes away", 9),
 )  # fmt: skip
 # Why a tile has to be run again: a list has no place left, the order of events is not certain, a disk is too fast for
 # the lists, there are too many disks (TOO_MANY), rounds without end, no room for ghost records, or too many disks for

@@ -11,8 +11,10 @@ from ifrdem.kernels import columns
 from ifrdem.kernels.columns import Columns, Named, Several, named
 from ifrdem.simulation import backend
 
-PAIR = Columns(begin=None, until=None)
-TABLE = Columns(a=None, two=2, part=PAIR, times=(3, PAIR), last=None)
+PAIR = Columns(begin="begin", until="end")
+TABLE = Columns(
+    a="one", two=("two numbers", 2), part=("a table", PAIR), times=("tables", 3, PAIR), last="another one"
+)
 ALL_TABLES = {**columns.TABLES, **{f"dsmc {name}": table for name, table in columns.DSMC_TABLES.items()}}
 
 
@@ -47,10 +49,18 @@ def test_a_row_alone_gives_numbers() -> None:
 def test_an_unknown_name_is_an_error_that_lists_the_columns() -> None:
     row = columns.blank("clock")
     for ask in (lambda: row.ends, lambda: columns.CLOCK.ends):
-        with pytest.raises(AttributeError, match=r"no column 'ends'; columns are begin, end, stop"):
+        with pytest.raises(
+            AttributeError, match=r"no column 'ends'; columns are\n  begin: begin of the window\n  end: end"
+        ):
             ask()
     with pytest.raises(AttributeError, match="'ends'"):
         row.ends = 1.0
+
+
+@pytest.mark.parametrize("text", ["", "ends with a point.", "two\nlines", None, 2, ("",)])
+def test_a_column_without_a_text_is_refused(text: object) -> None:
+    with pytest.raises(ValueError, match=r"other: must have a text of one line"):
+        Columns(one="first", other=text)
 
 
 def names_of(table: Columns) -> Iterator[str]:
@@ -109,5 +119,5 @@ def test_a_wrong_name_in_a_kernel_is_reported() -> None:
     from ifrdem.kernels.compiler.language import CompilationError, ti
 
     disk = ti.Vector.ndarray(5, ti.f64, 2)
-    with pytest.raises(CompilationError, match="no column 'mass'; columns are x, y, vx, vy, spin"):
+    with pytest.raises(CompilationError, match=r"no column 'mass'; columns are\n  x: position .*\n  y: "):
         wrong(disk)
