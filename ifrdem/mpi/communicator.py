@@ -100,8 +100,10 @@ class Communicator(Distribution):
         self._tokens.append(_current.set(self))
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         _current.reset(self._tokens.pop())
+        if kind is None and self.size > 1 and not self._tokens:
+            self.require_same_call("leaves the block")
 
     def __repr__(self) -> str:
         return f"Communicator(rank {self.rank} of {self.size}{', distributed' * self.is_distributed})"
@@ -172,6 +174,19 @@ class Communicator(Distribution):
         """Raise InputError on all ranks if the text differs from rank to rank."""
         if len(set(self.allgather(text))) > 1:
             raise InputError(f"{what} differ from rank to rank: all have to run the same lines")
+
+    def require_same_call(self, call: str) -> None:
+        """Raise InputError on all ranks unless all of them are in this call.
+
+        MPI matches messages by their order: a rank that leaves out a call would keep the others waiting for ever.
+        """
+        calls = self.allgather(call)
+        if len({*calls}) > 1:
+            ranks = ", ".join(f"rank {rank} {each}" for rank, each in enumerate(calls[:4]))
+            raise InputError(
+                f"ranks are in different calls in a block `with Communicator(...)`: {ranks}"
+                f"{', ...' if len(calls) > 4 else ''}: all of them have to run the same lines"
+            )
 
     # ------------------------------------------------------------------ work and errors
 
@@ -300,9 +315,19 @@ def current() -> Communicator:
 
 
 def collective(function: Function) -> Function:
-    """Mark a function that all ranks of the present communicator call together: an error of one is raised on all."""
+    """Mark a function that all ranks of the present communicator call together, and say so in its docstring.
+
+    `validated` checks that they do, and raises an error of one on all.
+    """
     vars(function)["collective"] = True
+    if function.__doc__:  # Python drops them with -OO
+        summary, _, rest = function.__doc__.partition("\n\n")
+        margin = rest[: len(rest) - len(rest.lstrip(" "))] or "    "
+        function.__doc__ = f"{summary.rstrip()}\n\n{margin}{COLLECTIVE}\n\n{rest}"
     return function
+
+
+COLLECTIVE = "Collective in a block `with` ranks (`ifrdem.mpi.Communicator`): all of them call it together."
 
 
 def started() -> bool:

@@ -579,10 +579,13 @@ def validated(function: F) -> F:
         if not is_read:
             read()
         values = list(arguments)
-        comm = current() if collective else Communicator.of(options.get("comm"))
+        given = options.get("comm")
+        comm = current() if collective and given is None else Communicator.of(given)
         if comm.size == 1:
             check_all(values, options)
         else:  # an error on one rank is one on all
+            if collective:
+                comm.require_same_call(f"calls {function.__qualname__}")
             comm.run_on_all(lambda: check_all(values, options))
         for name, (i, value) in made.items():
             if i >= len(values) and name not in options:
