@@ -10,7 +10,6 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-import pytest
 
 import ifrdem
 from ifrdem.mpi import Communicator
