@@ -9,6 +9,7 @@ import os
 import platform
 import secrets
 import shlex
+import stat
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -17,8 +18,10 @@ from ..errors import InputError, option_name, printable, refuse
 
 try:
     import fcntl
+    import grp
+    import pwd
 except ImportError:  # not on Windows
-    fcntl = None  # type: ignore[assignment]
+    fcntl = grp = pwd = None  # type: ignore[assignment]
 
 CHECKPOINT = ".checkpoint.h5"
 """Ending of the checkpoint of a run, next to its trajectory."""
@@ -152,6 +155,28 @@ def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
             if record["state"] == "running":
                 return f"process {int(record['pid'])} on {printable(str(record['host']))} is writing it"
     return "another process is writing it"
+
+
+def writable_by_others(folder: Path) -> str | None:
+    """Clause on who besides this user and root may write in a folder; None if nobody may, or on Windows.
+
+    The group that many systems make for each user, of the same name, counts as the user.
+    """
+    if pwd is None or grp is None:
+        return None
+    found, user = folder.stat(), os.geteuid()
+    if found.st_uid not in (user, 0):
+        return "it belongs to another user"
+    if found.st_mode & stat.S_IWOTH:
+        return "every user may write it"
+    if found.st_mode & stat.S_IWGRP:
+        try:
+            name, group = pwd.getpwuid(user).pw_name, grp.getgrgid(found.st_gid)
+        except KeyError:  # without an entry
+            return "its group may write it"
+        if group.gr_name != name or set(group.gr_mem) - {name}:
+            return "its group may write it"
+    return None
 
 
 def create(path: Path) -> Path:
