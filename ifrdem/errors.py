@@ -107,6 +107,11 @@ def install_extra(extra: str) -> str:
     return f"`pip install '.[{extra}]'` in the clone of ifrdem adds it"
 
 
+def cut(text: str, longest: int = 60) -> str:
+    """The beginning of a long text: messages quote no more of a file, a name or a value."""
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
 def printable(text: str) -> str:
     """A text of a file with its control characters escaped, so that it can do nothing to a terminal."""
     return "".join(

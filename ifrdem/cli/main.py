@@ -92,7 +92,7 @@ for _group, _functions in COMMANDS.items():
     for _position, _function in enumerate(_functions):
         _text = f"{inspect.cleandoc(_function.__doc__ or '')}\n\n{MORE.get(_function, '')}"
         app.command(_function, help=_unwrapped(_text), group=_group, sort_key=_position)
-app.register_install_completion_command()
+app.register_install_completion_command(add_to_startup=False)  # what a shell's start file needs is printed
 
 
 app.meta.suppress_keyboard_interrupt = False

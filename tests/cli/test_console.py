@@ -121,6 +121,26 @@ def test_completion_offers_commands_and_options(shell: str) -> None:
         assert word in script
 
 
+@pytest.mark.parametrize(("shell", "start"), [("bash", ".bashrc"), ("zsh", ".zshrc")])
+def test_completion_leaves_the_start_file_of_the_shell_alone(
+    shell: str,
+    start: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in ("ZSH", "ZSH_CUSTOM"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / start).write_text("# mine\n")
+    assert main(["--install-completion", "--shell", shell]) == 0
+    (script,) = (each for each in tmp_path.rglob("*ifrdem"))
+    assert (tmp_path / start).read_text() == "# mine\n"
+    shown = capsys.readouterr().out
+    assert f"installed to {script}" in shown
+    assert shell == "bash" or f"fpath=({script.parent} $fpath)" in shown
+
+
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full here")
 def test_messages_that_cannot_be_written_change_no_exit_status(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "ifrdem", "info", str(tmp_path / "nosuch.h5")]

@@ -7,6 +7,7 @@ import contextlib
 import hashlib
 import http.client
 import json
+import os
 import re
 import signal
 import socket
@@ -430,6 +431,33 @@ def test_bad_options_are_reported(path, monkeypatch, capsys, arguments, reason):
     error = capsys.readouterr().err
     assert reason in error
     assert "Traceback" not in error
+
+
+def test_the_browser_gets_the_token_by_a_private_file(path, monkeypatch, capsys):
+    """The arguments of a process are seen by every user of the machine."""
+    seen: list[tuple[Path, int, str]] = []
+
+    def browser(url: str) -> bool:
+        file = Path(urlsplit(url).path)
+        seen.append((file, file.stat().st_mode & 0o777, file.read_text()))
+        return True
+
+    def interrupted(_: Server) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("webbrowser.open", browser)
+    monkeypatch.setattr(Server, "serve_forever", interrupted)
+    before = os.umask(0)
+    try:
+        assert main(["view", str(path)]) == 0
+    finally:
+        os.umask(before)
+    ((file, mode, text),) = seen
+    address = capsys.readouterr().out.split()[-1]
+    assert mode == 0o600
+    assert f'content="0; url={address}"' in text
+    assert urlsplit(address).path.strip("/") not in str(file)
+    assert not file.parent.exists()
 
 
 def test_a_port_that_is_taken_is_reported(server, path, capsys):
