@@ -14,7 +14,8 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from ..errors import InputError, option_name, printable, refuse
+from ..errors import InputError, cut, option_name, printable, refuse
+from . import text_file
 
 try:
     import fcntl
@@ -31,7 +32,7 @@ NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
 """Name of an axis without values in NetCDF-4 files, in their own notation."""
 STATUS = ".status.json"
 """Ending of the file with the live state of a run, next to its trajectory."""
-_MOST_STATUS = 1 << 20  # bytes of a status file that are read at most
+MOST_STATUS = 1 << 20  # bytes of a status file at most
 
 # Device and inode of each file that this process has locked to write it.
 _locked: set[tuple[int, int]] = set()
@@ -149,11 +150,9 @@ def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
     whole = Path(path)
     status = whole.with_name(whole.name.removesuffix(".h5") + STATUS)
     with contextlib.suppress(OSError, ValueError, TypeError, LookupError, RecursionError):
-        if status.is_file():  # a pipe would be waited for
-            with status.open("rb") as file:
-                record = json.loads(file.read(_MOST_STATUS))
-            if record["state"] == "running":
-                return f"process {int(record['pid'])} on {printable(str(record['host']))} is writing it"
+        record = json.loads(text_file.read(status, most=MOST_STATUS))
+        if record["state"] == "running":
+            return f"process {int(record['pid'])} on {printable(cut(str(record['host'])))} is writing it"
     return "another process is writing it"
 
 
@@ -184,7 +183,7 @@ def create(path: Path) -> Path:
 
     Raises OSError if it cannot be created.
     """
-    created = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
+    created = path.with_name(f".{path.name[:50]}.{secrets.token_hex(4)}.part")
     flags = os.O_CREAT | os.O_EXCL | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
     os.close(os.open(created, flags, 0o666))
     return created
