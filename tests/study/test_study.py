@@ -67,12 +67,14 @@ def case(tmp_path: Path) -> Path:
 
 def test_runs_are_others_if_the_file_of_a_wall_has_changed(case: Path) -> None:
     """Runs that are done are known by their keys: they would be taken for those of the new wall."""
-    case.write_text(f'{CASE}[[wall]]\nshape = "polyline"\nmaterial = "coin"\nfile = "wall.csv"\n')
+    text = CASE.replace("packing_fraction = 0.2", "lengths = [20.0, 20.0]")
+    case.write_text(f'{text}[[wall]]\nshape = "polyline"\nmaterial = "coin"\nfile = "wall.csv"\n')
     keys = []
     for points in ("2,2\n5,5\n", "2,2\n5,5\n", "2,2\n5,6\n"):
         case.with_name("wall.csv").write_text(points)
         keys.append([task.key for task in ifrdem.Study(case, vary=[VARY]).tasks])
     assert keys[0] == keys[1]
+    assert len(keys[0]) == 2
     assert {*keys[0]}.isdisjoint(keys[2])
 
 
