@@ -124,6 +124,8 @@ def cut(text: str, longest: int = 60) -> str:
 
 def printable(text: str) -> str:
     """A text of a file with its control characters escaped, so that it can do nothing to a terminal."""
+    if text.replace("\n", "").replace("\t", "").isprintable():
+        return text
     return "".join(
         one if one.isprintable() or one in "\n\t" else one.encode("unicode_escape").decode("ascii")
         for one in text

@@ -579,6 +579,18 @@ def test_the_template_is_a_study(tmp_path, capsys, monkeypatch):
     assert "9 points x 20 seeds = 180 runs" in capsys.readouterr().out
 
 
+def test_a_result_that_would_fill_the_memory_is_damaged(tmp_path: Path) -> None:
+    """Zeros are compressed to a thousandth of their size."""
+    zeros = {"head": np.array('{"seconds": 1.0, "variables": {"a": [["x"], "", ""]}}'), "a": np.zeros(10**6)}
+    np.savez(tmp_path / "right.npz", **zeros)
+    assert len(load(tmp_path / "right.npz")[0]["a"].values) == 10**6
+    np.savez_compressed(tmp_path / "bomb.npz", **zeros)
+    with pytest.raises(
+        DamageError, match=r"bomb\.npz is not a complete result .*a\.npy has 8000128 bytes, more"
+    ):
+        load(tmp_path / "bomb.npz")
+
+
 def test_damaged_results_are_named_and_run_again(case, tmp_path, capsys):
     """An empty, a truncated and a flipped result: before, EOFError, BadZipFile, or another number in silence."""
     words = [

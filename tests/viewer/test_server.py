@@ -394,6 +394,10 @@ def some_results(folder: Path) -> Path:
 
 def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept(tmp_path):
     path, tan = some_results(tmp_path), np.tan(0.475 * np.pi)
+    viewed.write(tmp_path / "elsewhere.h5")
+    stored = Results.read(path)
+    stored.variables["run"].values[1, 0] = "../elsewhere"
+    stored.write(path)
     for place in (path, tmp_path / "scan.runs"):
         with Server(StudyPoints(place)) as server:
             head = json.loads(server.answer("head", {})[1])
@@ -408,7 +412,7 @@ def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept
             (chart,) = json.loads(server.answer("point", {"point": "1"})[1])["charts"]
             assert chart["lines"][0]["y"] == [5.0, 6.0, 7.0, 8.0]
             assert json.loads(server.answer("head", {"run": "run01", "frames": "-1"})[1])["n"] == viewed.DISKS
-            for run in ("run00", "../run", ""):
+            for run in ("run00", "../run", "../elsewhere", ""):
                 with pytest.raises(InputError, match="kept no trajectory"):
                     server.answer("frame", {"run": run, "frame": "0"})
 
