@@ -331,7 +331,7 @@ def kernel_cache_trouble() -> str | None:
         if (others := files.writable_by_others(folder)) is not None:
             return (
                 f"kernel cache {folder}: {others}, who could put other code there: it is not used, {again} of your own "
-                "that nobody else may write"
+                "that no other user may write"
             )
         _remove_stale_lock(folder)
         tempfile.TemporaryFile(dir=folder).close()

@@ -157,7 +157,7 @@ def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
 
 
 def writable_by_others(folder: Path) -> str | None:
-    """Clause on who besides this user and root may write in a folder; None if nobody may, or on Windows.
+    """Clause on who besides this user and root may write in a folder; None if no one may, or on Windows.
 
     The group that many systems make for each user, of the same name, counts as the user.
     """

@@ -9,7 +9,6 @@ import re
 import stat
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
 
 from ..errors import InputError, nearest_file
 
@@ -19,7 +18,7 @@ _AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe is opened without waiting for 
 _ESCAPED = re.compile("[\udc80-\udcff]")  # bytes that are no UTF-8, as the handler "surrogateescape" has them
 
 
-def opened(path: Path) -> BinaryIO:
+def opened(path: Path) -> io.BufferedReader:
     """A regular file, open; InputError as `read`."""
     if "\0" in str(path):
         raise InputError("cannot be read: a null character stands in its name")

@@ -373,7 +373,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     path : str or path
         The file.
     run_law_files : bool
-        Let `laws` execute the files of custom laws, which are programs of whoever wrote them.
+        Let `laws` execute the files of custom laws, which are programs.
 
     Attributes
     ----------
@@ -432,7 +432,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
 
     def __init__(self, path: str | os.PathLike[str], *, run_law_files: bool = False) -> None:
         self._set(path=checked.path("path", path))
-        self._run_law_files = checked.check_of(bool)("run_law_files", run_law_files)
+        self._run_law_files = checked.Instance((bool,))("run_law_files", run_law_files)
         self._open()
         try:
             self._reopening(self._read_head)

@@ -156,7 +156,7 @@ def has_home() -> bool:
     """True if the user has a home folder. The variable HOME is set, without which the runtimes abort the process.
 
     Batch systems and containers may leave it out. For a user who has no entry either, it names a new private folder,
-    which is removed when this process ends: a fixed name in a folder for all could be made by somebody else.
+    which is removed when this process ends: a fixed name in a folder for all could be made by another user.
     """
     global _made_home
     if not os.environ.get("HOME"):

@@ -211,7 +211,7 @@ def test_the_runtime_starts_without_a_home(tmp_path: Path, cache: bool) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="no owners and modes of folders")
 def test_a_user_without_a_home_gets_a_private_folder(tmp_path: Path) -> None:
-    """A fixed name in the folder for temporary files could be made by somebody else, who would choose the code."""
+    """A fixed name in the folder for temporary files could be made by another user, who would choose the code."""
     (tmp_path / ".cache").mkdir(mode=0o777)
     code = (
         "import os, pwd, warnings\n"

@@ -439,11 +439,11 @@ def test_bad_options_are_reported(path, monkeypatch, capsys, arguments, reason):
 
 def test_the_browser_gets_the_token_by_a_private_file(path, monkeypatch, capsys):
     """The arguments of a process are seen by every user of the machine."""
-    seen: list[tuple[Path, int, str]] = []
+    given: list[tuple[Path, int, str]] = []
 
     def browser(url: str) -> bool:
         file = Path(urlsplit(url).path)
-        seen.append((file, file.stat().st_mode & 0o777, file.read_text()))
+        given.append((file, file.stat().st_mode & 0o777, file.read_text()))
         return True
 
     def interrupted(_: Server) -> None:
@@ -456,7 +456,7 @@ def test_the_browser_gets_the_token_by_a_private_file(path, monkeypatch, capsys)
         assert main(["view", str(path)]) == 0
     finally:
         os.umask(before)
-    ((file, mode, text),) = seen
+    ((file, mode, text),) = given
     address = capsys.readouterr().out.split()[-1]
     assert mode == 0o600
     assert f'content="0; url={address}"' in text
