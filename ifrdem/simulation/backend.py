@@ -330,7 +330,7 @@ def kernel_cache_trouble() -> str | None:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if (others := files.writable_by_others(folder)) is not None:
             return (
-                f"kernel cache {folder}: {others}, who could put other code there: it is not used, {again} of your own "
+                f"kernel cache {folder}: {others}, and kernels are code: it is not used, {again} of your own "
                 "that no other user may write"
             )
         _remove_stale_lock(folder)
