@@ -47,7 +47,6 @@
 
 import importlib as _importlib
 import os as _os
-import tempfile as _tempfile
 
 from .tools import lazy as _lazy
 from .tools import renderer as _renderer
@@ -56,9 +55,8 @@ from .tools import renderer as _renderer
 for _runtime, _prefix in (("TAICHI", "TI"), ("QUADRANTS", "QD")):
     _os.environ.setdefault(f"ENABLE_{_runtime}_HEADER_PRINT", "0")
     _os.environ.setdefault(f"{_prefix}_ENABLE_PYBUF", "0")
-if "HOME" not in _os.environ:  # as batch systems and containers may leave it: Taichi would abort the process
-    _home = _os.path.expanduser("~")  # "~" itself for a user without an entry
-    _os.environ["HOME"] = _home if _os.path.isabs(_home) else _tempfile.gettempdir()
+# At its start Taichi asks a server for its newest version, and stores an identifier in the user's cache.
+_os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 
 # Objects of lower layers show themselves in notebooks by the plots, which are imported when one is drawn.
 _renderer.set_renderer(lambda: _importlib.import_module("ifrdem.plots.objects"))

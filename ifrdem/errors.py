@@ -8,12 +8,22 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 
+MOST_LINE = 2000
+"""Characters of a line of a message at most."""
+
 
 class InputError(ValueError):
     """Input that cannot be used: says what is wrong, where, and what is allowed.
 
-    The command line prints the message and exits with status 2.
+    The command line prints the message and exits with status 2. Lines beyond `MOST_LINE` are cut: files and callers can
+    have names and lists of any length.
     """
+
+    def __init__(self, *arguments: object) -> None:
+        text = str(arguments[0]) if len(arguments) == 1 else ""
+        if len(text) > MOST_LINE:
+            arguments = ("\n".join(cut(line, MOST_LINE) for line in text.split("\n")),)
+        super().__init__(*arguments)
 
 
 class AttributeRefused(InputError, AttributeError):
@@ -107,8 +117,15 @@ def install_extra(extra: str) -> str:
     return f"`pip install '.[{extra}]'` in the clone of ifrdem adds it"
 
 
+def cut(text: str, longest: int = 60) -> str:
+    """The beginning of a long text: messages quote no more of a file, a name or a value."""
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
 def printable(text: str) -> str:
     """A text of a file with its control characters escaped, so that it can do nothing to a terminal."""
+    if text.replace("\n", "").replace("\t", "").isprintable():
+        return text
     return "".join(
         one if one.isprintable() or one in "\n\t" else one.encode("unicode_escape").decode("ascii")
         for one in text

@@ -615,6 +615,12 @@ class CaseSections(Section):
         return tuple(dict.fromkeys(each.law.rpartition(":")[0] for each in sections))
 
     @property
+    def files(self) -> tuple[str, ...]:
+        """Paths of all files that the case reads, as it has them."""
+        given = (self.start.file, self.start.trajectory, *(getattr(each, "file", None) for each in self.wall))
+        return tuple(dict.fromkeys((*filter(None, given), *self.law_files)))
+
+    @property
     def materials_of_walls(self) -> tuple[str, ...]:
         """The materials of walls, that of the sides of the box first."""
         named = (self.box.material, *(each.material for each in self.wall))

@@ -12,12 +12,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..errors import InputError, listed, nearest, option_name
+from ..errors import InputError, cut, listed, nearest, option_name
 from ..mpi import Communicator
 from ..tools import text_file
 from .case import IMPACT_SCAN, CaseSections
 from .gas import CaseGas, validate_case
-from .messages import KeyPath, cut, location_of, problems, spelled
+from .messages import KeyPath, location_of, problems, spelled
 from .section import Problem
 
 MOST_BYTES = 10_000_000
@@ -269,7 +269,7 @@ def _parsed(text: str) -> dict[str, Any]:
             )
     if (found := _LONG_KEY.search(bare)) is not None:
         key = re.sub(r"\s", "", found[0])
-        raise InputError(f"the key {key[:40]}... has more than {DEEPEST} parts, the most allowed")
+        raise InputError(f"the key {cut(key, 43)} has more than {DEEPEST} parts, the most allowed")
     try:
         return tomllib.loads(text)
     except ValueError as error:  # of the parser, or a whole number with thousands of digits

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, get_args, get_origin
 
 from pydantic import ValidationError
 
-from ..errors import nearest
+from ..errors import cut, nearest
 from .case import CaseSections
 from .section import Problem, Section
 
@@ -141,11 +141,6 @@ def _shown(value: Any) -> str:
     """A value as TOML spells it: nan and inf as Python does, and all else as JSON."""
     numeric = isinstance(value, float)
     return cut(repr(value) if numeric else json.dumps(value, ensure_ascii=False, default=str))
-
-
-def cut(text: str, longest: int = 60) -> str:
-    """The beginning of a long text."""
-    return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
 def location_of(location: KeyPath, root: type[Section] = CaseSections) -> Location:

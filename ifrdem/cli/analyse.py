@@ -13,6 +13,7 @@ from cyclopts import Parameter
 
 from ..errors import DamageError, InputError, there_are
 from ..plots.names import OPTIONS, PICTURES
+from ..tools import text_file
 from .console import FAILED, echo, note
 from .options import (
     Average,
@@ -58,6 +59,7 @@ NAMES = (
 )
 """As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
 ELSEWHERE = "; --force replaces it, -o DIR writes elsewhere"
+MOST_SUMMARY = 100_000_000  # bytes of a summary at most
 RUN = ("name", "seed", "started")
 """Parameters of a trajectory that identify its run."""
 
@@ -250,7 +252,7 @@ def _summary_record(trajectory: Trajectory, summary: Path, *, force: bool) -> di
     if not summary.exists():
         return new
     try:
-        old = json.loads(summary.read_text(encoding="utf-8"))
+        old = json.loads(text_file.read(summary, most=MOST_SUMMARY))
         held = {key: dict(old[key]) for key in ("analyses", "not_possible")}
         rows = [row for one in held["analyses"].values() for row in one["values"].values()]
         if not all({"name", "value", "unit"} <= row.keys() for row in rows):

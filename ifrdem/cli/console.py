@@ -23,9 +23,9 @@ UNFINISHED = 3
 LOG = logging.getLogger("ifrdem")
 
 
-def echo(message: str) -> None:
-    """Print a result."""
-    print(message, flush=True)
+def echo(message: str, end: str = "\n") -> None:
+    """Print a result: it may quote files, in which anything can stand that terminals obey."""
+    print(printable(message), end=end, flush=True)
 
 
 def note(message: str) -> None:

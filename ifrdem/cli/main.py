@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import inspect
 import os
@@ -25,7 +26,7 @@ from cyclopts import (
 )
 
 from .. import mpi
-from ..errors import EngineError, InputError, nearest, on_command_line, there_are
+from ..errors import EngineError, InputError, cut, nearest, on_command_line, there_are
 from ..tools.arguments import unfailing_messages
 from ..tools.versions import __version__
 from . import analyse, console, fit, program, run, trajectory
@@ -92,7 +93,7 @@ for _group, _functions in COMMANDS.items():
     for _position, _function in enumerate(_functions):
         _text = f"{inspect.cleandoc(_function.__doc__ or '')}\n\n{MORE.get(_function, '')}"
         app.command(_function, help=_unwrapped(_text), group=_group, sort_key=_position)
-app.register_install_completion_command()
+app.register_install_completion_command(add_to_startup=False)  # what a shell's start file needs is printed
 
 
 app.meta.suppress_keyboard_interrupt = False
@@ -160,8 +161,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             console.forget_output()
             return FAILED
         except OSError as error:  # such as a full disk; files have their own messages
+            text = (
+                f"{error.strerror or error}{f': {cut(str(error.filename), 300)}' if error.filename else ''}"
+            )
+            if error.errno == errno.ENAMETOOLONG:
+                return mpi.communicator.end(BAD_INPUT, text, complain)
             console.forget_output()
-            text = f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}"
             return mpi.communicator.end(FAILED, text, complain)
         except Exception:
             # A fault of the program. A single process raises it; one rank of several prints it, with the traceback,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TextIO, TypeVar
 
 from cyclopts import Parameter
 
-from ..errors import InputError, nearest
+from ..errors import InputError, cut, nearest
 from . import console
 
 if TYPE_CHECKING:
@@ -96,6 +96,7 @@ def positive(value: float) -> bool:
 
 
 MOST_SEED = 2**63 - 1
+MOST_STYLE = 1_000_000  # bytes of a file of a style
 
 
 def flag(text: str, *names: str, **more: Any) -> Parameter:
@@ -257,12 +258,21 @@ def styled(style: str | None) -> Iterator[None]:
         elif style is not None:
             import matplotlib.style
 
-            try:
-                stack.enter_context(matplotlib.style.context(style))
-            except OSError:
-                near = nearest(style, ["paper", "poster", *matplotlib.style.available])
-                text = f"neither a style of Matplotlib nor a file of one{near}"
-                raise InputError(f"--style {style}: {text}") from None
+            from ..tools import text_file
+
+            if style not in (
+                "default",
+                *matplotlib.style.library,
+            ):  # Matplotlib would load from addresses of the web
+                if not os.path.exists(style):
+                    near = nearest(style, ["paper", "poster", *matplotlib.style.available])
+                    text = f"neither a style of Matplotlib nor a file of one{near}"
+                    raise InputError(f"--style {cut(style)}: {text}")
+                try:
+                    text_file.read(Path(style), most=MOST_STYLE)
+                except InputError as error:
+                    raise InputError(f"--style {style}: {error}") from None
+            stack.enter_context(matplotlib.style.context(style))
         yield
 
 

@@ -324,7 +324,7 @@ def new(
     else:
         text = shipped.new(kind)
     if output == "-":
-        print(text, end="")
+        echo(text, end="")
         return
     path = Path(output or f"{Path(kind).stem}.toml")
     # Start and measured positions of a shipped case.

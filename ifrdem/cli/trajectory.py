@@ -120,10 +120,11 @@ def view(
         server = Server(shown, port)
     except OSError as error:
         raise InputError(f"--port {port}: {error.strerror}; without --port, any free one is taken") from error
-    with server, contextlib.suppress(KeyboardInterrupt):
+    with server, contextlib.suppress(KeyboardInterrupt), contextlib.ExitStack() as stack:
         note("the page is served until Ctrl-C, at")
         echo(server.address)
-        if not no_browser and not webbrowser.open(server.address):
+        # Every user of this machine sees the arguments of a browser, and with them what is in an address.
+        if not no_browser and not webbrowser.open(stack.enter_context(server.redirecting_file()).as_uri()):
             note("no browser was found: open the address in one of this machine")
         server.serve_forever()
 

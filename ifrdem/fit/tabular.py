@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, counted, nearest, option_name, printable, refuse
+from ..errors import InputError, counted, cut, nearest, option_name, printable, refuse
 from ..mpi import current
 from ..tools import csv as csv_rows
 from ..tools.checked import validated
@@ -204,7 +204,7 @@ def _add(
     """Add a row to the values; return its errors, and the number of missing values."""
     if len(row) != len(names):
         count = f"{counted(len(row), 'value')}: must be {len(names)}"
-        return [f"{count} ({', '.join(header)})"], 0
+        return [f"{count} ({cut(', '.join(header), 300)})"], 0
     problems, missing = [], 0
     for name, factor, text in zip(names, factors, row, strict=True):
         if not name:
@@ -218,9 +218,9 @@ def _add(
         elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
             commas = form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
             hint = f"; {setting('decimal', ',', '')} reads a comma" if commas else ""
-            problems.append(f"{name} = {printable(text)}: must be a number{hint}")
+            problems.append(f"{name} = {printable(cut(text))}: must be a number{hint}")
         elif not math.isfinite(float(number)) and not name.startswith("mass_"):
-            problems.append(f"{name} = {text}: must be a finite number")
+            problems.append(f"{name} = {cut(text)}: must be a finite number")
         else:
             value = factor * float(number)
         values[name].append(value)
@@ -283,7 +283,8 @@ def _header(
     assigned = {text.strip(): name for name, text in form.columns.items()}
     present = [text.strip() for text in header]
     problems = [
-        f"column {name}='{text}': the file has no such column{nearest(text, present)}; it has {', '.join(present)}"
+        f"column {name}='{text}': the file has no such column{nearest(text, present)}; it has "
+        f"{cut(', '.join(present), 300)}"
         for text, name in assigned.items()
         if text not in present
     ]
@@ -299,7 +300,7 @@ def _header(
             known = [*kinds, *(f"{each}_error" for each in kinds)]
             close = difflib.get_close_matches(text, known, 1, _NEARLY_ALIKE)
             if close and text not in assigned and not _standard(text, spellings)[0]:
-                shown = printable(text)
+                shown = printable(cut(text))
                 how = setting("columns", shown, close[0])
                 hint = f"(did you mean '{close[0]}'?); {how} says that it is"
                 problems.append(f"line {line}: unknown column '{shown}' {hint}")
@@ -309,7 +310,7 @@ def _header(
         factor = UNITS.get(kind, {}).get(unit or "") or (_factor(unit) if unit and kind else 1.0)
         if factor is None:
             what = "a pure number" if kind == "number" else f"a{'n' * (kind[0] in 'a')} {kind}"
-            problems.append(f"line {line}: column '{text}': {name} is {what}, not in {unit}")
+            problems.append(f"line {line}: column '{cut(text)}': {name} is {what}, not in {unit}")
         names.append(name)
         factors.append(factor or 1.0)
     problems += [

@@ -31,6 +31,7 @@ from .style import (
     legend,
     legend_above,
     place_axes,
+    plain,
     unit_of,
     with_unit,
 )  # fmt: skip
@@ -122,7 +123,9 @@ def pairs(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> 
         r, g, error = merged(found)
         style: dict[str, Any] = {"color": KINDS[i % len(KINDS)]}
         axes.fill_between(r / unit, g - error, g + error, lw=0.0, alpha=0.3, **style)
-        axes.plot(r / unit, g, "-", lw=1.2, label=f"{name}, band: standard error" if not i else name, **style)
+        axes.plot(
+            r / unit, g, "-", lw=1.2, label=f"{plain(name)}{', band: standard error' * (not i)}", **style
+        )
     found = whole[1]
     if not of_pairs:
         _all_pairs(axes, trajectory, evaluation, found, unit)
@@ -183,7 +186,9 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
         t, value = found.lag[later], found.value[later] / unit
         lowest, highest = min(lowest, value.min()), max(highest, value.max())
         style = POINTS if alone else POINTS | {"color": KINDS[i % len(KINDS)]}
-        axes.errorbar(t, value, found.error[later] / unit, ms=3.5, label="disks" if alone else name, **style)
+        axes.errorbar(
+            t, value, found.error[later] / unit, ms=3.5, label="disks" if alone else plain(name), **style
+        )
         if alone:
             axes.plot(t, value[0] * (t / t[0]) ** 2, ":", color=RATIO, lw=1.2, label="free flight, $t^2$")
         if fit is None:
@@ -228,7 +233,7 @@ def vacf(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> N
         style = (
             POINTS | {"fmt": "o-"} | ({} if len(evaluation.result) == 1 else {"color": KINDS[i % len(KINDS)]})
         )
-        axes.errorbar(t, value / found.value[0], error / found.value[0], ms=3.5, label=name, **style)
+        axes.errorbar(t, value / found.value[0], error / found.value[0], ms=3.5, label=plain(name), **style)
         if logarithmic:
             axes.set_xscale("log")
             few_labels(axes)
@@ -261,7 +266,7 @@ def profiles(*axes_and_rest: Any) -> None:
     _components(heat, trajectory, found, f"heat_flux{part}", "q", f"heat flux{words}", "energy/(length time)")
     if found.species:
         for i, (name, one) in enumerate(found.species.items()):
-            _curve(last, one, "temperature", (), name, KINDS[i % 8], MARKERS[i % 8])
+            _curve(last, one, "temperature", (), plain(name), KINDS[i % 8], MARKERS[i % 8])
         last.set_ylabel(label(trajectory, "temperature $T$ of species", "energy"))
     elif not np.any(np.nan_to_num(found.mean.theta)):
         last.set_visible(False)  # nothing spins
@@ -299,7 +304,7 @@ def _curve(
 def _density(axes: Axes, found: analysis.BinAverages) -> None:
     _curve(axes, found, "packing_fraction", (), "all" if found.species else "", TRANSLATION, "o")
     for i, (name, one) in enumerate(found.species.items()):
-        _curve(axes, one, "packing_fraction", (), name, KINDS[(i + 1) % 8], MARKERS[(i + 1) % 8])
+        _curve(axes, one, "packing_fraction", (), plain(name), KINDS[(i + 1) % 8], MARKERS[(i + 1) % 8])
     axes.set_ylabel(r"packing fraction $\phi$")
     axes.set_ylim(bottom=0.0)
 

@@ -18,7 +18,7 @@ from ..model.state import Disks
 from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
 from .run import PicturePath, Run, save
-from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid, legend
+from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid, legend, plain
 
 
 @validated
@@ -64,7 +64,7 @@ def impact_scan(run: Run, path_png: PicturePath = None) -> Figure:
     grid(upper, lower)
     legend(upper)
     upper.set_title(
-        f"{name}: {len(tan_psi)} impacts, $e_n$ = {law.e_n:g}, $e_t$ = {law.e_t:g}, $\\mu$ = {law.mu:g}; "
+        f"{plain(str(name))}: {len(tan_psi)} impacts, $e_n$ = {law.e_n:g}, $e_t$ = {law.e_t:g}, $\\mu$ = {law.mu:g}; "
         f"largest deviation {np.abs(off).max():.1g}"
     )
     if path_png is not None:

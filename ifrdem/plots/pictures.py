@@ -81,7 +81,7 @@ def figure(
     from ..trajectory.reader import Trajectory
     from .disks import figure_size
     from .run import title as title_of
-    from .style import NARROW, ROTATION, fit_to_column, is_poster
+    from .style import NARROW, ROTATION, fit_to_column, is_poster, plain
 
     instance("trajectory", trajectory, Trajectory)
     layout, frames, given = _layout(trajectory, what), _numbers(trajectory, frames), size
@@ -114,7 +114,7 @@ def figure(
             textwrap.fill(f"! {warning}", width, subsequent_indent="   ") for warning in evaluation.warnings
         )
         if text := "\n".join(marks):
-            drawn.supxlabel(text.replace("$", r"\$"), x=0.01, ha="left", fontsize="small", color=ROTATION)
+            drawn.supxlabel(plain(text), x=0.01, ha="left", fontsize="small", color=ROTATION)
     drawn.suptitle(head, fontsize="medium")
     return drawn
 

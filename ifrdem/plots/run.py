@@ -14,6 +14,7 @@ from ..tools.checked import validated
 from ..tools.files import write_aside
 from ..trajectory.reader import Trajectory
 from . import disks, profiles, temperatures
+from .style import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -162,7 +163,7 @@ def gas(trajectory: Trajectory) -> str:
         where = f"packing fraction{free_area.name} {free_area.packing_fraction(trajectory.disks.radius):.3g}"
     if (part := trajectory.part) is not None:  # whose disks are no gas of their own
         where = f"part {part.number} of a trajectory (disks {part.first} to {part.first + n - 1})"
-    return f"{name}: {n} disks, {where}"
+    return f"{plain(str(name))}: {n} disks, {where}"
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -13,7 +13,7 @@ from ..model.walls.motion import Turn
 from ..model.walls.wall import OF_PISTONS
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
-from .style import ACROSS, KINDS, RATIO, ROTATION, TRANSLATION, grid, label, legend_above
+from .style import ACROSS, KINDS, RATIO, ROTATION, TRANSLATION, grid, label, legend_above, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -127,7 +127,7 @@ def piston(trajectory: Trajectory, over: str, *panels: Axes) -> None:
     texts = (("displacement", "length"), ("velocity", "length/time"))
     for panel, values, (text, unit) in zip(panels, columns, texts, strict=False):
         for i, (number, wall) in enumerate(pistons):
-            name = wall.group or f"wall {number} {wall.shape}"
+            name = plain(wall.group or f"wall {number} {wall.shape}")
             panel.plot(x, values[:, i], "-", color=KINDS[i % len(KINDS)], lw=1.2, label=name)
         panel.set_ylabel(label(trajectory, f"{text} of the piston{'s' * (len(pistons) > 1)}", unit))
     panels[-1].set_xlabel(axis_label(trajectory, over))
@@ -184,7 +184,7 @@ def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, *given: 
         return np.asarray(-np.diff(sums[f"walls_{quantity}/{name}"][rows]) / np.diff(time))
 
     for name, colour in zip(names, KINDS, strict=False):
-        force.plot(middle, rate("momentum_y", name), "-", color=colour, lw=1.2, label=name)
+        force.plot(middle, rate("momentum_y", name), "-", color=colour, lw=1.2, label=plain(name))
         force.plot(middle, rate("momentum_x", name), ":", color=colour, lw=1.2)
         torque.plot(middle, rate("torque", name), "-", color=colour, lw=1.2)
         for panel, quantity in zip(given, quantities, strict=True):

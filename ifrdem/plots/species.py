@@ -12,7 +12,7 @@ from ..errors import InputError, option_name
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .series import AXES
-from .style import KINDS, foreground, from_zero, grid, label, legend_above, positive
+from .style import KINDS, foreground, from_zero, grid, label, legend_above, plain, positive
 
 
 def temperatures(
@@ -30,7 +30,8 @@ def temperatures(
         )
     x = found.time if tau is None else tau
     thetas: list[tuple[Array, str, dict[str, Any]]] = []
-    for i, name in enumerate(found.names):
+    names = [*map(plain, found.names)]
+    for i, name in enumerate(names):
         style: dict[str, Any] = {"color": KINDS[i % len(KINDS)], "lw": 1.2}
         T, T_rot = found.temperature[:, i], found.rotational_temperature[:, i]
         upper.plot(x, positive(T), "-", label=f"$T$ of {name}", **style)
@@ -43,7 +44,7 @@ def temperatures(
             shown = line == "-"
             with np.errstate(divide="ignore", invalid="ignore"):
                 if i:
-                    text = f"$T$ of {name} / $T$ of {found.names[0]}"
+                    text = f"$T$ of {name} / $T$ of {names[0]}"
                     lower.plot(x, one / first, line, label=text if shown else None, **style)
                 if np.any(spin > 0.0):
                     kept = {**style, "lw": 0.8, "alpha": 0.7}

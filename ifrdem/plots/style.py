@@ -48,6 +48,11 @@ class Gas(Bounded, Protocol):
     def stated_units(self) -> dict[str, str] | None: ...
 
 
+def plain(text: str) -> str:
+    """A name or unit of a file as Matplotlib shows it: it would read what stands between dollar signs as a formula."""
+    return text.replace("$", r"\$")
+
+
 def positive(values: Array) -> Array:
     """Values with nan where a logarithmic axis cannot show them, such as the temperature of spins at rest."""
     return np.where(values > 0.0, values, np.nan)
@@ -62,7 +67,7 @@ def unit_of(gas: Gas | None, quantity: str) -> str | None:
     text = re.sub("[a-z]+", lambda word: units[word[0]], quantity)
     text = text.replace("^2", "\N{SUPERSCRIPT TWO}")
     return {"kg m/s\N{SUPERSCRIPT TWO}": "N", "kg m\N{SUPERSCRIPT TWO}/s\N{SUPERSCRIPT TWO}": "N m"}.get(
-        text, text
+        text, plain(text)
     )
 
 
@@ -125,7 +130,7 @@ def color_bar(axes: Axes, drawn: Any, text: str, extend: str = "neither", names:
     bar.set_label(text)
     if drawn.get_cmap().N < 20:  # kinds
         bar.locator = MaxNLocator(integer=True)
-        if shown := names[: drawn.get_cmap().N]:
+        if shown := [*map(plain, names[: drawn.get_cmap().N])]:
             bar.set_ticks(range(len(shown)), labels=shown, rotation=90, va="center")
     return bar
 

@@ -17,7 +17,7 @@ from ..analysis import motion
 from ..case import file as case_file
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
-from ..errors import InputError, option_name, refuse
+from ..errors import InputError, cut, option_name, refuse
 from ..fit import tabular
 from ..fit.figure import save
 from ..fit.tabular import TableFormat
@@ -418,7 +418,14 @@ def _case_of(text: str, overrides: str) -> CaseSections:
     raw = tomllib.loads(text)
     for assignment in overrides.splitlines():
         case_file.override(raw, assignment)
-    return CaseSections.model_validate(raw)
+    case = CaseSections.model_validate(raw)
+    if case.law_files:
+        given = option_name("--case FILE", "case = FILE")
+        raise InputError(
+            f"the run has a law of the program {cut(case.law_files[0], 200)}: {given} names the case whose law is "
+            "executed; read the program first if it is not yours"
+        )
+    return case
 
 
 def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> Simulation:

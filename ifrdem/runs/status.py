@@ -18,13 +18,13 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from ..errors import InputError, counted, printable
-from ..tools import files
+from ..tools import files, text_file
 from ..tools.progress import clock_face
 
 ENDING = files.STATUS
 RUNNING, DONE, INTERRUPTED = "running", "done", "interrupted"
 """States of a run; of others, such as "failed" or "full disk", the message says more."""
-MOST = 1 << 20  # bytes of a status file that are read
+MOST = files.MOST_STATUS  # bytes of a status file
 QUIET = 600.0
 """Seconds without news after which a run on another machine is taken for dead."""
 
@@ -171,11 +171,10 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     status_file = find(path)
     try:
-        with status_file.open("rb") as file:
-            given = json.loads(file.read(MOST + 1)[:MOST].decode())
+        given = json.loads(text_file.read(status_file, most=MOST))
         record = Record.model_validate(given)
-    except OSError as error:
-        raise InputError(f"{status_file} cannot be read: {error.strerror}") from error
+    except InputError as error:
+        raise InputError(f"{status_file}: {error}") from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         name = str(next(iter(first["loc"]), ""))

@@ -26,6 +26,7 @@ from typing import Any
 from ..errors import EngineError, InputError
 from ..kernels.compiler import runtime
 from ..mpi import current
+from ..tools import files
 from .device import NAMES, Device
 
 MULTIPROCESSOR_COUNT = 16  # the driver's number of this attribute
@@ -320,23 +321,31 @@ def _usual_cache() -> Path:
 
 def kernel_cache_trouble() -> str | None:
     """Reason why compiled kernels cannot be kept for other processes, with a remedy; None if they can."""
+    named = runtime.variable("OFFLINE_CACHE_FILE_PATH")
+    again = f"every process compiles its kernels again; set {named} to a folder"
+    if not (runtime.has_home() or os.environ.get(named)):
+        return f"kernel cache: this user has no home folder: {again}"
     folder = _usual_cache()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if (others := files.writable_by_others(folder)) is not None:
+            return (
+                f"kernel cache {folder}: {others}, and kernels are code: it is not used, {again} of your own "
+                "that no other user may write"
+            )
         _remove_stale_lock(folder)
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
-        return (
-            f"kernel cache {folder}: cannot be written to ({error.strerror or error}): every process compiles its "
-            f"kernels again; set {runtime.variable('OFFLINE_CACHE_FILE_PATH')} to a folder that can be written to"
-        )
+        reason = error.strerror or error
+        return f"kernel cache {folder}: cannot be written to ({reason}): {again} that can be written to"
     return None
 
 
 def _kernel_cache() -> str | None:
     """Folder of compiled kernels: the runtime's usual one, else a temporary one; None if neither can be written.
 
-    The runtime itself crashes when it cannot write its cache.
+    Compiled kernels are code that this process executes: a folder that others may write is not used. The runtime itself
+    crashes when it cannot write its cache.
     """
     if (trouble := kernel_cache_trouble()) is None:
         return str(_usual_cache())

@@ -21,6 +21,7 @@ from ..plots.style import (
     is_narrow,
     legend_above,
     legend_of_figure,
+    plain,
     written,
 )
 from ..tools.intervals import PERCENT
@@ -139,7 +140,7 @@ def draw(
         line[0].set_ylabel(_label(results, name))
     fit_to_column(figure, all_axes[: len(panels_at)], taller=size is not None and len(size) == 1)
     if title:
-        figure.suptitle(results.attributes.get("title", ""), fontsize="medium")
+        figure.suptitle(plain(results.attributes.get("title", "")), fontsize="medium")
     return figure
 
 
@@ -215,7 +216,7 @@ def _panel(
         assert where is not None
         if where.dtype.kind not in "iuf":
             where = np.arange(len(where))
-            axes.set_xticks(where, [str(each) for each in results.values(x)])
+            axes.set_xticks(where, [plain(str(each)) for each in results.values(x)])
         rows = x not in results.axes
         axes.plot(where, y, "-" if rows else "o", color=colour, lw=1.4, ms=4, label=label)
         if part is not None and np.isfinite(part).any():
@@ -281,7 +282,7 @@ def _shade(i: int, count: int) -> Any:
 def _named(results: Results, dim: str, i: int) -> str:
     """One value of a dimension: $e_n$ = 0.9, and 1 m/s with its unit; of species and other parts their name alone."""
     value, unit = results.values(dim)[i], results.variables[dim].unit
-    text = f"{value:.4g}" if isinstance(value, np.floating) else str(value)
+    text = f"{value:.4g}" if isinstance(value, np.floating) else plain(str(value))
     if dim in (FILE, *PARTS):
         return text
     return f"{_symbol(results, dim)} = {text} {written(unit) if unit != REDUCED else ''}".rstrip()
@@ -298,7 +299,7 @@ def _quantity(name: str, text: str | None = None) -> str:
     """A quantity of the results in words, those of its analysis if given, and symbols: "T of a" as $T$ of a."""
     if name in SYMBOLS:
         return SYMBOLS[name]
-    text = name.replace("_", " ") if text is None else text.replace("$", r"\$")
+    text = name.replace("_", " ") if text is None else plain(text)
     for words, symbol in (
         ("T rot", r"$T_\mathrm{rot}$"),
         ("T", "$T$"),

@@ -23,8 +23,9 @@ from ..case import shipped
 from ..case.case import CaseSections
 from ..case.estimate import long_steps
 from ..case.messages import spelled
-from ..errors import InputError, listed, nearest, option_name
+from ..errors import InputError, cut, listed, nearest, option_name
 from ..quantities import LEDGER, OBSERVABLES
+from ..tools import text_file
 from ..tools.versions import __version__
 from .task import OverTime, PerFrame, Task
 
@@ -258,8 +259,7 @@ class Plan:
         for point, case in good.items():
             kept = self.output.model_dump(exclude={"series", "series_spacing"})  # which the case has
             record = case.model_dump(mode="json", exclude={"run": {"name", "threads"}})
-            names = [*filter(None, (case.start.file, case.start.trajectory)), *case.law_files]
-            outside = {name: _digest(self.path.parent / name) for name in names}
+            outside = {name: _digest(self.path.parent / name) for name in case.files}
             for i, seed in enumerate(self.seeds):
                 record["run"]["seed"] = seed
                 identity = [record, outside, kept, __version__]
@@ -403,7 +403,8 @@ def _axes(groups: list[dict[str, list[Any]]]) -> tuple[Axis, ...]:
 
 
 def _seeds(given: Any, first: int) -> tuple[int, ...]:
-    need = f"seeds = {given}: must be a number of seeds, 1 or more, or a list such as 1,2,5"
+    shown = cut(str(given))
+    need = f"seeds = {shown}: must be a number of seeds, 1 or more, or a list such as 1,2,5"
     if isinstance(given, str):
         parts = [each.strip() for each in given.split(",")]
         if not all(each.isdecimal() for each in parts):
@@ -416,7 +417,7 @@ def _seeds(given: Any, first: int) -> tuple[int, ...]:
     if not isinstance(given, list) or not all(isinstance(each, int) for each in given):
         raise InputError(need)
     if not given or len({*given}) < len(given) or not all(0 <= each < 2**63 for each in given):
-        raise InputError(f"seeds = {given}: must be integers, 0 or more, each once")
+        raise InputError(f"seeds = {shown}: must be integers, 0 or more, each once")
     return tuple(given)
 
 
@@ -487,13 +488,16 @@ def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterat
             text += nearest(each["input"], re.findall(r"'([^']+)'", each["ctx"]["expected"]))
         value = each["input"]
         if each["type"] not in ("extra_forbidden", "missing") and isinstance(value, str | int | float):
-            location += f" = {json.dumps(value)}" * bool(location)
+            location += f" = {cut(json.dumps(value))}" * bool(location)
         yield f"{location}: {text}" if location else text
 
 
 def _digest(path: Path) -> str:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        with text_file.opened(path) as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 

@@ -276,6 +276,9 @@ def load(path: Path) -> tuple[dict[str, Variable], float]:
         if not path.is_file():  # a pipe would be waited for
             raise ValueError("it is no file")
         with zipfile.ZipFile(path) as stored:
+            # `save` compresses nothing: a part that is larger than the file could fill the memory.
+            if large := next((one for one in stored.infolist() if one.file_size > path.stat().st_size), None):
+                raise ValueError(f"{large.filename} has {large.file_size} bytes, more than the file")
 
             def read(name: str) -> NDArray[Any]:
                 # All bytes at once: a checksum is verified only if the part is read to its end.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TextIO
 
-from ..errors import EngineError, InputError
+from ..errors import EngineError, InputError, printable
 
 
 class Unfailing:
@@ -35,7 +36,13 @@ class Unfailing:
 
 @contextlib.contextmanager
 def unfailing_messages() -> Iterator[None]:
-    """Ignore errors of writing messages to standard error; if it is closed (`2>&-`), they are dropped."""
+    """Ignore errors of writing messages to standard error; if it is closed (`2>&-`), they are dropped.
+
+    What the encoding of the standard output lacks, such as signs of units on an ASCII terminal, is written by its
+    number.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
     with contextlib.ExitStack() as stack:
         stream = sys.stderr or stack.enter_context(open(os.devnull, "w", encoding="utf-8"))
         stack.enter_context(contextlib.redirect_stderr(Unfailing(stream)))
@@ -55,7 +62,7 @@ def script(function: Callable[..., int | None], arguments: Sequence[str] | None 
         given = sys.argv[1:] if arguments is None else arguments
         return app(given, exit_on_error=False, print_error=False) or 0
     except (InputError, CycloptsError, EngineError) as error:
-        print(f"{function.__name__}: {error}", file=sys.stderr)
+        print(f"{function.__name__}: {printable(str(error))}", file=sys.stderr)
         return 1 if isinstance(error, EngineError) else 2
     except KeyboardInterrupt:
         return 130

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,22 +15,15 @@ def each(path: Path, *, most: int, delimiter: str = ",") -> Iterator[tuple[list[
 
     The file has `most` bytes at most; `delimiter` separates its columns.
 
-    Raises InputError as `text_file.read`, or if it is not CSV. The message does not name the file.
+    Raises InputError as `text_file.lines`, or if it is not CSV. The message does not name the file.
     """
-    with text_file.opened(path) as file:
-        text_file.refuse_larger(os.fstat(file.fileno()).st_size, most)
-        reader = csv.reader(io.TextIOWrapper(file, "utf-8-sig", newline=""), delimiter=delimiter)
-        try:
-            for row in reader:
-                if any(text.strip() for text in row) and not row[0].lstrip().startswith("#"):
-                    yield row, reader.line_num
-        except csv.Error as error:
-            raise InputError(f"not a CSV file: {error}") from None
-        except UnicodeDecodeError as error:
-            at = file.tell() - len(error.object) + error.start
-            raise InputError(f"not a text file in UTF-8: {error.reason} at byte {at}") from None
-        except OSError as error:
-            raise InputError(f"cannot be read: {error.strerror}") from None
+    reader = csv.reader(text_file.lines(path, most=most), delimiter=delimiter)
+    try:
+        for row in reader:
+            if any(text.strip() for text in row) and not row[0].lstrip().startswith("#"):
+                yield row, reader.line_num
+    except csv.Error as error:
+        raise InputError(f"line {reader.line_num}: not a CSV file: {error}") from None
 
 
 def is_number(text: str) -> bool:

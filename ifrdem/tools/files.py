@@ -9,16 +9,20 @@ import os
 import platform
 import secrets
 import shlex
+import stat
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from ..errors import InputError, option_name, printable, refuse
+from ..errors import InputError, cut, option_name, printable, refuse
+from . import text_file
 
 try:
     import fcntl
+    import grp
+    import pwd
 except ImportError:  # not on Windows
-    fcntl = None  # type: ignore[assignment]
+    fcntl = grp = pwd = None  # type: ignore[assignment]
 
 CHECKPOINT = ".checkpoint.h5"
 """Ending of the checkpoint of a run, next to its trajectory."""
@@ -28,7 +32,7 @@ NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
 """Name of an axis without values in NetCDF-4 files, in their own notation."""
 STATUS = ".status.json"
 """Ending of the file with the live state of a run, next to its trajectory."""
-_MOST_STATUS = 1 << 20  # bytes of a status file that are read at most
+MOST_STATUS = 1 << 20  # bytes of a status file at most
 
 # Device and inode of each file that this process has locked to write it.
 _locked: set[tuple[int, int]] = set()
@@ -146,12 +150,32 @@ def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
     whole = Path(path)
     status = whole.with_name(whole.name.removesuffix(".h5") + STATUS)
     with contextlib.suppress(OSError, ValueError, TypeError, LookupError, RecursionError):
-        if status.is_file():  # a pipe would be waited for
-            with status.open("rb") as file:
-                record = json.loads(file.read(_MOST_STATUS))
-            if record["state"] == "running":
-                return f"process {int(record['pid'])} on {printable(str(record['host']))} is writing it"
+        record = json.loads(text_file.read(status, most=MOST_STATUS))
+        if record["state"] == "running":
+            return f"process {int(record['pid'])} on {printable(cut(str(record['host'])))} is writing it"
     return "another process is writing it"
+
+
+def writable_by_others(folder: Path) -> str | None:
+    """Clause on who besides this user and root may write in a folder; None if no one may, or on Windows.
+
+    The group that many systems make for each user, of the same name, counts as the user.
+    """
+    if pwd is None or grp is None:
+        return None
+    found, user = folder.stat(), os.geteuid()
+    if found.st_uid not in (user, 0):
+        return "it belongs to another user"
+    if found.st_mode & stat.S_IWOTH:
+        return "every user may write it"
+    if found.st_mode & stat.S_IWGRP:
+        try:
+            name, group = pwd.getpwuid(user).pw_name, grp.getgrgid(found.st_gid)
+        except KeyError:  # without an entry
+            return "its group may write it"
+        if group.gr_name != name or set(group.gr_mem) - {name}:
+            return "its group may write it"
+    return None
 
 
 def create(path: Path) -> Path:
@@ -159,7 +183,7 @@ def create(path: Path) -> Path:
 
     Raises OSError if it cannot be created.
     """
-    created = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
+    created = path.with_name(f".{path.name[:50]}.{secrets.token_hex(4)}.part")
     flags = os.O_CREAT | os.O_EXCL | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
     os.close(os.open(created, flags, 0o666))
     return created

@@ -1,18 +1,24 @@
-"""Text files of users, of a bounded size: cases, measured impacts, starts."""
+"""Text files of users: regular ones, of a bounded size, in UTF-8. All texts that are not our own are read here."""
 
 from __future__ import annotations
 
+import io
+import itertools
 import os
+import re
 import stat
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
 
 from ..errors import InputError, nearest_file
 
+MOST_LINE = 100_000
+"""Characters of a line of a table at most."""
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe is opened without waiting for a writer
+_ESCAPED = re.compile("[\udc80-\udcff]")  # bytes that are no UTF-8, as the handler "surrogateescape" has them
 
 
-def opened(path: Path) -> BinaryIO:
+def opened(path: Path) -> io.BufferedReader:
     """A regular file, open; InputError as `read`."""
     if "\0" in str(path):
         raise InputError("cannot be read: a null character stands in its name")
@@ -32,10 +38,14 @@ def opened(path: Path) -> BinaryIO:
     return file
 
 
-def refuse_larger(size: int, most: int) -> None:
+def _refuse_larger(size: int, most: int) -> None:
     """Raise InputError if a file has more than so many bytes."""
     if size > most:
         raise InputError(f"is larger than {most / 1e6:g} MB, the most that such a file may have")
+
+
+def _not_utf_8(line: int, byte: int) -> InputError:
+    return InputError(f"line {line}: not a text file in UTF-8 (byte 0x{byte:02x}): save it as UTF-8")
 
 
 def read(path: Path, *, most: int, bom: bool = False) -> str:
@@ -49,8 +59,30 @@ def read(path: Path, *, most: int, bom: bool = False) -> str:
             content = file.read(most + 1)
         except OSError as error:
             raise InputError(f"cannot be read: {error.strerror}") from None
-    refuse_larger(len(content), most)
+    _refuse_larger(len(content), most)
     try:
         return content.decode("utf-8-sig" if bom else "utf-8")
     except UnicodeDecodeError as error:
-        raise InputError(f"not a text file in UTF-8: {error.reason} at byte {error.start}") from None
+        raise _not_utf_8(error.object.count(b"\n", 0, error.start) + 1, error.object[error.start]) from None
+
+
+def lines(path: Path, *, most: int) -> Iterator[str]:
+    """Lines of a regular file, as `read` with `bom`, one by one, with the ends that they have.
+
+    Raises InputError as `read`, or if a line has more than `MOST_LINE` characters.
+    """
+    with opened(path) as file:
+        _refuse_larger(os.fstat(file.fileno()).st_size, most)
+        text = io.TextIOWrapper(file, "utf-8-sig", "surrogateescape", newline="")
+        for number in itertools.count(1):
+            try:
+                line = text.readline(MOST_LINE + 1)
+            except OSError as error:
+                raise InputError(f"cannot be read: {error.strerror}") from None
+            if len(line) > MOST_LINE:
+                raise InputError(f"line {number}: has more than {MOST_LINE} characters, the most allowed")
+            if not line.isascii() and (wrong := _ESCAPED.search(line)):
+                raise _not_utf_8(number, ord(wrong[0]) - 0xDC00)
+            if not line:
+                return
+            yield line

@@ -26,6 +26,7 @@ from ..errors import (
     InputError,
     NameMissing,
     counted,
+    cut,
     printable,
     there_are,
 )
@@ -372,6 +373,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     ----------
     path : str or path
         The file.
+    run_law_files : bool
+        Let `laws` execute the files of custom laws, which are programs.
 
     Attributes
     ----------
@@ -428,8 +431,9 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     observables: Series
     series: Series
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, run_law_files: bool = False) -> None:
         self._set(path=checked.path("path", path))
+        self._run_law_files = checked.Instance((bool,))("run_law_files", run_law_files)
         self._open()
         try:
             self._reopening(self._read_head)
@@ -651,13 +655,20 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def laws(self) -> list[list[CollisionLaw | None]]:
         """The law of each pair of materials, [a][b]; None for materials that never meet.
 
-        A custom law is made from its file: its code is executed, if the file is that of the run.
+        A custom law is made from its file, where it was or next to the trajectory: its code is executed, if
+        `run_law_files` was set and the file is that of the run.
 
-        Raises InputError if the run stored none, they are damaged, or the file of a custom one is not there or has
-        changed.
+        Raises InputError if the run stored none, they are damaged, `run_law_files` was not set for a custom one, or its
+        file is not there or has changed.
         """
         materials = int(self.disks.material.max(initial=-1)) + 1
         table = self.record("laws", lambda given: _laws(given, materials))
+        custom = [one["law"] for one in of_table(table) if isinstance(one, Mapping)]
+        if custom and not self._run_law_files:
+            raise InputError(
+                f"{self.path}: law {cut(custom[0])} is a program: Trajectory(path, run_law_files=True) executes it; "
+                "read it first if it is not yours"
+            )
         try:
             return [
                 [from_record(one, self.path.parent) if isinstance(one, Mapping) else one for one in row]
@@ -668,7 +679,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
 
     @property
     def has_custom_laws(self) -> bool:
-        """True if laws are custom ones from files, whose code `laws` executes."""
+        """True if laws are custom ones from files, whose code `laws` executes if `run_law_files` was set."""
         return self.record("laws", lambda given: any(map(is_custom, of_table(given))), "[]")
 
     def __enter__(self) -> Trajectory:

@@ -130,7 +130,7 @@ class StudyPoints:
         return {"charts": charts}
 
     def _path(self, run: str) -> Path:
-        return self._folder / f"{run}.h5"
+        return self._folder / f"{Path(run).name}.h5"  # a file may name runs of other folders
 
     def trajectory(self, run: str) -> Path:
         """The trajectory of a run; InputError if the study has no such run, or kept none of it."""

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import secrets
 import sys
+import tempfile
 import threading
 from _thread import LockType
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
 
@@ -60,6 +64,21 @@ class Server(ThreadingHTTPServer):
     def address(self) -> str:
         """Address of the page."""
         return f"http://127.0.0.1:{self.server_port}/{self.token}/"
+
+    @contextlib.contextmanager
+    def redirecting_file(self) -> Iterator[Path]:
+        """A page that leads to the address, in a file that only this user can read; removed at the end."""
+        with tempfile.TemporaryDirectory(prefix="ifrdem-view-") as folder:  # of mode 0700
+            path = Path(folder, "view.html")
+            with open(
+                os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "w", encoding="utf-8"
+            ) as file:
+                file.write(
+                    f'<!DOCTYPE html><meta charset="utf-8"><meta name="referrer" content="no-referrer">'
+                    f'<meta http-equiv="refresh" content="0; url={self.address}"><title>ifrdem</title>'
+                    f'<a href="{self.address}">to the page</a>\n'
+                )
+            yield path
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore browsers that close the connection during an answer."""

@@ -5,12 +5,15 @@ A process has one runtime. It is chosen before the kernels are imported: by `cho
 is installed. This module imports neither.
 """
 
+import atexit
 import contextlib
 import functools
 import importlib
 import importlib.metadata
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
@@ -30,6 +33,7 @@ LISTENERS: list[Callable[[str], object]] = []
 _announced: set[Hashable] = set()
 
 _loaded: str | None = None
+_made_home: str | None = None
 
 
 @functools.cache
@@ -148,10 +152,27 @@ def forget_announced() -> None:
     _announced.clear()
 
 
+def has_home() -> bool:
+    """True if the user has a home folder. The variable HOME is set, without which the runtimes abort the process.
+
+    Batch systems and containers may leave it out. For a user who has no entry either, it names a new private folder,
+    which is removed when this process ends: a fixed name in a folder for all could be made by another user.
+    """
+    global _made_home
+    if not os.environ.get("HOME"):
+        home = os.path.expanduser("~")  # "~" itself for a user without an entry
+        if not os.path.isabs(home):
+            home = _made_home = tempfile.mkdtemp(prefix="ifrdem-home-")
+            atexit.register(shutil.rmtree, home, ignore_errors=True)
+        os.environ["HOME"] = home
+    return os.environ["HOME"] != _made_home
+
+
 def load() -> Any:
     """Import the chosen runtime, which stays that of the process."""
     global _loaded
     name = chosen()
+    has_home()
     try:
         with start_patches.short_import() if is_known() else contextlib.nullcontext():
             module = importlib.import_module(name)

@@ -11,6 +11,7 @@ import sys
 import warnings
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from support import law_examples, mpi
@@ -18,7 +19,9 @@ from support import law_examples, mpi
 import ifrdem
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
+from ifrdem.fit.tabular import TableFormat
 from ifrdem.model.laws import files as law_files
+from ifrdem.runs import compare
 from ifrdem.runs.signals import Stops
 
 LAW = '''
@@ -115,7 +118,7 @@ def test_a_run_has_the_bits_of_the_same_law_from_python(case: Path) -> None:
         gas.disks, gas.box, law_examples.Viscoelastic(**VALUES), gas.state, record=["energy"], seed=2
     )
     same.run(collisions_per_disk=4.0)
-    with ifrdem.Trajectory(out) as trajectory:
+    with ifrdem.Trajectory(out, run_law_files=True) as trajectory:
         assert trajectory.laws[0][0].table_row() == (0.1, -0.9, 0.2)
         assert trajectory.has_custom_laws
         (record,) = json.loads(trajectory.parameters["laws"])[0]
@@ -133,7 +136,7 @@ def test_a_run_has_the_bits_of_the_same_law_from_python(case: Path) -> None:
 def test_the_law_of_a_trajectory_is_refused_without_its_file(case: Path) -> None:
     out, law = case.with_name("gas.h5"), file_of(case)
     assert executed(case, "run", "-o", out, *sets("run.collisions_per_disk=1.0")) == 0
-    with ifrdem.Trajectory(out) as trajectory:
+    with ifrdem.Trajectory(out, run_law_files=True) as trajectory:
         (found,) = trajectory.laws[0]
         law.rename(out.with_name("mylaw.py"))  # next to the trajectory
         assert trajectory.laws[0][0].table_row() == found.table_row()
@@ -145,8 +148,29 @@ def test_the_law_of_a_trajectory_is_refused_without_its_file(case: Path) -> None
         out.with_name("mylaw.py").unlink()
         with pytest.raises(InputError, match=r"mylaw\.py: must be the file of the run"):
             _ = trajectory.laws
+    # Programs that come with a trajectory are executed only if the caller says so.
+    out.with_name("mylaw.py").write_text(
+        f"__import__('os').mkdir({str(out.with_name('executed'))!r})\n{LAW}", encoding="utf-8"
+    )
+    sha256 = hashlib.sha256(out.with_name("mylaw.py").read_bytes()).hexdigest()
+    with h5py.File(out, "r+") as file:
+        (records,) = json.loads(file["parameters/laws"][()])
+        del file["parameters/laws"], file["parameters/case"]
+        file["parameters/laws"] = json.dumps([[{**records[0], "sha256": sha256}]])
+        text = case.read_text(encoding="utf-8").replace("laws/mylaw.py", str(out.with_name("mylaw.py")))
+        file["parameters/case"] = text
+    with ifrdem.Trajectory(out) as trajectory, pytest.raises(InputError, match="run_law_files=True"):
+        _ = trajectory.laws
+    (measured := out.with_name("measured.csv")).write_text("id,time,x,y\n0,0.01,1,1\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"law of the program .*mylaw\.py: case = FILE"):
+        compare.compare(out, compare.read(measured, {}, TableFormat()), members=6)
+    assert not out.with_name("executed").exists()
     assert cli.main(["info", str(out)]) == 0  # does not execute it
     assert cli.main(["plot", str(out), "temperatures", "-o", str(out.with_name("T.png"))]) == 0
+    assert not out.with_name("executed").exists()
+    with ifrdem.Trajectory(out, run_law_files=True) as trajectory:
+        _ = trajectory.laws
+    assert out.with_name("executed").exists()
 
 
 def test_a_law_goes_to_other_processes_with_its_text(case: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import json
 import logging
 import os
 import re
@@ -15,6 +16,7 @@ from pathlib import Path
 import pytest
 from support.layout_files import write
 
+from ifrdem.cli import program
 from ifrdem.cli.main import app, main
 from ifrdem.tools import arguments
 from ifrdem.tools.progress import Progress, Stage
@@ -119,6 +121,50 @@ def test_completion_offers_commands_and_options(shell: str) -> None:
     script = app.generate_completion(shell=shell)
     for word in (*commands(), "no-picture", "in-place", "write-material"):
         assert word in script
+
+
+def test_an_ascii_terminal_gets_numbers_for_what_it_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    held = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(held, "ascii", write_through=True))
+    assert main(["docs", "law"]) == 0
+    page = program.page("law")
+    assert not page.isascii()
+    assert held.getvalue() == f"{page}\n".encode("ascii", "backslashreplace")
+
+
+def test_texts_of_files_cannot_command_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """ESC ] 0 ; sets the title of a window, ESC [ 2 J clears it; some terminals run what other sequences say."""
+    text = "a\x1b]0;title\x07\x1b[2J\x9b2J"
+    path = tmp_path / f"{text}.toml"
+    assert main(["new", "cooling", "-o", str(path)]) == 0
+    case = path.read_text(encoding="utf-8").replace('"coins"', json.dumps(text))
+    path.write_text(case, encoding="utf-8")
+    assert main(["check", str(path)]) == 0
+    shown = capsys.readouterr()
+    assert shown.out.count("\\x1b]0;title") > 3
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", shown.out + shown.err)
+
+
+@pytest.mark.parametrize(("shell", "start"), [("bash", ".bashrc"), ("zsh", ".zshrc")])
+def test_completion_leaves_the_start_file_of_the_shell_alone(
+    shell: str,
+    start: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in ("ZSH", "ZSH_CUSTOM"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / start).write_text("# mine\n")
+    assert main(["--install-completion", "--shell", shell]) == 0
+    (script,) = (each for each in tmp_path.rglob("*ifrdem"))
+    assert (tmp_path / start).read_text() == "# mine\n"
+    shown = capsys.readouterr().out
+    assert f"installed to {script}" in shown
+    assert shell == "bash" or f"fpath=({script.parent} $fpath)" in shown
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full here")

@@ -20,7 +20,8 @@ from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.plots import disks as plot_disks
-from ifrdem.plots import run, style
+from ifrdem.plots import pictures, run, style
+from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
 SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}
@@ -323,3 +324,23 @@ def test_markers_of_a_nearly_constant_theta_are_whole() -> None:
     figure.draw_without_rendering()
     top = float(axes.transData.transform((3.0, 0.51))[1])
     assert top + 0.5 * (5.0 + 1.0) * figure.dpi / 72.0 < axes.bbox.y1
+
+
+@pytest.mark.parametrize(("what", "color"), [("species", None), ("disks", "species")])
+def test_names_with_dollar_signs_are_no_formulas(what: str, color: str | None, tmp_path: Path) -> None:
+    """Matplotlib takes what stands between two of them for TeX, and raises an error of its parser."""
+    names = [r"$\frac$", "$x^$"]
+    species = json.dumps([{"name": name, "number": 2} for name in names])
+    rng, gas = np.random.default_rng(1), Disks(4, [1.0, 1.0, 2.0, 2.0], 0.1)
+    given = {"species": species, "name": "$n_$", "units/length": "$m^$"}
+    with TrajectoryWriter(tmp_path / "a.h5", gas, Box((9.0, 9.0)), parameters=given) as file:
+        for time in range(6):
+            file.write(
+                State(rng.random((4, 2)), rng.normal(size=(4, 2)), np.zeros(4), time=time),
+                {"collisions": time},
+            )
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        figure = pictures.figure(trajectory, what, color=color)
+    figure.draw_without_rendering()
+    assert r"\$n_\$" in texts(figure)
+    assert r"\$\frac\$" in texts(figure)

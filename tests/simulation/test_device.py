@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -206,6 +207,100 @@ def test_the_runtime_starts_without_a_home(tmp_path: Path, cache: bool) -> None:
         environment[CACHE] = str(tmp_path)
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "runs\n"), done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="no owners and modes of folders")
+def test_a_user_without_a_home_gets_a_private_folder(tmp_path: Path) -> None:
+    """A fixed name in the folder for temporary files could be made by another user, who would choose the code."""
+    (tmp_path / ".cache").mkdir(mode=0o777)
+    code = (
+        "import os, pwd, warnings\n"
+        "def without(user): raise KeyError(user)\n"
+        "pwd.getpwuid = without\n"
+        "from ifrdem.simulation import backend\n"
+        "with warnings.catch_warnings(record=True) as caught:\n"
+        "    backend.start(backend.Device(threads=1))\n"
+        "print(len(caught), caught[0].message)\n"
+        "print(*(f'{os.stat(one.path).st_mode & 0o777:o}' for one in os.scandir(os.environ['TMPDIR'])\n"
+        "        if one.name != '.cache'))\n"
+    )
+    environment = {key: value for key, value in os.environ.items() if key != "HOME"}
+    environment |= {"TMPDIR": str(tmp_path)}
+    environment.pop(CACHE, None)
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    warning, modes = done.stdout.splitlines()
+    assert warning.startswith("1 kernel cache: this user has no home folder: every process compiles")
+    assert set(modes.split()) == {"700"}
+    assert [each.name for each in tmp_path.rglob("*")] == [".cache"]  # nothing in it, and all else is removed
+
+
+def test_a_kernel_cache_that_others_may_write_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its files are code that the process executes."""
+    grp, pwd = pytest.importorskip("grp"), pytest.importorskip("pwd")  # not on Windows
+    folder = tmp_path / "new" / "cache"
+    monkeypatch.setenv(CACHE, str(folder))
+    before = os.umask(0)
+    try:
+        assert backend.kernel_cache_trouble() is None
+    finally:
+        os.umask(before)
+    assert folder.stat().st_mode & 0o777 == 0o700
+    for mode, what in ((0o702, "every user may write it"), (0o720, "its group may write it")):
+        folder.chmod(mode)
+        with monkeypatch.context() as patch:
+            patch.setattr(grp, "getgrgid", lambda gid: SimpleNamespace(gr_name="physics", gr_mem=[]))
+            trouble = backend.kernel_cache_trouble() or ""
+        assert f"kernel cache {folder}: {what}" in trouble
+        assert f"set {CACHE} to a folder of your own" in trouble
+    name = pwd.getpwuid(os.geteuid()).pw_name  # many systems make a group for each user
+    for members, used in (([], True), ([name, "other"], False)):
+        with monkeypatch.context() as patch:
+            patch.setattr(grp, "getgrgid", lambda gid, m=members: SimpleNamespace(gr_name=name, gr_mem=m))
+            assert (backend.kernel_cache_trouble() is None) == used
+    folder.chmod(0o700)
+    if os.geteuid() == 0:
+        os.chown(folder, 54321, -1)
+    else:
+        monkeypatch.setattr(os, "geteuid", lambda: 54321)
+    assert "it belongs to another user" in (backend.kernel_cache_trouble() or "")
+    with pytest.warns(UserWarning, match="it belongs to another user"):
+        assert backend._kernel_cache() == backend._temporary_cache()
+
+
+START = "from ifrdem.simulation import backend; backend.start(backend.Device(threads=1))"
+RUN = (
+    "from ifrdem.cli.main import main; main(['-q', 'run', 'cooling', '-o', sys.argv[1] + '/run.h5', '--set', "
+    "'species[0].number=30', '--set', 'run.collisions_per_disk=1'])"
+)
+
+
+@pytest.mark.full(keep=1)
+@pytest.mark.parametrize("use", [START, RUN], ids=["start", "run"])
+def test_no_connection_is_opened_and_no_identifier_left(use: str, tmp_path: Path) -> None:
+    """By itself Taichi asks its server for the newest version, in a thread, and stores a random number of the user."""
+    home, out = tmp_path / "home", tmp_path / "out"
+    for each in (home, out):
+        each.mkdir()
+    code = (
+        "import sys, threading\n"
+        "seen = []\n"
+        "def hook(event, arguments):\n"
+        "    if event.split('.')[0] in ('socket', 'urllib'): seen.append((event, arguments))\n"
+        "sys.addaudithook(hook)\n"
+        f"{use}\n"
+        "for one in threading.enumerate():\n"
+        "    if one is not threading.main_thread(): one.join(10.0)\n"
+        "print(seen)\n"
+    )
+    environment = {**os.environ, "HOME": str(home)}
+    environment.pop("TI_SKIP_VERSION_CHECK", None)
+    words = [sys.executable, "-c", code, str(out)]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "[]\n"), done.stderr
+    assert not [each for each in home.rglob("*") if each.is_file()]
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="no folder that root cannot write to")

@@ -65,6 +65,19 @@ def case(tmp_path: Path) -> Path:
     return path
 
 
+def test_runs_are_others_if_the_file_of_a_wall_has_changed(case: Path) -> None:
+    """Runs that are done are known by their keys: they would be taken for those of the new wall."""
+    text = CASE.replace("packing_fraction = 0.2", "lengths = [20.0, 20.0]")
+    case.write_text(f'{text}[[wall]]\nshape = "polyline"\nmaterial = "coin"\nfile = "wall.csv"\n')
+    keys = []
+    for points in ("2,2\n5,5\n", "2,2\n5,5\n", "2,2\n5,6\n"):
+        case.with_name("wall.csv").write_text(points)
+        keys.append([task.key for task in ifrdem.Study(case, vary=[VARY]).tasks])
+    assert keys[0] == keys[1]
+    assert len(keys[0]) == 2
+    assert {*keys[0]}.isdisjoint(keys[2])
+
+
 def same(one: Results, other: Results) -> bool:
     """Equal to the last bit, but for when they were written."""
     return one.variables.keys() == other.variables.keys() and all(
@@ -564,6 +577,18 @@ def test_the_template_is_a_study(tmp_path, capsys, monkeypatch):
     assert cli.main(["new", "study"]) == 0
     assert cli.main(["study", "study.toml", "--dry-run"]) == 0
     assert "9 points x 20 seeds = 180 runs" in capsys.readouterr().out
+
+
+def test_a_result_that_would_fill_the_memory_is_damaged(tmp_path: Path) -> None:
+    """Zeros are compressed to a thousandth of their size."""
+    zeros = {"head": np.array('{"seconds": 1.0, "variables": {"a": [["x"], "", ""]}}'), "a": np.zeros(10**6)}
+    np.savez(tmp_path / "right.npz", **zeros)
+    assert len(load(tmp_path / "right.npz")[0]["a"].values) == 10**6
+    np.savez_compressed(tmp_path / "bomb.npz", **zeros)
+    with pytest.raises(
+        DamageError, match=r"bomb\.npz is not a complete result .*a\.npy has 8000128 bytes, more"
+    ):
+        load(tmp_path / "bomb.npz")
 
 
 def test_damaged_results_are_named_and_run_again(case, tmp_path, capsys):

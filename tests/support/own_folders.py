@@ -9,8 +9,7 @@ import os
 from pathlib import Path
 
 OWN = Path(__file__).parents[2] / "build" / "tests"
-# Without this, Taichi asks a server for its latest version, and writes a file in the home of the user.
-SETTINGS = {"MPLCONFIGDIR": str(OWN / "matplotlib"), "TI_SKIP_VERSION_CHECK": "ON"}
+SETTINGS = {"MPLCONFIGDIR": str(OWN / "matplotlib")}
 for prefix in ("TI", "QD"):  # Taichi by itself throws kernels away at 100 MB, a third of what tests ask for
     SETTINGS[f"{prefix}_OFFLINE_CACHE_FILE_PATH"] = str(OWN / "kernels")
     SETTINGS[f"{prefix}_OFFLINE_CACHE_CLEANING_POLICY"] = "never"

@@ -8,19 +8,43 @@ from pathlib import Path
 
 import pytest
 
+import ifrdem
+from ifrdem import plots
 from ifrdem.case import file as case_file
 from ifrdem.cli import main as cli
-from ifrdem.errors import InputError
+from ifrdem.cli import options
+from ifrdem.errors import MOST_LINE, InputError
 from ifrdem.fit import data
 from ifrdem.initial import from_csv
+from ifrdem.model.laws import files as law_files
+from ifrdem.model.walls import outlines
+from ifrdem.study import plan
 from ifrdem.tools import text_file
 
 
-@pytest.mark.parametrize("read", [case_file.read, data.read, lambda path: from_csv.read(path, 3)])
+def styled(path: Path) -> None:
+    with options.styled(str(path)):
+        pass
+
+
+def drawn(path: str) -> None:
+    plots.cooling("run.h5", path)
+
+
+READERS = [
+    case_file.read, data.read, lambda path: from_csv.read(path, 3), outlines.of_csv, outlines.of_svg, styled,
+    plan._digest, lambda path: law_files.find(f"{path}.py:Law"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("read", READERS)
 def test_devices_and_pipes_are_refused_at_once(read, tmp_path: Path) -> None:
     """Reading a pipe without a writer would never end, and /dev/zero would fill the memory."""
     os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "pipe", Path("/dev/zero")):
+    os.mkfifo(tmp_path / "pipe.py")
+    (tmp_path / "zero").symlink_to("/dev/zero")
+    (tmp_path / "zero.py").symlink_to("/dev/zero")
+    for path in (tmp_path / "pipe", tmp_path / "zero"):
         observed: list[str] = []
 
         def refused(path: Path = path, observed: list[str] = observed) -> None:
@@ -46,6 +70,67 @@ def test_a_case_file_beyond_10_MB_is_refused(tmp_path: Path, capsys: pytest.Capt
     path.write_text("# " + "x" * 10_000_000, encoding="utf-8")
     assert cli.main(["check", str(path)]) == 2
     assert f"{path}: is larger than 10 MB" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "read"),
+    [
+        ("wide.csv", "1.0," * 1_000_000, lambda path: from_csv.read(path, 3)),
+        ("wide.csv", "psi," * 1_000_000, data.read),
+        ("words.csv", "x,y\n" + "word" * 20_000 + ",1", lambda path: from_csv.read(path, 1)),
+        ("names.csv", "x,y\n" + "1," * 40_000, lambda path: from_csv.read(path, 1)),
+        ("columns.csv", ",".join(f"c{i}" for i in range(10_000)), lambda path: from_csv.read(path, 1)),
+        ("points.csv", "1 2\n" + "3 " * 1_000_000, outlines.of_csv),
+        ("path.svg", "<svg viewBox='0 0 1 1'><path d='" + "x" * 1_000_000 + "'/></svg>", outlines.of_svg),
+        ("tree.svg", "<svg>" * 50_000, outlines.of_svg),
+        ("key.toml", f"'{'k' * 1_000_000}' = 1", case_file.read),
+        ("value.toml", f"[run]\nname = '{'k' * 1_000_000}'", case_file.read),
+        ("study.toml", f"case = 'cooling'\n'{'k' * 1_000_000}' = 1", plan.read),
+        ("seeds.toml", f"case = 'cooling'\n[ensemble]\nseeds = '{'k' * 1_000_000}'", plan.read),
+    ],
+)
+def test_messages_quote_no_more_than_a_beginning(name: str, line: str, read, tmp_path: Path) -> None:
+    """A line of 1e6 columns gave messages of 4 MB."""
+    (tmp_path / name).write_text(f"{line}\n")
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / name)
+    assert len(str(caught.value)) < 10_000
+    assert max(map(len, str(caught.value).splitlines())) <= MOST_LINE
+
+
+def test_lines_of_tables_are_bounded_and_named(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text("a\n" + "b" * text_file.MOST_LINE)
+    assert [len(line) for line in text_file.lines(path, most=10**6)] == [2, text_file.MOST_LINE]
+    path.write_text("a\n" + "b" * text_file.MOST_LINE + "c")
+    with pytest.raises(InputError, match="line 2: has more than 100000 characters"):
+        list(text_file.lines(path, most=10**6))
+    path.write_bytes("\ufeffé\r\n".encode() + "é\n".encode("latin-1"))  # 0xe9 in Latin-1, ISO 8859-1
+    with pytest.raises(InputError, match=r"line 2: not a text file in UTF-8 \(byte 0xe9\)"):
+        list(text_file.lines(path, most=100))
+    with pytest.raises(InputError, match=r"line 2: not a text file in UTF-8 \(byte 0xe9\)"):
+        text_file.read(path, most=100)
+
+
+def test_names_longer_than_file_systems_take_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    allowed = r"path\w* = .*: must be a path of 4095 bytes at most, each name of 255$"
+    for name in ("n" * 300, "é" * 128, f"{'n' * 300}/x.toml", "n/" * 3000):
+        for use in (ifrdem.Case.read, ifrdem.Trajectory, ifrdem.Study, drawn):
+            with pytest.raises(InputError, match=allowed):
+                use(name)
+        if "/" in name:
+            continue
+        for words in (["check", name], ["info", name], ["resume", name], ["fit", name], ["status", name]):
+            assert cli.main(words) == 2
+            shown = capsys.readouterr().err
+            assert "too long" in shown or "255" in shown or "there is no" in shown
+            assert len(shown) < 2 * MOST_LINE
+
+
+def test_a_style_is_not_loaded_from_the_web() -> None:
+    for name in ("https://example.com/a.mplstyle", "package.style"):
+        with pytest.raises(InputError, match="neither a style of Matplotlib nor a file"):
+            styled(Path(name))
 
 
 def test_a_name_with_a_null_character_is_no_file() -> None:

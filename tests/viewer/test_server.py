@@ -7,6 +7,7 @@ import contextlib
 import hashlib
 import http.client
 import json
+import os
 import re
 import signal
 import socket
@@ -393,6 +394,10 @@ def some_results(folder: Path) -> Path:
 
 def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept(tmp_path):
     path, tan = some_results(tmp_path), np.tan(0.475 * np.pi)
+    viewed.write(tmp_path / "elsewhere.h5")
+    stored = Results.read(path)
+    stored.variables["run"].values[1, 0] = "../elsewhere"
+    stored.write(path)
     for place in (path, tmp_path / "scan.runs"):
         with Server(StudyPoints(place)) as server:
             head = json.loads(server.answer("head", {})[1])
@@ -407,7 +412,7 @@ def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept
             (chart,) = json.loads(server.answer("point", {"point": "1"})[1])["charts"]
             assert chart["lines"][0]["y"] == [5.0, 6.0, 7.0, 8.0]
             assert json.loads(server.answer("head", {"run": "run01", "frames": "-1"})[1])["n"] == viewed.DISKS
-            for run in ("run00", "../run", ""):
+            for run in ("run00", "../run", "../elsewhere", ""):
                 with pytest.raises(InputError, match="kept no trajectory"):
                     server.answer("frame", {"run": run, "frame": "0"})
 
@@ -430,6 +435,33 @@ def test_bad_options_are_reported(path, monkeypatch, capsys, arguments, reason):
     error = capsys.readouterr().err
     assert reason in error
     assert "Traceback" not in error
+
+
+def test_the_browser_gets_the_token_by_a_private_file(path, monkeypatch, capsys):
+    """The arguments of a process are seen by every user of the machine."""
+    given: list[tuple[Path, int, str]] = []
+
+    def browser(url: str) -> bool:
+        file = Path(urlsplit(url).path)
+        given.append((file, file.stat().st_mode & 0o777, file.read_text()))
+        return True
+
+    def interrupted(_: Server) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("webbrowser.open", browser)
+    monkeypatch.setattr(Server, "serve_forever", interrupted)
+    before = os.umask(0)
+    try:
+        assert main(["view", str(path)]) == 0
+    finally:
+        os.umask(before)
+    ((file, mode, text),) = given
+    address = capsys.readouterr().out.split()[-1]
+    assert mode == 0o600
+    assert f'content="0; url={address}"' in text
+    assert urlsplit(address).path.strip("/") not in str(file)
+    assert not file.parent.exists()
 
 
 def test_a_port_that_is_taken_is_reported(server, path, capsys):

@@ -21,11 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, cut
 from ...kernels.columns import MOST_WALLS
-from ...tools import checked
+from ...tools import checked, text_file
 from ...tools.checked import Array
 
+MOST_BYTES = 10_000_000
+"""Largest file of an outline."""
 TOLERANCE = 1e-4
 """Of curves, as a part of the larger side of the rectangle around the points of a path, where none is given."""
 _FLAG = re.compile(r"[\s,]*([01])")
@@ -46,7 +48,7 @@ def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float
     double back or enclose no area.
     """
     if not isinstance(points, Sequence | np.ndarray) or isinstance(points, str):
-        raise InputError(f"{name}, points = {points!r}: must be a list of points [x, y]")
+        raise InputError(f"{name}, points = {checked.shortened(points)}: must be a list of points [x, y]")
     found = [checked.PAIR(f"{name}, points[{i}]", point) for i, point in enumerate(points)]
     for i, point in enumerate(found):
         if max(map(abs, point)) > MOST:
@@ -163,7 +165,8 @@ def of_csv(path: str | os.PathLike[str]) -> list[tuple[float, float]]:
     """
     found: list[tuple[float, float]] = []
     for number, line in enumerate(_text(path).splitlines(), start=1):
-        parts = [each for each in re.split(r"[\s,;]+", line.split("#")[0].strip()) if each]
+        line = line.split("#")[0].strip()
+        parts = [each for each in re.split(r"[\s,;]+", line) if each]
         if not parts:
             continue
         try:
@@ -171,11 +174,9 @@ def of_csv(path: str | os.PathLike[str]) -> list[tuple[float, float]]:
         except ValueError:
             if not found and len(parts) == 2 and not any(re.match(r"[-+.\d]", each) for each in parts):
                 continue  # names of columns
-            raise InputError(
-                f"{path}, line {number} = {line.strip()!r}: must be two numbers, x and y"
-            ) from None
+            raise InputError(f"{path}, line {number} = {cut(line)!r}: must be two numbers, x and y") from None
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise InputError(f"{path}, line {number} = {line.strip()!r}: must be finite numbers")
+            raise InputError(f"{path}, line {number} = {cut(line)!r}: must be finite numbers")
         found.append((x, y))
     if not found:
         raise InputError(f"{path}: no points are in it")
@@ -191,7 +192,7 @@ def of_svg(
     """
     try:
         root = ET.fromstring(_text(path))
-    except ET.ParseError as error:
+    except (ET.ParseError, ValueError) as error:  # ValueError: of a declared encoding that Python lacks
         raise InputError(f"{path}: no SVG drawing ({error})") from None
     elements = list(root.iter())
     paths = [each for each in elements if each.tag.rpartition("}")[2] == "path"]
@@ -262,10 +263,9 @@ def of_path(
 
 def _text(path: str | os.PathLike[str]) -> str:
     try:
-        return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
-        raise InputError(f"{path}: cannot be read: {reason}") from None
+        return text_file.read(Path(path), most=MOST_BYTES, bom=True)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def _commands(data: str, name: str) -> list[tuple[str, list[float]]]:
@@ -301,7 +301,7 @@ def _commands(data: str, name: str) -> list[tuple[str, list[float]]]:
         found.append((command, numbers))
         command = {"M": "L", "m": "l"}.get(command, command)
     if not found:
-        raise InputError(f"{name} = {data!r}: a path begins with M and a point")
+        raise InputError(f"{name} = {cut(data)!r}: a path begins with M and a point")
     return found
 
 

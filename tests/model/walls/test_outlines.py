@@ -115,7 +115,7 @@ def test_walls_come_from_files_with_the_length_of_their_unit(tmp_path: Path) -> 
     assert 1e-6 < distance_to(list(near), curve) <= 1e-5
     for points, scale, says in (
         (text, 1.0, "a.csv: it begins at .1, 1. and ends at .3, 2.: a polygon must come back"),
-        (tmp_path / "none.csv", 1.0, "none.csv: cannot be read"),
+        (tmp_path / "none.csv", 1.0, "none.csv: there is no such file"),
         (text, 0.0, "scale = 0.0: must be a positive number"),
         ([(0, 0), (1, 0), (0, 1)], 2.0, "scale = 2.0: only a file has it"),
     ):
