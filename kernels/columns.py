@@ -265,13 +265,14 @@ PAIR = Columns(**columns("tile", "id", "partner"))
 # Next tile to be run; ghost records used; why a launch ended early; slots used; what was needed; 1: a disk came to rest
 # on a wall, events without progress; bad tiles; events; windows; rows of events; 1 where only the listed tiles are run;
 # of a gas in one tile: 1 where it pauses at the moment of a snapshot; 1 where it resumes there; 1 where it has
-# paused at a time, BY_COUNT at a number of collisions; bad tiles with the widest halo; 1 where no window of a
-# launch may follow; windows in which resting disks were not determined, and disks that fell asleep at speed; rows
-# of pairs; tiles that need blocks with more room, and bad ones that no block can run (`windows/blocks.py`).
+# paused at a time, BY_COUNT at a number of collisions, BY_WORK after a long launch; bad tiles with the widest halo, and
+# those with too many events; 1 where no window of a launch may follow; windows in which resting disks were not
+# determined, and disks that fell asleep at speed; rows of pairs; tiles that need blocks with more room, and bad ones
+# that no block can run (`windows/blocks.py`); moments that a gas which paused BY_WORK has written.
 COUNTER = Columns(**columns(
     "next_tile", "n_ghosts", "full", "n_slots", "needed", "resting", "stalled", "n_bad", "n_events", "n_windows",
     "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unverified", "jammed", "n_pairs",
-    "n_dense", "n_marked",
+    "n_dense", "n_marked", "written",
 ))  # fmt: skip
 # Begin and end of the window; where to stop (time, collisions in all), to pause, when a force acts; what sets the
 # length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
@@ -281,12 +282,13 @@ COUNTER = Columns(**columns(
 # have in a window where most happen (`planner.path_from`). Of forces that act within windows: rows of `kicks` that
 # acted before the window; the next row of a gas in one tile that has paused; length of the latest windows; the
 # shortest step; what rounds energies that they give to a first part, over the unit of squares of speeds, and for the
-# next part over that; square of a speed that a disk at rest may get at a random time.
+# next part over that; square of a speed that a disk at rest may get at a random time. The time of the window that a gas
+# in one tile has reached where it paused BY_WORK.
 CLOCK = Columns(**columns(
     "begin", "end", "stop", "wanted", "pause", "pause_after", "kick", "path", "tile_side", "wall_speed",
     "square_unit", "free_path", "in_window", "speed", "longest", "turned", "n", "fastest", "overhang",
     "local_collisions",
-    "acted", "next_kick", "recent", "shortest_step", "gain_unit", "gain_step", "action_square",
+    "acted", "next_kick", "recent", "shortest_step", "gain_unit", "gain_step", "action_square", "reached",
 ))  # fmt: skip
 # Disks; tiles; lanes; slots, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
 # seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small

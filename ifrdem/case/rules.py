@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import StartData
+from ..initial.packing import separate
 from ..kernels.columns import MOST_IDS, MOST_WALLS
 from ..model.box import Box
 from ..model.laws import files as law_files
 from ..model.laws.law import CollisionLaw
-from ..model.overlaps import check_no_overlap, relax
+from ..model.overlaps import COMPUTED, STORED, check_no_overlap, relax, tolerances
 from ..model.state import DiskKinds
 from ..model.walls.checks import check as check_free_of_walls
 from ..model.walls.checks import check_place
@@ -444,6 +445,29 @@ def _check_pistons(case: CaseSections, given: StartData) -> Iterator[Problem]:
                 yield problem_at(case, f"wall[{i}].piston.{key}", text)
 
 
+def _apart(
+    free_area: FreeArea, radius: NDArray[np.float64], position: NDArray[np.float64], time: float
+) -> NDArray[np.float64]:
+    """The positions of a table at a `time` [time], moved apart where they overlap by the rounding of an export.
+
+    InputError if disks, or disks and walls, overlap by more.
+    """
+    box = free_area.box
+
+    def check(rounding: float) -> None:
+        near, into = tolerances(box, radius, position, rounding)
+        check_no_overlap(box, radius, position, tolerance=near, time=time)
+        check_free_of_walls(free_area.all_walls, box, position, radius, time=time, tolerance=into)
+
+    try:
+        check(0.0)
+    except InputError:
+        check(STORED + COMPUTED)
+        standing = [wall for wall in free_area.walls if wall.is_present(time, 0)]
+        return separate(box, radius, position, walls=standing, time=time)
+    return position
+
+
 def given_start(
     case: CaseSections,
     radius: NDArray[np.float64],
@@ -476,8 +500,7 @@ def given_start(
             at: Any = {"time": given.time}
             if start.relax is not None:
                 given = replace(given, position=relax(box, radius, given.position, start.relax, **at))
-            check_no_overlap(box, radius, given.position, **at)
-            check_free_of_walls(free_area.all_walls, box, given.position, radius, **at)
+            given = replace(given, position=_apart(free_area, radius, given.position, given.time))
     except InputError as error:
         found += [Problem(key, value, line) for line in str(error).splitlines()]
         return None

@@ -743,7 +743,7 @@ class Engine:
                 next_points=lambda: map(counted, next_points()),
             )
         except InelasticCollapse as error:
-            raise InelasticCollapse(f"{error}. {self._advice(at_wall=False)}") from None
+            raise InelasticCollapse(f"{error}. {self._advice(at_wall=windows.only_walls_hit)}") from None
         if windows.rests and not windows.inside:
             raise InelasticCollapse(
                 f"t = {windows.begin:.9g} to {windows.end:.9g}: a disk came to rest on a wall (inelastic collapse); "

@@ -14,7 +14,7 @@ from ...kernels.columns import ADDRESSABLE, MOST_IDS, SINGLE_TILE, most_disks
 from ...model.box import Box
 from ...model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ...model.gravity import RotatingGravity
-from ...model.overlaps import TOLERANCE
+from ...model.overlaps import tolerances
 from ...model.state import Disks, State
 from ...model.walls.checks import check as check_walls
 from ...model.walls.wall import Wall, wall_names
@@ -264,7 +264,8 @@ def check(
     check_between_collisions(disks, box, options.start_gravity, forces)
     check_walls(
         walls, box, state.position, disks.radius, materials, float(state.time),
-        collisions=counts.collisions, tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
+        collisions=counts.collisions,
+        tolerance=tolerances(box, disks.radius, state.position, options.device.rounding)[1],
     )  # fmt: skip
 
 
