@@ -30,12 +30,12 @@ from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall, pieces
 from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
-from ..simulation.start.checks import check_pistons
+from ..simulation.start.checks import check_pistons, unrecordable
 from ..simulation.steps.schedule import first_after, time_of
 from ..simulation.windows.tiling import tiles_on_ranks
 from .case import GROWN, IMPACT_SCAN, CaseSections
 from .laws_section import FileKeys
-from .objects import options_of
+from .objects import options_of, record_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species
@@ -220,6 +220,11 @@ def check_walls(
             text = "walls in an open box are not supported: leave out box.open and give lengths"
             yield Problem("wall", None, text)
         return
+    if box.shear_rate and walls:
+        rate = f"box.shear_rate = {box.shear_rate:g}"
+        text = f"walls in a sheared box are not supported ({rate}), whose flow and images would pass through them"
+        yield Problem("wall", None, f"{text}: leave out box.shear_rate; walls that move shear too")
+        return
     if case.box.lengths is None and walls:
         text = "cannot be combined with walls: give box.lengths, and `ifrdem check` prints the fraction"
         yield problem_at(case, "box.packing_fraction", text)
@@ -262,17 +267,18 @@ def _outside(wall: Wall, box: Box) -> bool:
 def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
     """Problems: output that the gas or the box does not allow."""
     output, region = case.output, case.output.histories_region
-    if output.wall_sums and not case.walled:
-        yield Problem("output.wall_sums", "true", "there are no walls")
-    elif output.wall_sums and len(case.wall) > MOST_SUMMED:
+    pistons = [f"wall[{i}].piston" for i, each in enumerate(case.wall) if each.piston is not None]
+    refused = unrecordable(
+        record_of(case), is_open=case.box.open, walled=case.walled, piston=next(iter(pistons), ""),
+        rests='run.collapse = "rest"' if case.run.resting_speed is not None else "",
+    )  # fmt: skip
+    for name, reason in refused:
+        yield Problem({"wall": "output.wall_sums", "stress": "output.stress"}[name], "true", reason)
+    if output.wall_sums and len(case.wall) > MOST_SUMMED:
         text = (
             f"{len(case.wall)} walls: of {MOST_SUMMED} at most; make polylines of those that belong together"
         )
         yield Problem("output.wall_sums", "true", text)
-    if output.stress:
-        text = _no_stress(case)
-        if text:
-            yield Problem("output.stress", "true", text)
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:
             text = "given twice: each may be given once"
@@ -298,19 +304,6 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
         rate = f"box.gravity_rotation_rate = {case.box.gravity_rotation_rate:g}"
         text = f"not where gravity turns ({rate}): leave histories out"
         yield Problem("output.histories", None, text)
-
-
-def _no_stress(case: CaseSections) -> str:
-    """Reason why a gas has no pressure tensor; "" if it has one."""
-    if case.box.open:
-        return "an open box has no area that a stress could refer to"
-    if case.run.resting_speed is not None:
-        text = "forces between resting disks, which are no collisions, carry a part of it"
-        return f'cannot be combined with run.collapse = "rest": {text}'
-    for i, each in enumerate(case.wall):
-        if each.piston is not None:
-            return f"cannot be combined with wall[{i}].piston, which changes the area of the gas"
-    return ""
 
 
 NOT_GROWN_ON_RANKS = (
