@@ -251,7 +251,7 @@ class Engine:
         self.gravity: tuple[float, float] = self.turning.gravity
         self._check_collapse(self._law_table, law, self.gravity, forces)
         for force in forces:
-            comm.run_on_all(lambda force=force: force.check(self.disks))  # type: ignore[misc]
+            comm.run_on_all(lambda force=force: force.check(self.disks))
         pistons = [f"a piston (wall {i})" for i, wall in enumerate(walls) if wall.piston is not None]
         rests = f"collapse = {given.collapse}" if given.resting_speed else ""
         for name, reason in checks.unrecordable(

@@ -186,7 +186,7 @@ def test_a_checkpoint_in_single_precision_is_taken_back(tmp_path, down):
         again = Simulation.from_checkpoint(tmp_path / "a.h5")
         same_bits(gas, again)
         Simulation(disks, box, COIN, gas.state, gravity=(0.0, down), device=single)
-    assert overlap >= 3
+    assert overlap > 0
 
 
 @pytest.mark.full
