@@ -328,11 +328,12 @@ COUNTER = Columns(
     n_watched="rows of events of tracked disks", again="1 where only the listed tiles are run",
     pausing="of a gas in one tile: 1 where it pauses at the moment of a snapshot",
     resuming="of a gas in one tile: 1 where it resumes there",
-    paused="1 where it has paused at a time, BY_COUNT at a number of collisions",
-    stuck="bad tiles with the widest halo", halted="1 where no window of a launch may follow",
+    paused="1 where it has paused at a time, BY_COUNT at a number of collisions, BY_WORK after a long launch",
+    stuck="bad tiles with the widest halo, and those with too many events",
+    halted="1 where no window of a launch may follow",
     unverified="windows in which resting disks were not determined", jammed="disks that fell asleep at speed",
     n_pairs="rows of pairs", n_dense="tiles that need blocks with more room (`windows/blocks.py`)",
-    n_marked="bad tiles that no block can run",
+    n_marked="bad tiles that no block can run", written="moments that a gas which paused BY_WORK has written",
 )  # fmt: skip
 CLOCK = Columns(
     begin="begin of the window", end="end of the window", stop="time at which to stop",
@@ -351,6 +352,7 @@ CLOCK = Columns(
     gain_unit="what rounds energies that such forces give to a first part, over the unit of squares of speeds",
     gain_step="the same for the next part, over that for the first",
     action_square="square of a speed that a disk at rest may get at a random time",
+    reached="time of the window that a gas in one tile has reached where it paused BY_WORK",
 )  # fmt: skip
 GRID = Columns(
     n="disks", tiles_x="tiles along x", tiles_y="tiles along y", lanes="lanes", lane_slots="slots of a lane",

@@ -61,7 +61,8 @@ BLOCK_OF_TILES = 128
 ELASTICALLY = 4  # of the regimes in the tally
 AT_END, AT_MOMENT = range(2)  # times of the tally: end of the window, first of the moments
 AWAKE, ASLEEP, WOKEN, ASLEEP_UNVERIFIED = range(4)  # ASLEEP_UNVERIFIED: given by a state
-BY_COUNT = 2  # a gas in one tile has paused for the number of collisions
+# Why a gas in one tile has paused, besides at a time: for the number of collisions; for the length of the launch.
+BY_COUNT, BY_WORK = 2, 3
 FULL_SLOTS, FULL_CELLS, FULL_GHOSTS, FULL_WALLS, FULL_WATCHED, FULL_PAIRS = 1, 2, 4, 8, 16, 32
 KICKED = -1  # in place of a partner, in rows of tracked disks: a force changed the motion
 BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
@@ -69,6 +70,7 @@ PAIRS, TRACKED = 1, 2  # what is written down: the collisions of all pairs, and 
 TEAM = 32  # threads of a GPU that share a tile
 BLOCK_SLOTS = 864  # disks of a tile and its halo that a block of a GPU has room for (`windows/blocks.py`)
 TOO_MANY = 8  # as `tile.mark`: the tile needs a block that runs dense tiles
+TOO_LONG = 1 << 10  # as `tile.mark`: it has so many events that one thread has to run the whole box
 DENSE_SLOTS = 4096  # the same of blocks that run what does not fit
 MOST_BLOCK_WALLS = 3600  # of a gas that blocks run: nine images of each, as partners in 16 bits
 NEAR_WORDS = 16  # of four entries each of the list of a disk: how many disks are near it, and which

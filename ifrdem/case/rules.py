@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import StartData
+from ..initial.packing import separate
 from ..kernels.columns import MOST_IDS, MOST_WALLS
 from ..model.box import Box
 from ..model.laws import files as law_files
 from ..model.laws.law import CollisionLaw
-from ..model.overlaps import check_no_overlap, relax
+from ..model.overlaps import COMPUTED, STORED, check_no_overlap, relax, tolerances
 from ..model.state import DiskKinds
 from ..model.walls.checks import check as check_free_of_walls
 from ..model.walls.checks import check_place
@@ -29,12 +30,12 @@ from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall, pieces
 from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
-from ..simulation.start.checks import check_pistons
+from ..simulation.start.checks import check_pistons, unrecordable
 from ..simulation.steps.schedule import first_after, time_of
 from ..simulation.windows.tiling import tiles_on_ranks
 from .case import GROWN, IMPACT_SCAN, CaseSections
 from .laws_section import FileKeys
-from .objects import options_of
+from .objects import options_of, record_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species
@@ -219,6 +220,11 @@ def check_walls(
             text = "walls in an open box are not supported: leave out box.open and give lengths"
             yield Problem("wall", None, text)
         return
+    if box.shear_rate and walls:
+        rate = f"box.shear_rate = {box.shear_rate:g}"
+        text = f"walls in a sheared box are not supported ({rate}), whose flow and images would pass through them"
+        yield Problem("wall", None, f"{text}: leave out box.shear_rate; walls that move shear too")
+        return
     if case.box.lengths is None and walls:
         text = "cannot be combined with walls: give box.lengths, and `ifrdem check` prints the fraction"
         yield problem_at(case, "box.packing_fraction", text)
@@ -261,17 +267,18 @@ def _outside(wall: Wall, box: Box) -> bool:
 def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
     """Problems: output that the gas or the box does not allow."""
     output, region = case.output, case.output.histories_region
-    if output.wall_sums and not case.walled:
-        yield Problem("output.wall_sums", "true", "there are no walls")
-    elif output.wall_sums and len(case.wall) > MOST_SUMMED:
+    pistons = [f"wall[{i}].piston" for i, each in enumerate(case.wall) if each.piston is not None]
+    refused = unrecordable(
+        record_of(case), is_open=case.box.open, walled=case.walled, piston=next(iter(pistons), ""),
+        rests='run.collapse = "rest"' if case.run.resting_speed is not None else "",
+    )  # fmt: skip
+    for name, reason in refused:
+        yield Problem({"wall": "output.wall_sums", "stress": "output.stress"}[name], "true", reason)
+    if output.wall_sums and len(case.wall) > MOST_SUMMED:
         text = (
             f"{len(case.wall)} walls: of {MOST_SUMMED} at most; make polylines of those that belong together"
         )
         yield Problem("output.wall_sums", "true", text)
-    if output.stress:
-        text = _no_stress(case)
-        if text:
-            yield Problem("output.stress", "true", text)
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:
             text = "given twice: each may be given once"
@@ -297,19 +304,6 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
         rate = f"box.gravity_rotation_rate = {case.box.gravity_rotation_rate:g}"
         text = f"not where gravity turns ({rate}): leave histories out"
         yield Problem("output.histories", None, text)
-
-
-def _no_stress(case: CaseSections) -> str:
-    """Reason why a gas has no pressure tensor; "" if it has one."""
-    if case.box.open:
-        return "an open box has no area that a stress could refer to"
-    if case.run.resting_speed is not None:
-        text = "forces between resting disks, which are no collisions, carry a part of it"
-        return f'cannot be combined with run.collapse = "rest": {text}'
-    for i, each in enumerate(case.wall):
-        if each.piston is not None:
-            return f"cannot be combined with wall[{i}].piston, which changes the area of the gas"
-    return ""
 
 
 NOT_GROWN_ON_RANKS = (
@@ -444,6 +438,29 @@ def _check_pistons(case: CaseSections, given: StartData) -> Iterator[Problem]:
                 yield problem_at(case, f"wall[{i}].piston.{key}", text)
 
 
+def _apart(
+    free_area: FreeArea, radius: NDArray[np.float64], position: NDArray[np.float64], time: float
+) -> NDArray[np.float64]:
+    """The positions of a table at a `time` [time], moved apart where they overlap by the rounding of an export.
+
+    InputError if disks, or disks and walls, overlap by more.
+    """
+    box = free_area.box
+
+    def check(rounding: float) -> None:
+        near, into = tolerances(box, radius, position, rounding)
+        check_no_overlap(box, radius, position, tolerance=near, time=time)
+        check_free_of_walls(free_area.all_walls, box, position, radius, time=time, tolerance=into)
+
+    try:
+        check(0.0)
+    except InputError:
+        check(STORED + COMPUTED)
+        standing = [wall for wall in free_area.walls if wall.is_present(time, 0)]
+        return separate(box, radius, position, walls=standing, time=time)
+    return position
+
+
 def given_start(
     case: CaseSections,
     radius: NDArray[np.float64],
@@ -476,8 +493,7 @@ def given_start(
             at: Any = {"time": given.time}
             if start.relax is not None:
                 given = replace(given, position=relax(box, radius, given.position, start.relax, **at))
-            check_no_overlap(box, radius, given.position, **at)
-            check_free_of_walls(free_area.all_walls, box, given.position, radius, **at)
+            given = replace(given, position=_apart(free_area, radius, given.position, given.time))
     except InputError as error:
         found += [Problem(key, value, line) for line in str(error).splitlines()]
         return None

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError, nearest_file
 from ..model.box import Box
-from ..model.overlaps import TOLERANCE, check_no_overlap
+from ..model.overlaps import COMPUTED, STORED, check_no_overlap, tolerances
 from ..model.walls.checks import check as check_walls
 from ..model.walls.wall import OF_PISTONS, Wall, sides
 from ..mpi import current
@@ -18,9 +18,6 @@ from ..tools.checked import Array
 from ..trajectory.reader import Frame, Trajectory
 from . import packing
 from .from_csv import StartData
-
-ROUNDING = 2.0**-22
-"""Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""
 
 NEARLY = 16.0
 """Times the overlap that rounding explains: below it an overlap may be due to it all the same."""
@@ -40,9 +37,9 @@ def read(
 
     `frame` counts from 0, or from -1 backwards; None is the last one. The radii (n,) [length] are those of the disks
     that start there, which must fit; the box must be that of the trajectory. With `motion`, velocities and spins are
-    taken too, and which disks sleep. Disks that touch in a file in single precision overlap by its rounding, some 1e-7
-    of the box: these are moved apart by as much (`packing.separate`). Of ranks of MPI (`Communicator`), each gives
-    the radii of its slice, and reads its rows.
+    taken too, and which disks sleep. Disks that touch overlap by the rounding of a file, or of a run, in single
+    precision, some 1e-7 of the box: these are moved apart by as much (`packing.separate`). Of ranks of MPI
+    (`Communicator`), each gives the radii of its slice, and reads its rows.
 
     By default the clock continues: time and walls are those of the frame, and counts of collisions and boxes travelled
     continue too (`COUNTS`). With a `time` [time] a new clock begins there, and all counts begin at 0. In a sheared box
@@ -52,7 +49,7 @@ def read(
     comm = current()
     ids, n = comm.number(len(radius))
 
-    def rows() -> tuple[StartData, str, bool, float, Box]:
+    def rows() -> tuple[StartData, str, float, Box]:
         if not path.exists():
             names = [each.name for each in path.parent.glob("*.h5")] if path.parent.is_dir() else []
             raise InputError(f"there is no such file{nearest_file(path.name, names)}")
@@ -63,21 +60,15 @@ def read(
             begin, continues = _clock(trajectory.box, box, at.time, time)
             own = slice(ids.start, ids.stop)
             given = of_frame(at, own, motion=motion, time=begin, continues=continues)
-            single = trajectory.dtype("position") == np.float32
-            return given, where, single, max(trajectory.box.lengths), trajectory.box
+            return given, where, _rounding(trajectory), trajectory.box
 
-    given, where, single, side, there = comm.run_on_all(rows)
+    given, where, rounding, there = comm.run_on_all(rows)
     if "collisions" in given.past:
         given = replace(given, collisions=int(comm.total(given.past["collisions"])) // 2)
     if box is None:
         return given
     position = given.position
-    size = comm.largest(float(np.abs(position).max(initial=0.0))) if box.is_open else side
-    largest = comm.largest(float(radius.max(initial=0.0)))
-    smallest = -comm.largest(-float(radius.min(initial=np.inf)))
-    overlap, into = TOLERANCE, TOLERANCE * largest  # that is taken as rounding, with others and with walls
-    if single:
-        overlap, into = ROUNDING * size / (2.0 * smallest), ROUNDING * side
+    overlap, into = tolerances(box, radius, position, rounding)
     moved = given.with_pistons(walls)
 
     def check(times: float = 1.0) -> None:
@@ -89,24 +80,33 @@ def read(
 
     try:
         check()
-        if single and box.shear_rate and box.image_above(given.time) != 0.0:
+        if rounding and box.shear_rate and box.image_above(given.time) != 0.0:
             check_no_overlap(
                 box, radius, position, time=given.time
             )  # `separate` does not know sheared images
-        elif single:
+        elif rounding:
             standing = [wall for wall in moved if wall.is_present(given.time, given.collisions)]
             position = packing.separate(box, radius, position, walls=standing, time=given.time)
     except InputError as error:
         reason = _other_radii(path, radius, ids)
         if not reason and time is not None and any(wall.changes_with_time for wall in walls):
             reason = ". At another start.time the walls stand elsewhere"
-        elif not reason and single and _passes_nearly(check):
+        elif not reason and rounding and _passes_nearly(check):
             reason = '. Positions in single precision are rounded: output.precision = "f8" keeps them'
         raise InputError(f"{where}: {error}{reason}") from None
     velocity = given.velocity
     if velocity is not None and not there.shear_rate:
         velocity = velocity + box.flow(position)
     return replace(given, position=position, velocity=velocity)
+
+
+def _rounding(trajectory: Trajectory) -> float:
+    """Rounding of the positions of a trajectory, for `tolerances`: by the file, and by the run that made it."""
+    stored = STORED if trajectory.dtype("position") == np.float32 else 0.0
+    in_single = trajectory.record(
+        "case_in_full", lambda case: case["run"]["precision"] == "f32", '{"run": {"precision": ""}}'
+    )
+    return stored + COMPUTED * in_single
 
 
 def _passes_nearly(check: Callable[[float], None]) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
+from ..model.overlaps import COMPUTED
 from ..tools.checked import Choice, Count, Number, must_be, validated
 
 NAMES = ("cpu", "cuda")
@@ -50,6 +51,11 @@ class Device:
         default=None, kw_only=True
     )
     low_memory: bool = field(default=False, kw_only=True)
+
+    @property
+    def rounding(self) -> float:
+        """Rounding of the positions that it computes, for `overlaps.tolerances`."""
+        return COMPUTED if self.precision == "f32" else 0.0
 
     @classmethod
     def of(cls, device: Any) -> Device:

@@ -69,6 +69,8 @@ ORDERS = ("serial", "tiled")
 OPEN_WINDOWS = 32
 
 
+MOST_AT_ONCE = 2**28
+"""Collisions of a disk between two looks at counters: more than a window may have (`runner.TileRunner`)."""
 MOST_COMPARED = 200_000
 """Disks of which all pairs are compared at most: some ten seconds. More fly on in windows, which get longer."""
 
@@ -106,9 +108,6 @@ class EngineOptions:
             object.__setattr__(self, name, value)
         if self.order not in (None, *ORDERS):
             raise InputError(f"order = {self.order!r}: must be one of {', '.join(ORDERS)}")
-        if "stress" in self.record and isinstance(self.collapse, Rest):
-            text = "forces between resting disks, which are no collisions, carry a part of it"
-            raise InputError(f'record = "stress": cannot be combined with collapse = {self.collapse}: {text}')
         if self.tile_disks is not None:
             checked.integer("tile_disks", self.tile_disks, 1)
 
@@ -251,6 +250,18 @@ class Engine:
         self.turning = TurningGravity(given.gravity, time)
         self.gravity: tuple[float, float] = self.turning.gravity
         self._check_collapse(self._law_table, law, self.gravity, forces)
+        for force in forces:
+            comm.run_on_all(lambda force=force: force.check(self.disks))
+        pistons = [f"a piston (wall {i})" for i, wall in enumerate(walls) if wall.piston is not None]
+        rests = f"collapse = {given.collapse}" if given.resting_speed else ""
+        for name, reason in checks.unrecordable(
+            given.record,
+            is_open=box.is_open,
+            walled=bool(self.walls),
+            rests=rests,
+            piston=next(iter(pistons), ""),
+        ):
+            raise InputError(f'record = "{name}": {reason}')
         checks.check_pistons(walls, self.n, given, comm.size)
         checks.check_ranks(comm.size, self.n, box, given, tracked)
         self._check_low_memory(forces)
@@ -262,6 +273,9 @@ class Engine:
         self._resting = 0
         self._no_future_collisions = False
         self._collided_at = time
+        # No counter of a disk is full before there are so many collisions and windows.
+        begin = 2 * counts.collisions + counts.wall_collisions - self._most_counted(start.state)
+        self._counters_hold = begin + checks.MOST_COUNTED - MOST_AT_ONCE
         with comm:
             backend.start_on_ranks(given.device)
         from .steps.force_steps import ForceSteps
@@ -666,6 +680,29 @@ class Engine:
             self._apply_forces()
             self._turn_gravity()
             self._open_gates()
+            self._check_counters()
+
+    def _check_counters(self) -> None:
+        """EngineError before a counter of a disk, of 32 bits, may overflow.
+
+        A disk has at most all collisions there are, and comes into the next box at most once in a window: disks are
+        only looked at after so many of either that a counter could be full.
+        """
+        counted = 2 * self.collisions + self.wall_collisions + self.statistics.windows
+        if counted < self._counters_hold:
+            return
+        room = checks.MOST_COUNTED - MOST_AT_ONCE - self._most_counted(self._state())
+        if room < 0:
+            raise EngineError(
+                f"t = {self.time:.9g}: a disk has had nearly as many collisions, or boxes to travel, as its counter of "
+                f"32 bits can hold, {checks.MOST_COUNTED}: begin a new run from this state, with counts of 0"
+            )
+        self._counters_hold = counted + room
+
+    def _most_counted(self, state: State) -> int:
+        """The largest count of collisions, or of boxes travelled, of a disk."""
+        events = state.collisions + state.wall_collisions.astype(np.int64)
+        return int(self.comm.largest(float(max(events.max(initial=0), np.abs(state.image).max(initial=0)))))
 
     def check_duration(self, t_end: float) -> None:
         """Refuse a run to `t_end` [time] that is too long for this gas (`checks.check_duration`)."""
@@ -673,10 +710,14 @@ class Engine:
         lone = not self.box.is_open and (self._no_future_collisions or self._is_alone)
         if not (lone or self.box.shear_rate):
             return
-        speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
+        speed, travelled = 0.0, 0
+        if lone:
+            state = self._state()
+            speed = float(np.hypot(*state.velocity.T).max(initial=0.0))
+            travelled = int(np.abs(state.image).max(initial=0))
         radius = float(self.kinds.radius.min(initial=math.inf))
-        speed = self.comm.largest(speed)
-        checks.check_duration(self.time, t_end, radius, self.box, speed)
+        speed, travelled = self.comm.largest(speed), int(self.comm.largest(float(travelled)))
+        checks.check_duration(self.time, t_end, radius, self.box, speed, travelled)
 
     @property
     def n_kernels(self) -> int:
@@ -743,7 +784,7 @@ class Engine:
                 next_points=lambda: map(counted, next_points()),
             )
         except InelasticCollapse as error:
-            raise InelasticCollapse(f"{error}. {self._advice(at_wall=False)}") from None
+            raise InelasticCollapse(f"{error}. {self._advice(at_wall=windows.only_walls_hit)}") from None
         if windows.rests and not windows.inside:
             raise InelasticCollapse(
                 f"t = {windows.begin:.9g} to {windows.end:.9g}: a disk came to rest on a wall (inelastic collapse); "

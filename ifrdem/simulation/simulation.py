@@ -24,7 +24,7 @@ from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw, check_law_constants
 from ..model.laws.pairs import PairLaws
 from ..model.observables import Measure, measure_of_totals, sums
-from ..model.overlaps import check_no_overlap
+from ..model.overlaps import check_no_overlap, tolerances
 from ..model.state import (
     COLUMNS,
     DiskKinds,
@@ -233,7 +233,12 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         kinds = disks if comm.has_all else kinds
         materials = [wall.material for wall in [*walls, *sides(box)]]
         self._laws = comm.run_on_all(lambda: PairLaws.of(law, kinds, materials, device.precision))
-        comm.result_of_holders(lambda: check_no_overlap(box, disks.radius, begin.position, time=begin.time))
+
+        def apart() -> None:
+            near, _ = tolerances(box, disks.radius, begin.position, device.rounding)
+            check_no_overlap(box, disks.radius, begin.position, tolerance=near, time=begin.time)
+
+        comm.result_of_holders(apart)
         self._tracking = self._follow_disks(tracked, kinds.n, box, walls)
         self._stopping = False
         self._pinches_checked = False

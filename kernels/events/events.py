@@ -21,8 +21,8 @@ from ..disks.force_times import action_time
 from ..disks.flights import bits_of, contact_delay, contact_signs, real_of, rounding
 from ..compiler.language import on_gpu, ti
 from ..layout import (
-    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS, NO_PARTNER,
-    OWN_ACTION, PAIRS,
+    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, BY_WORK, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS, NO_PARTNER,
+    OWN_ACTION, PAIRS, TOO_LONG,
 )  # fmt: skip
 from ..disks.particle import (
     add, charge, just_collided, kind_of, largest_speed, next_hash, note_speed, position_at, radius_of, speed_square,
@@ -44,6 +44,11 @@ RING = 16  # places for slots to come, of up to 9 cells; a power of two
 LEAST_ID = -(2**31)
 NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
+# Of a gas in one tile: a second's work at most, between two looks at the clock.
+MOST_EVENTS_OF_A_LAUNCH = 1_000_000
+# Events, and those of each disk besides, in which a window that ends advances by this part of it: some seconds of work.
+# A disk collides about once in a window, and crosses a few hundred cells in the thinnest gases.
+LONG, LONG_OF_A_DISK, LEAST_ADVANCE = 5_000_000, 100, 0.05
 TOO_FAR = 1e6  # or a disk that would come so many times through its region in a window
 
 
@@ -821,18 +826,38 @@ def meet_wall(
 
 @ti.func
 def check_progress(
-    n: ti.template(), offset: ti.template(), t: ti.template(), window: ti.template(), events: ti.template(),
-    checked: ti.template(), checked_at: ti.template(), active: ti.template(), region: ti.template(),
+    n: ti.template(), tile: ti.template(), offset: ti.template(), t: ti.template(), window: ti.template(),
+    events: ti.template(), checked: ti.template(), checked_at: ti.template(), written: ti.template(),
+    pauses: ti.template(), active: ti.template(), last: ti.template(), acts: ti.template(), region: ti.template(),
     gas: ti.template(),
 ):  # fmt: skip
-    """End the events if time has not advanced since `checked_at`: so many events without progress have no end."""
-    if t - checked_at < 1e-9 * window:
+    """End the events if time has not advanced since `checked_at`: so many events without progress have no end.
+
+    It may advance, and come to no end all the same. So a gas in one tile pauses after a long launch (BY_WORK), where
+    the host looks how far it has come and takes note of Ctrl-C, and goes on. A tile of many cannot pause: it skips
+    the rest of its events, and is marked, so that one thread runs the whole box, with pauses.
+    """
+    stuck = t - checked_at < 1e-9 * window
+    alone = gas.grid.single_tile == 1
+    most = LONG + LONG_OF_A_DISK * n
+    if ti.static(on_gpu()):  # where nothing pauses, and a thread is slower
+        most = LONG // 10 + LONG_OF_A_DISK * n
+        stuck = stuck or (alone and events > most and t * most < LEAST_ADVANCE * window * events)
+    if stuck:
         stalled = 1
         for m in range(offset, offset + n):
             if not (largest_speed(m, gas) * window <= TOO_FAR * (region.nx * region.side_x)):
                 stalled = 2  # also of a speed that is no number
         ti.atomic_max(gas.counter.stalled, stalled)
         active = 0
+    elif alone and events > MOST_EVENTS_OF_A_LAUNCH and pauses == 1:
+        if ti.static(not on_gpu()):
+            gas.counter.paused, gas.counter.written, gas.clock.reached = BY_WORK, written, ti.cast(t, ti.f64)
+            active = 0
+    elif not alone and (events > most or gas.counter.stuck > 0):
+        gas.tile[tile].mark = TOO_LONG
+        ti.atomic_add(gas.counter.stuck, 1)  # other tiles need not go on
+        last, acts = 0, FAR + 0.0 * window
     checked, checked_at = events, t
 
 
@@ -962,8 +987,8 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     """
     offset, bins = region.lane * gas.grid.lane_slots, region.lane * gas.grid.bins
     window = gas.scale.window
-    moment = gas.scale.moment[0]
-    present, fresh, written, active = 0, n, 0, 1
+    present, fresh, written, active = 0, n, gas.counter.written, 1
+    moment = gas.scale.moment[written]
     pausing = gas.counter.pausing
     pauses = 1
     events, checked, checked_at = 0, 0, 0.0 * window
@@ -1018,7 +1043,10 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                     written, pausing, pauses, region, gas,
                 )  # fmt: skip
                 if events - checked > patience:
-                    check_progress(n, offset, t, window, events, checked, checked_at, active, region, gas)
+                    check_progress(
+                        n, tile, offset, t, window, events, checked, checked_at, written, pauses, active, last_bin,
+                        acts, region, gas,
+                    )  # fmt: skip
         for q in range(n_searching):
             i = first
             if q == 1:
@@ -1032,6 +1060,6 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             else:
                 insert_event(i, t, present, bins, n_bins, rate, gas)
     if ti.static(gas.uses.forced):
-        if pausing == 1:
+        if gas.grid.single_tile == 1:
             gas.clock.next_kick = ti.cast(row, ti.f64)
     ti.atomic_add(gas.counter.n_events, events)

@@ -1,10 +1,10 @@
 """Windows: all events for a short time, by tiles (`tiles/tiles.py`) or, in one tile that is the whole box, in order."""
 
 from ..columns import TALLY
-from ..events.events import predict, run_events
+from ..events.events import MOST_EVENTS_OF_A_LAUNCH, predict, run_events
 from ..compiler.language import on_gpu, spread_of_loops, ti
 from ..forces.force_events import first_horizon
-from ..layout import AT_END, BINS_PER_DISK, FULL_CELLS, FULL_SLOTS, TOO_MANY
+from ..layout import AT_END, BINS_PER_DISK, FULL_CELLS, FULL_SLOTS, TOO_LONG, TOO_MANY
 from ..disks.particle import round_products
 from .planner import commit, plan
 from ..events.rest import update_resting
@@ -17,8 +17,6 @@ from ..tiles.tiles import (
 from ..walls.cells import place_walls
 from ..walls.motion import wall_phases
 
-# Of a gas in one tile: a second's work at most, between two looks at the clock.
-MOST_EVENTS_OF_A_LAUNCH = 1_000_000
 HALO_GROWTH = 1.6  # halo of a tile that has to be run again
 LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed again
 
@@ -288,7 +286,9 @@ def verify_tile(tile, thread, gas: ti.template()):
     if bad:
         if ti.atomic_or(gas.tile[tile].bad, 1) == 0:
             gas.listed[ti.atomic_add(gas.counter.n_bad, 1)] = tile
-            if gas.tile[tile].mark > 0:
+            if gas.tile[tile].mark == TOO_LONG:
+                ti.atomic_add(gas.counter.stuck, 1)
+            elif gas.tile[tile].mark > 0:
                 if gas.tile[tile].mark != TOO_MANY:
                     ti.atomic_add(gas.counter.n_marked, 1)
             else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,8 +47,10 @@ positions = "old.h5"
 MOVING = ("start.motion=true", "species[0].speed_rms=")
 
 
-def trajectory(folder: Path, precision: str = "f8", fields: list[str] | None = None) -> list[State]:
-    """A trajectory of three frames, old.h5, of the disks that the case has."""
+def trajectory(
+    folder: Path, precision: str = "f8", fields: list[str] | None = None, grid: float = 0.0, **options: Any
+) -> list[State]:
+    """A trajectory of three frames, old.h5, of the disks that the case has; positions may lie on a grid."""
     radius = radii.uniform(N, low=0.5, high=1.0, seed=5)  # the first species draws by the run's seed itself
     box = Box.from_packing_fraction(radius, 0.6)
     random = np.random.default_rng(1)
@@ -55,10 +58,13 @@ def trajectory(folder: Path, precision: str = "f8", fields: list[str] | None = N
     states = []
     for seed in range(3):
         position = touching(box, radius, packing.grow(box, radius, seed=seed))
+        position = np.round(position / grid) * grid if grid else position
         states.append(State(position, random.normal(size=(N, 2)), random.normal(size=N), time=seed))
     fields = ["position", "velocity", "angular_velocity"] if fields is None else fields
     disks = Disks(N, mass=np.pi * radius**2, radius=radius)
-    with TrajectoryWriter(folder / "old.h5", disks, box, fields=fields, precision=precision) as file:
+    with TrajectoryWriter(
+        folder / "old.h5", disks, box, fields=fields, precision=precision, force=True, **options
+    ) as file:
         for state in states:
             file.write(state)
     return states
@@ -109,6 +115,36 @@ def test_rounding_of_single_precision_is_undone(tmp_path: Path) -> None:
     # 2^-24 of a box of 13 in each coordinate, and what neighbours push on.
     apart = gas.box.minimum_image(state.position - states[2].position)
     assert 0.0 < np.abs(apart).max() < 20.0 * 2.0**-24 * 13.0
+
+
+@pytest.mark.parametrize("precision", ["f4", "f8"])
+def test_rounding_of_a_run_in_single_precision_is_undone(tmp_path: Path, precision: str) -> None:
+    """Its places lie on a grid of up to 2^-22 of the box, wherever they are stored: such frames were refused."""
+    parameters = {"case_in_full": '{"run": {"precision": "f32"}}'}
+    trajectory(tmp_path, precision, grid=13.0 * 2.0**-22, parameters=parameters)
+    gas, state = start(tmp_path)
+    with pytest.raises(InputError, match="overlap"), Trajectory(tmp_path / "old.h5") as file:
+        check_no_overlap(gas.box, gas.disks.radius, file[-1].position, tolerance=1e-7)
+    check_no_overlap(gas.box, gas.disks.radius, state.position, tolerance=0.0)
+    trajectory(tmp_path, "f8", grid=13.0 * 2.0**-22)  # of another run, whose disks overlap
+    assert "overlap" in problems(tmp_path)[0]
+
+
+def test_rounding_of_an_exported_frame_is_undone(tmp_path: Path) -> None:
+    """A CSV of positions that were stored in single precision; disks that overlap by more are refused."""
+    trajectory(tmp_path, precision="f4")
+    assert (
+        cli.main(
+            ["export", str(tmp_path / "old.h5"), "--to", "csv", "--frames=-1", "-o", f"{tmp_path}/a.csv"]
+        )
+        == 0
+    )
+    of_table = ["start.positions=", "start.file=a.csv", "species[0].speed_rms="]
+    gas, state = start(tmp_path, *of_table)
+    with pytest.raises(InputError, match="overlap"), Trajectory(tmp_path / "old.h5") as file:
+        check_no_overlap(gas.box, gas.disks.radius, file[-1].position)
+    check_no_overlap(gas.box, gas.disks.radius, state.position, tolerance=0.0)
+    assert "overlap" in problems(tmp_path, *of_table, "species[0].radii.high=1.00002")[0]
 
 
 @pytest.mark.parametrize(

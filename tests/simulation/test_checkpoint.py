@@ -13,6 +13,7 @@ from support.gases import equal_disks, gas_of, mixture
 
 from ifrdem import ContactTime, Device, Rest, RotatingGravity, VelocityCutoff
 from ifrdem.errors import InputError
+from ifrdem.initial.placement import check_no_overlap
 from ifrdem.kernels.compiler import runtime
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks
@@ -160,6 +161,32 @@ def test_a_run_resumes_to_the_bit(tmp_path, make):
         assert equal(whole.state, goes_on.state, "dissipated")
         if whole.measure().walls is not None:
             assert np.array_equal(whole.wall_sums.values, goes_on.wall_sums.values)
+
+
+@pytest.mark.parametrize("down", [0.0, -1.0])
+def test_a_checkpoint_in_single_precision_is_taken_back(tmp_path, down):
+    """At the time of a collision two disks touch, to the rounding of their places: some 1e-7 of the box.
+
+    Such files were refused, as disks overlapped by more than double precision explains; with a floor, by the wall too.
+    """
+    disks, single = equal_disks(300), Device(precision="f32")
+    box, state = gases.start(disks, 0.4)
+    if down:
+        state.position = box.wrap(state.position) + np.array([0.0, 0.6])
+        box = Box((box.lengths[0], box.lengths[1] + 1.2), (True, False))
+    gas = Simulation(disks, box, COIN, state, gravity=(0.0, down), device=single)
+    overlap = 0
+    for collisions in range(10, 90, 10):
+        gas.run(collisions_per_disk=2.0 * collisions / disks.n)
+        try:
+            check_no_overlap(box, disks.radius, gas.state.position)
+        except InputError:
+            overlap += 1
+        gas.save_checkpoint(tmp_path / "a.h5")
+        again = Simulation.from_checkpoint(tmp_path / "a.h5")
+        same_bits(gas, again)
+        Simulation(disks, box, COIN, gas.state, gravity=(0.0, down), device=single)
+    assert overlap > 0
 
 
 @pytest.mark.full

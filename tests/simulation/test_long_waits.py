@@ -13,6 +13,7 @@ from ifrdem import (
     ContactTime,
     Device,
     Disks,
+    EngineError,
     IFRLaw,
     InelasticCollapse,
     InputError,
@@ -192,3 +193,31 @@ def test_gravity_alone_does_not_press_disks_against_flat_walls_at_rest() -> None
     assert not Wall.line((0.0, 0.0), (0.0, 1.0)).presses
     assert Wall.container((0.0, 0.0), 1.0).presses
     assert math.isfinite(ball(0.0, collapse=VelocityCutoff(0.01)).time)
+
+
+# --- counters of 32 bits --------------------------------------------------------------------------------------
+
+
+def test_boxes_travelled_are_refused_before_their_counter_is_full() -> None:
+    """A lone disk at a speed of 1e9 in a box of side 1: 3e9 boxes in three runs were -1294967296."""
+    start = State([[0.5, 0.5]], [[1e9, 0.0]], [0.0])
+    gas = Simulation(
+        Disks(1, mass=1.0, radius=0.1), Box((1.0, 1.0)), IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), start
+    )
+    for t in (1.0, 2.0):
+        gas.run(t_end=t)
+        assert gas.state.image[0, 0] == pytest.approx(1e9 * t, abs=1)
+    with pytest.raises(InputError, match=r"after 200000000\d boxes .* a time of at most 0\.1"):
+        gas.run(t_end=3.0)
+    gas.run(t_end=2.1)
+    assert gas.state.image[0, 0] == pytest.approx(2.1e9, abs=1)
+
+
+@pytest.mark.parametrize("counted", ["collisions", "wall_collisions", "image"])
+def test_a_gas_whose_counters_are_nearly_full_is_ended(counted: str) -> None:
+    """A disk has 2^31 - 1 of each: the next one was -2^31."""
+    start = flock([[1.0, 0.0], [-1.0, 0.3], [0.0, 1.0]]).state
+    setattr(start, counted, np.full_like(getattr(start, counted), 2**31 - 3))
+    gas = Simulation(Disks(3, mass=1.0, radius=0.5), Box((8.0, 8.0)), LAW, start, device=Device(threads=1))
+    with pytest.raises(EngineError, match="2147483647"):
+        gas.run(t_end=10.0)

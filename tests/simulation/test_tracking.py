@@ -186,6 +186,41 @@ def test_kicks_are_rows_so_that_driven_paths_are_exact_too(device):
     assert kicked == {True, False}
 
 
+@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("change", ["rest", "forces", "law"])
+def test_a_change_leaves_no_events_of_the_motion_before_it(tmp_path, alone, change, monkeypatch):
+    """A window computes events beyond the present time, which a change makes another one's: none of them happens.
+
+    Of disks set at rest, histories had 12 events afterwards. A gas from a checkpoint is no other.
+    """
+    if not alone:
+        monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
+    disks = two_kinds(400)
+    box, state = start(disks, 0.4)
+    gas = Simulation(disks, box, COIN, state, tracked=[5, 6, 7])
+    gas.run(t_end=0.02)
+    gas.save_checkpoint(tmp_path / "a.h5")
+    for each in (gas, Simulation.from_checkpoint(tmp_path / "a.h5")):
+        begin = each.state
+        earlier = each.take_events()
+        assert np.all(earlier.time <= 0.02)
+        if change == "rest":
+            each.set_velocities(np.zeros((400, 2)), np.zeros(400))
+        elif change == "forces":
+            each.set_forces([RandomKicks(0.01, power=1.0)])
+        else:
+            each.set_law(ROLLING)
+        each.run(t_end=0.3)
+        events, end, met = each.take_events(), each.state, []
+        assert np.all(events.time >= 0.02)
+        for disk in (5, 6, 7):
+            rows = rows_of(events, disk)
+            check_path(rows, begin, end, disk, box)
+            met.append(np.count_nonzero(rows["partner"] != KICK))
+            assert met[-1] == end.collisions[disk] - begin.collisions[disk]
+        assert (sum(met) > 0) == (change != "rest")
+
+
 def test_what_cannot_be_tracked_is_refused():
     disks = equal_disks(20)
     box, state = start(disks, 0.1)

@@ -114,4 +114,5 @@ def _restore(engine: Engine, found: Snapshot) -> None:
         engine._take_watched(k.TRACKED, windows.now)
         engine.tracking.take(windows.now)
     engine.statistics.__dict__.update(asdict(Statistics(*found["statistics"].tolist())))
+    engine._counters_hold = 0  # to be looked at
     engine.past = {name: found[f"before_{name}"] for name in engine.past}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from ...kernels.columns import ADDRESSABLE, MOST_IDS, SINGLE_TILE, most_disks
 from ...model.box import Box
 from ...model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ...model.gravity import RotatingGravity
-from ...model.overlaps import TOLERANCE
+from ...model.overlaps import tolerances
 from ...model.state import Disks, State
 from ...model.walls.checks import check as check_walls
 from ...model.walls.wall import Wall, wall_names
@@ -32,8 +32,8 @@ MANTISSA = {"f32": 24, "f64": 53}
 """Binary digits of a number."""
 COARSEST = 0.01
 """Largest spacing of positions, and error of displacements, in smallest radii: contacts keep two digits."""
-MOST_BOXES = 2**31 - 1
-"""Boxes that a disk can travel: they are counted in 32 bits."""
+MOST_COUNTED = 2**31 - 1
+"""Boxes that a disk can travel, and collisions that it can have: they are counted in 32 bits."""
 LEAST_REBOUND = {"f32": 1e-3, "f64": 1e-12}
 """e_n below which rounding may leave a disk that hits a wall without any speed along the normal."""
 
@@ -109,11 +109,13 @@ def fly_alike(velocity: NDArray[np.float64]) -> bool:
     return bool(np.all(ends[:2] == -ends[2:]) and np.any(ends))
 
 
-def check_duration(begin: float, t_end: float, radius: float, box: Box, alone: float) -> None:
+def check_duration(
+    begin: float, t_end: float, radius: float, box: Box, alone: float, travelled: int = 0
+) -> None:
     """Refuse a run so long that rounding loses the images of a sheared box, or a disk that never meets anything.
 
     It lasts from `begin` to `t_end` [time]. `radius` is the smallest [length]; `alone` is the speed of disks that never
-    meet [length/time], 0 if any do. Images have moved since t = 0, disks since `begin`.
+    meet [length/time], 0 if any do. Images have moved since t = 0, disks since `begin`, after boxes `travelled`.
     """
     if box.is_open or not math.isfinite(t_end):
         return
@@ -124,10 +126,12 @@ def check_duration(begin: float, t_end: float, radius: float, box: Box, alone: f
     ):
         distance = speed * duration
         error, boxes = distance * 2.0 ** -MANTISSA["f64"], distance / min(box.lengths)
-        if error > COARSEST * radius or (speed == alone and boxes > MOST_BOXES):
+        room = MOST_COUNTED - travelled
+        if error > COARSEST * radius or (speed == alone and boxes > room):
             raise InputError(
-                f"{what} {distance:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding: "
-                f"must be a time of at most {duration * min(COARSEST * radius / error, MOST_BOXES / boxes):.2g}"
+                f"{what} {distance:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding, or "
+                f"after {travelled} boxes for their counter: must be a time of at most "
+                f"{duration * min(COARSEST * radius / error, room / boxes):.2g}"
             )
 
 
@@ -264,7 +268,8 @@ def check(
     check_between_collisions(disks, box, options.start_gravity, forces)
     check_walls(
         walls, box, state.position, disks.radius, materials, float(state.time),
-        collisions=counts.collisions, tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
+        collisions=counts.collisions,
+        tolerance=tolerances(box, disks.radius, state.position, options.device.rounding)[1],
     )  # fmt: skip
 
 
@@ -329,6 +334,26 @@ def _check_resting(
             f"{name}: disks would jump {jump:.3g} high, v_s^2 / 2g, more than a hundredth of the smallest radius, "
             f"{disks.radius.min():.3g}; the resting speed must be at most {most:.3g}"
         )
+
+
+def unrecordable(
+    record: Collection[str], *, is_open: bool, walled: bool, rests: str, piston: str
+) -> Iterator[tuple[str, str]]:
+    """What of `record` a gas does not have, and why.
+
+    It is in open space, has walls at sides of the box or elsewhere, disks that rest, or a piston: the last two in the
+    words of the caller, "" where there are none.
+    """
+    if "wall" in record and not walled:
+        yield "wall", "there are no walls"
+    if "stress" in record:
+        if is_open:
+            yield "stress", "an open box has no area that a stress could refer to"
+        if rests:
+            text = "forces between resting disks, which are no collisions, carry a part of it"
+            yield "stress", f"cannot be combined with {rests}: {text}"
+        if piston:
+            yield "stress", f"cannot be combined with {piston}, which changes the area of the gas"
 
 
 def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: int = 1) -> None:

@@ -51,7 +51,7 @@ from ...model.state import COLUMNS, Disks, State, codes
 from ...model.walls.wall import Wall
 from .. import backend
 from ..measuring.extra_tally import ExtraTally
-from ..start.checks import MANTISSA, position_spacing
+from ..start.checks import MANTISSA, MOST_COUNTED, position_spacing
 from .domain import Domain
 from .tiling import RESTING_FALL, RESTING_WINDOW, Tiling, filled_region, split_of
 
@@ -578,14 +578,22 @@ class DeviceArrays:
         index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
-        events, ids = state.collisions + state.wall_collisions, self.domain.comm.slice_of(self.n)
+        events = state.collisions + state.wall_collisions.astype(np.int64)
+        ids = self.domain.comm.slice_of(self.n)
+        image = state.image + crossed  # of real numbers, which hold all that 32 bits do
+        farthest = self.domain.comm.largest(float(np.abs(image).max(initial=0.0)))
+        if farthest > MOST_COUNTED:
+            raise EngineError(
+                f"t = {state.time:.9g}: a disk has come {farthest:.6g} boxes far, more than its counter of 32 bits "
+                "can hold: begin a new run from an earlier state, whose counts begin at 0"
+            )
         kept: dict[str, Callable[[], NDArray[Any]]] = {
             "disk": lambda: np.column_stack([local, velocity, state.spin]),
             "meta": lambda: np.column_stack(
                 [
                     np.arange(ids.start, ids.stop) + self.domain.first_id,
                     events,
-                    state.image + crossed.astype(np.int32),
+                    image,
                 ]
             ),
             "past": lambda: np.column_stack([state.latest_collision - state.time, state.angle]),

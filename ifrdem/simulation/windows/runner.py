@@ -15,6 +15,7 @@ from ...errors import EngineError, InelasticCollapse
 from ...kernels import layout as k
 from ...kernels.columns import TOTAL
 from ...kernels.compiler.language import to_numpy
+from ...kernels.events.events import LEAST_ADVANCE, LONG, LONG_OF_A_DISK
 from ...kernels.windows.blocks import run_dense_tiles, run_windows_by_blocks
 from ...kernels.windows.windows import run_windows, run_windows_on_gpu, verify
 from ..measuring.tracking import Statistics
@@ -192,6 +193,8 @@ class TileRunner:
                 a.counter.n_ghosts = self._n_ghosts
             a.sums[:] = sums  # one window after another, so that sums do not depend on launches
             self._call_kernels(tiles, most)
+            if a.counter.paused == k.BY_WORK:
+                self._work_on(tiles, most)
             self._n_ghosts = int(a.counter.n_ghosts)
             self._check_progress()
             self.n_bad, self.n_marked = int(a.counter.n_bad), int(a.counter.n_marked)
@@ -232,6 +235,37 @@ class TileRunner:
         if by_blocks and not a.counter.again:
             self._dense = a.counter.n_dense > 0
 
+    def _work_on(self, tiles: int, most: int) -> None:
+        """Go on with a window of a gas in one tile that has paused for the length of the launch, until it ends.
+
+        Here Python notices Ctrl-C. InelasticCollapse if the window does not come near its end.
+        """
+        a = self.arrays
+        window, begin = None, 0.0
+        events, since = 0, 0.0
+        while a.counter.paused == k.BY_WORK and not (a.counter.full or a.counter.stalled):
+            if window is None or float(a.clock.begin) != begin:  # another one
+                begin, window = float(a.clock.begin), float(a.scale.window)
+                events, since = 0, 0.0
+            events += int(a.counter.n_events)
+            reached = float(a.clock.reached)
+            if reached - since >= LEAST_ADVANCE * window:
+                events, since = 0, reached
+            elif events > LONG + LONG_OF_A_DISK * a.n:
+                raise self._collapse()
+            a.counter.n_windows -= 1
+            a.counter.next_tile = a.counter.n_events = a.counter.paused = 0
+            a.counter.resuming = 1
+            self._call_kernels(tiles, most)
+
+    def _collapse(self) -> InelasticCollapse:
+        """The error of a window in which collisions pile up."""
+        a = self.arrays
+        return InelasticCollapse(
+            f"t = {float(a.clock.begin):.9g} to {float(a.clock.end):.9g}: collisions pile up without end in a "
+            "window (inelastic collapse)"
+        )
+
     def _check_progress(self) -> None:
         """Raise the error of a window in which a disk is too fast, or collisions pile up."""
         a = self.arrays
@@ -242,10 +276,7 @@ class TileRunner:
         if stalled == 2:
             raise unbounded(float(a.clock.begin))
         if stalled:
-            raise InelasticCollapse(
-                f"t = {float(a.clock.begin):.9g} to {float(a.clock.end):.9g}: collisions pile up without end in a "
-                "window (inelastic collapse)"
-            )
+            raise self._collapse()
 
     def _make_room(self, tiles: int, *, again: bool) -> None:
         """Make more room of each kind that did not suffice for so many tiles."""

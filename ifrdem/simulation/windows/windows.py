@@ -118,6 +118,12 @@ class Windows:
         return self.runner.rests
 
     @property
+    def only_walls_hit(self) -> bool:
+        """True if disks hit walls in the window that was run last, and no other disks."""
+        sums = self._tally(k.AT_END)
+        return bool(sums[TALLY.wall_collisions] > 0.0 and sums[TALLY.collisions] == 0.0)
+
+    @property
     def sleepers(self) -> int:
         """Disks that fell asleep less those that woke."""
         return int(self.sum(TALLY.sleepers))

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
+import signal
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +13,7 @@ from scipy.optimize import brentq
 from support.gases import COIN, ELASTIC, partners, run_to
 from support.serial_reference import simulate
 
-from ifrdem import Device, VelocityCutoff, forces
+from ifrdem import Device, VelocityCutoff, forces, laws
 from ifrdem.errors import InelasticCollapse, InputError
 from ifrdem.initial import maxwellian, random_positions
 from ifrdem.kernels.laws.law import collide_pair
@@ -23,6 +26,7 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 
 ORDERS = ("serial", "tiled")
+RUNNER = "ifrdem.simulation.windows.runner"
 LAW = np.array([[ELASTIC]])
 
 
@@ -302,6 +306,110 @@ def test_a_ball_that_comes_to_rest_on_a_wall_stops_the_run_with_a_reason() -> No
     engine = Engine(disks, Box((10.0, 10.0), (True, False)), start, law, gravity=(0.0, -1.0))
     with pytest.raises(InelasticCollapse, match="came to rest on a wall"):
         run_to(engine, 100.0)
+
+
+def hits_of_a_viscoelastic_ball(height: float, A: float, Y: float, most: int) -> np.ndarray:
+    """Times of hits of a disk of mass 1 and radius 1/2 on a floor under gravity 1, dropped from a height above it.
+
+    Between two hits it flies for 2 v / g. With e_n = 1 - c v^(1/5), v falls by c v^(6/5) a hit: v_n goes as
+    (5 / c n)^5, and the sum of the flights converges, so that infinitely many hits take a finite time. e_n is the
+    approximant of Mueller and Poeschel, Phys. Rev. E 84, 021302 (2011); a wall counts as a sphere of the disk's radius.
+    """
+    v, times = math.sqrt(2.0 * height), [math.sqrt(2.0 * height)]
+    while len(times) < most:
+        b = 1.5 * A * ((2.0 * Y * math.sqrt(0.25) / 3.0) ** 2 * v) ** 0.2
+        x = math.sqrt(b)
+        v *= (1.0 + 0.501086 * x) / (1.0 + 0.501086 * x + b * (1.15345 + 0.577977 * x + 0.532178 * b))
+        times.append(times[-1] + 2.0 * v)
+    return np.array(times)
+
+
+def viscoelastic_balls(n: int = 1, **options: Any) -> Engine:
+    """Balls side by side, dropped from some height above a floor; the last one from 1.5."""
+    law, x = laws.Viscoelastic(A=0.3, Y=2.0), np.arange(1.0, 2.0 * n, 2.0)
+    start = State(
+        np.column_stack([x, 2.0 + 0.1 * (np.arange(1, n + 1) % n % 7)]), np.zeros((n, 2)), np.zeros(n)
+    )
+    box, disks = Box((max(10.0, 2.0 * n), 10.0), (True, False)), Disks(n, mass=1.0, radius=0.5)
+    table = np.array(law.table_row())[None, None]
+    return Engine(disks, box, start, table, law=type(law), gravity=(0.0, -1.0), **options)
+
+
+def test_a_viscoelastic_ball_that_comes_to_rest_stops_the_run_with_a_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its losses go below rounding before its speed does: it then bounces for ever, each time for 6e-14.
+
+    A run said nothing, and did not end. The first launch ends after a second of work, where Python regains control.
+    """
+    monkeypatch.setattr(f"{RUNNER}.LONG", 0)  # one launch has shown it
+    times = hits_of_a_viscoelastic_ball(1.5, 0.3, 2.0, 100_000)
+    assert 9.27 < times[-1] < 9.28
+    engine = viscoelastic_balls()
+    run_to(engine, 9.2)
+    assert engine.wall_collisions == np.count_nonzero(times < 9.2) == 24
+    with pytest.raises(InelasticCollapse, match="without end in a window") as stopped:
+        run_to(engine, 20.0)
+    begin, end = map(float, re.findall(r"t = (\S+) to (\S+):", str(stopped.value))[0])
+    assert begin < times[-1] < end
+    assert "packing fraction" not in str(stopped.value)  # only a wall is hit
+
+
+def test_a_window_without_end_lets_signals_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels hold the interpreter's lock: a launch ends after a million events, so that a handler can act."""
+    monkeypatch.setattr(f"{RUNNER}.LONG", 10**12)
+    before = signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(TimeoutError))
+    engine = viscoelastic_balls()
+    run_to(engine, 8.0)
+    signal.setitimer(signal.ITIMER_REAL, 0.1, 0.1)
+    try:
+        with pytest.raises(TimeoutError):
+            run_to(engine, 20.0)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_a_long_window_that_pauses_for_its_work_has_the_bits_of_one_that_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A ball between walls 1e-6 apart hits them 8.8e5 times in the time 0.44 of a window: launches end within it.
+
+    With frames in it, which the run has to find again after each pause.
+    """
+    ends, launches = [], []
+
+    def counted(self: Any, *given: int) -> None:
+        launches.append(None)
+        work_on(self, *given)
+
+    slot = [Wall.line((0.0, 4.5), (0.0, 1.0)), Wall.line((0.0, 5.5 + 1e-6), (0.0, -1.0))]
+    start = State([[5.0, 5.0 + 5e-7]], [[0.3, 1.0]], [0.0])
+    for steps in ([2.0], [0.05, 0.6, 0.61, 2.0]):
+        engine = Engine(
+            Disks(1, mass=1.0, radius=0.5), Box((10.0, 10.0), (True, False)), start, LAW, walls=slot
+        )
+        if not ends:
+            work_on = type(engine.windows.runner)._work_on
+            monkeypatch.setattr(f"{RUNNER}.TileRunner._work_on", counted)
+        for t in steps:
+            state = run_to(engine, t)
+        ends.append((state.position, state.velocity, engine.wall_collisions))
+    assert launches  # that ended within a window
+    # Each crossing of 1e-6 at a speed of 1.
+    assert ends[0][2] == pytest.approx(2.0e6, abs=2)
+    assert ends[0][2] == ends[1][2]
+    for one, other in zip(ends[0][:2], ends[1][:2], strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.full
+def test_a_collapse_in_one_of_many_tiles_stops_the_run() -> None:
+    """A tile cannot pause: it leaves the window to one thread, which can."""
+    engine = viscoelastic_balls(24, order="tiled", tile_disks=6)
+    assert engine.arrays.tiles > 1
+    with pytest.raises(InelasticCollapse, match="without end in a window"):
+        run_to(engine, 20.0)
 
 
 @pytest.mark.parametrize("order", ORDERS)
