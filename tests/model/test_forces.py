@@ -133,6 +133,8 @@ def test_velocities_of_free_disks_in_a_bath_forget_exponentially() -> None:
         np.testing.assert_allclose(v.var(axis=0), variance, rtol=5.0 * math.sqrt(2.0 / n))
         turning = 5e-7 / inertia * (1.0 - math.exp(-0.5 * t))
         assert w.var() == pytest.approx(turning, rel=5.0 * math.sqrt(2.0 / n))
+        noise = np.corrcoef((*v.T, w))  # of independent numbers
+        np.testing.assert_allclose(noise, np.eye(3), atol=5.0 / math.sqrt(n))
     later = np.cov(velocities[3][:, 1], velocities[4][:, 1])
     # <v(t) v(t + 2)> = variance(t) exp(-1)
     expected = 1.5 * (1.0 - math.exp(-6.0)) * math.exp(-1.0)
@@ -199,16 +201,19 @@ def test_kicks_of_few_disks_put_in_the_power_too() -> None:
 
 
 def test_spin_kicks_put_in_the_power_that_was_set() -> None:
+    """Two forces at the same times, whose numbers are independent: with the same ones they would give twice as much."""
     disks, box, state = still(2000)
     inertia = 1e-6 / 2.0
-    for force in (SpinKicks(0.1, power=3e-7), SpinKicks(0.1, diffusion=3e-7 / inertia)):
-        simulation = Simulation(disks, box, SMOOTH, state, forces=[force], seed=2)
-        simulation.run(t_end=10.0)
-        # I w^2 / 2 of 2000 Gaussians scatters by sqrt(2 / 2000) = 3.2 %.
-        assert simulation.energy_input / disks.n == pytest.approx(3e-6, rel=0.16)
-        assert measure(disks, simulation.state).rotational_energy == pytest.approx(
-            simulation.energy_input, rel=1e-12
-        )
+    forces = [SpinKicks(0.1, power=3e-7), SpinKicks(0.1, diffusion=3e-7 / inertia)]
+    simulation = Simulation(disks, box, SMOOTH, state, forces=forces, seed=2)
+    simulation.run(t_end=10.0)
+    # I w^2 / 2 of 2000 Gaussians scatters by sqrt(2 / 2000) = 3.2 %, that of one force more: dw (w + dw / 2) has the
+    # mean energy E and, from the w of both, the variance 4 E^2 where the end is one of 2 E.
+    assert simulation.energy_input / disks.n == pytest.approx(6e-6, rel=0.16)
+    np.testing.assert_allclose(simulation.energy_inputs / disks.n, 3e-6, rtol=5.0 * 2.0 / math.sqrt(2000))
+    assert measure(disks, simulation.state).rotational_energy == pytest.approx(
+        simulation.energy_input, rel=1e-12
+    )
 
 
 def test_rescaling_keeps_temperature_or_energy_to_rounding() -> None:

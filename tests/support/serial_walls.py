@@ -110,6 +110,8 @@ def nearest_at_rest(wall: Wall, x: Array) -> tuple[Array, Array]:
     if wall.shape == "line":
         normal = np.array(wall.towards) / np.linalg.norm(wall.towards)
         return np.broadcast_to(normal, d.shape), d @ normal
+    if wall.shape not in ("segment", "post", "container"):
+        raise NotImplementedError(f"the nearest point of a wall of shape {wall.shape!r}")
     if wall.shape == "segment":
         long = float(np.linalg.norm(wall.towards))
         way = np.array(wall.towards) / long
