@@ -200,15 +200,19 @@ def test_kicks_of_few_disks_put_in_the_power_too() -> None:
     assert simulation.energy_inputs[1] == pytest.approx(-simulation.energy_inputs[0], rel=1e-12)
 
 
-def test_spin_kicks_put_in_the_power_that_was_set() -> None:
-    """Two forces at the same times, whose numbers are independent: with the same ones they would give twice as much."""
-    disks, box, state = still(2000)
+@pytest.mark.parametrize("speed", [0.0, 1.5])
+def test_spin_kicks_put_in_the_power_that_was_set(speed: float) -> None:
+    """Two forces at the same times, whose numbers are independent: with the same ones they would give twice as much.
+
+    They act between windows where no disk moves, else within.
+    """
+    disks, box, state = still(2000, speed=speed)
     inertia = 1e-6 / 2.0
     forces = [SpinKicks(0.1, power=3e-7), SpinKicks(0.1, diffusion=3e-7 / inertia)]
     simulation = Simulation(disks, box, SMOOTH, state, forces=forces, seed=2)
     simulation.run(t_end=10.0)
-    # I w^2 / 2 of 2000 Gaussians scatters by sqrt(2 / 2000) = 3.2 %, that of one force more: dw (w + dw / 2) has the
-    # mean energy E and, from the w of both, the variance 4 E^2 where the end is one of 2 E.
+    # I w^2 / 2 of 2000 Gaussians scatters by sqrt(2 / 2000) = 3.2 %. Of one of two, steps add w dw + dw^2 / 2
+    # with the w of both: its variance for a disk is 4 E^2, where its mean is E.
     assert simulation.energy_input / disks.n == pytest.approx(6e-6, rel=0.16)
     np.testing.assert_allclose(simulation.energy_inputs / disks.n, 3e-6, rtol=5.0 * 2.0 / math.sqrt(2000))
     assert measure(disks, simulation.state).rotational_energy == pytest.approx(

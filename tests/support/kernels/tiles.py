@@ -6,7 +6,7 @@ from ifrdem.kernels.disks.particle import largest_square, note_speed
 from ifrdem.kernels.events.events import search_candidates, search_cells
 from ifrdem.kernels.layout import FAR, NO_PARTNER
 from ifrdem.kernels.tiles.readout import placed
-from ifrdem.kernels.tiles.tiles import is_wrong, neighbor_tile, region_of
+from ifrdem.kernels.tiles.tiles import is_wrong, load_from, neighbor_tile, region_of, store
 
 
 @kernel
@@ -43,8 +43,8 @@ def verify(
     gas: Arrays("uses grid scale reach tile edge_x edge_y disk history_hash displacement slot_before ghost"),
 ):
     """Whether ghost records of each tile are wrong (`is_wrong`)."""
-    for tile in range(out.shape[0]):
-        out[tile] = ti.cast(is_wrong(tile, 0, gas), float)
+    for k in range(out.shape[0]):
+        out[k] = ti.cast(is_wrong(k, 0, gas), float)
 
 
 @kernel
@@ -56,11 +56,11 @@ def search(
     for _ in range(1):
         region = region_of(0, 0, gas)
         for i in range(times.shape[0]):
-            info, motion = gas.event_info[i], gas.motion[i]
+            info = gas.event_info[i]
             cx, cy = info.cell >> 16, info.cell & 0xFFFF
             low_x, high_x, low_y, high_y, halved, layer = cx - 1, cx + 1, cy - 1, cy + 1, 0, 0
             nx, ny, last = region.nx, region.ny, info.last
-            radius, size = 0.5 * gas.scale.widest, ti.abs(motion.vx) + ti.abs(motion.vy)
+            radius, size = 0.5 * gas.scale.widest, ti.abs(gas.motion[i].vx) + ti.abs(gas.motion[i].vy)
             best, partner = FAR + 0.0 * size, NO_PARTNER
             search_cells(
                 i, low_x, high_x, low_y, high_y, cx, cy, halved, layer, nx, ny, last, radius, size, best, partner,
@@ -73,3 +73,19 @@ def search(
                 region, gas,
             )  # fmt: skip
             times[i, 1], partners[i, 1] = best, ti.cast(partner, float)
+
+
+@kernel
+def carry(
+    gas: Arrays(
+        "uses grid scale reach edge_x edge_y tile kinds disk meta past hits held asleep dissipated kind motion "
+        "event_info image_info candidates rest cached_force since turn loss"
+    ),
+):
+    """Load the disk of candidate 0 into slot 1 of a tile that is the box, and store it in row 2."""
+    for _ in range(1):
+        region = region_of(0, 0, gas)
+        zero = 0.0 * gas.scale.window
+        load_from(0, zero, zero, 0, 0, 0, 1, 0, region, gas)
+        m = gas.motion[1]
+        store(1, 2, zero, m.x, m.y, m.vx, m.vy, 0, 0, gas)
