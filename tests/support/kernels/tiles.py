@@ -52,9 +52,9 @@ def search(
     times: Table, partners: Table,
     gas: Arrays("uses grid scale reach edge_x edge_y kinds motion event_info head"),
 ):  # fmt: skip
-    """First meetings of all disks of a box with those in the 3 x 3 cells around: cell by cell, and image by image."""
+    """First meetings of all disks of a box, in lane 1, with those in the 3 x 3 cells around: by cells and by images."""
     for _ in range(1):
-        region = region_of(0, 0, gas)
+        region = region_of(0, 1, gas)
         for i in range(times.shape[0]):
             info = gas.event_info[i]
             cx, cy = info.cell >> 16, info.cell & 0xFFFF
