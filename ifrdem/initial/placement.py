@@ -31,7 +31,7 @@ from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall
 from ..mpi import collective, current, distribution
 from ..tools import seeds
-from ..tools.checked import Array, Number, Numbers, PositiveColumn, Seed, column, validated
+from ..tools.checked import Array, Number, Numbers, PositiveColumn, Seed, column, shortened, validated
 
 # Of the diameter among sites, of the radius at walls: room for rounding.
 CLOSER, CLEAR = 1.0 - 1e-9, 1.0 + 1e-9
@@ -572,7 +572,7 @@ def maxwellian(
         sizes, weight = column("temperature", temperature, len(masses)), masses / 2.0
     else:
         raise InputError(
-            f"speed_rms = {speed_rms}, temperature = {temperature}: exactly one of them must be given"
+            f"speed_rms = {speed_rms}, temperature = {shortened(temperature)}: exactly one of them must be given"
         )
     comm = current()
     ids, n = comm.number(len(masses))

@@ -231,3 +231,12 @@ def test_rescaling_keeps_temperature_or_energy_to_rounding() -> None:
             energy = found.translational_energy if force.with_spins == 0.0 else found.energy
             assert energy / disks.n == pytest.approx(1.7, rel=1e-14)
         assert simulation.collisions > 100
+
+
+def test_the_hottest_of_a_thermostat_is_the_largest_temperature_that_it_sets() -> None:
+    """By it `check` and the engine judge magnitudes before a run: that of spins counts, too."""
+    for T, T_spin in ((1.0, 3.0), (3.0, 1.0)):
+        bath = Langevin(0.1, temperature=T, rate=0.1, spin_temperature=T_spin, spin_rate=0.1)
+        assert bath.hottest == 3.0
+    assert Rescale(0.1, energy=2.0).hottest == 2.0
+    assert Drag(0.1, rate=0.1).hottest == 0.0

@@ -13,7 +13,7 @@ from ifrdem.model.forces import RandomKicks
 from ifrdem.model.laws.collision import collide
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.motion import Motion, Turn
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.measuring.tracking import ELASTIC, KICK, UNKNOWN, Events
 from ifrdem.simulation.simulation import Simulation
@@ -202,3 +202,19 @@ def test_what_cannot_be_tracked_is_refused():
         Simulation(disks, sheared, COIN, state, tracked=[0])
     with pytest.raises(InputError, match=r"tracked=\[0, 1\]"):
         Simulation(disks, box, COIN, state).take_events()
+
+
+def test_the_velocity_of_a_turning_wall_is_that_of_its_contact():
+    """A drum of radius 5 that turns at the rate 0.3 about its centre: 0.3 x r, r from there to the contact."""
+    center, disks = np.array([6.0, 6.0]), equal_disks(1)
+    drum = Wall.container(tuple(center), 5.0, turn=Turn("steady", tuple(center), rate=0.3))
+    state = State([[6.5, 7.0]], [[1.0, -0.4]], [2.0])
+    simulation = Simulation(disks, Box((12.0, 12.0)), COIN, state, walls=[drum], tracked=[0])
+    simulation.run(t_end=30.0)
+    events = simulation.take_events()
+    assert len(events.time) > 2
+    contact = events.position + disks.radius[0] * events.normal - center
+    assert np.linalg.norm(contact, axis=1) == pytest.approx(5.0, abs=1e-9)
+    expected = 0.3 * np.column_stack((-contact[:, 1], contact[:, 0]))
+    assert events.partner_velocity_before == pytest.approx(expected, abs=1e-9)
+    assert events.partner_velocity_after == pytest.approx(expected, abs=1e-9)
