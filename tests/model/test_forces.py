@@ -57,13 +57,20 @@ def test_a_custom_force_that_depends_on_velocity_is_of_second_order() -> None:
     assert 1.9 < slope(errors) < 2.1
 
 
-def test_a_force_that_depends_on_place_is_of_second_order() -> None:
-    """A harmonic oscillator of frequency 0.8 about (19, 20.5), from (20, 20) with velocity (1, 0.5)."""
-    errors = []
+@pytest.mark.parametrize("gravity", [(0.0, 0.0), (0.32, -0.64)])
+def test_a_force_that_depends_on_place_is_of_second_order(gravity: tuple[float, float]) -> None:
+    """A harmonic oscillator of frequency 0.8 about (19, 20.5), from (20, 20) with velocity (1, 0.5).
+
+    Gravity moves its middle by g / 0.64. Within a window the place includes the fall since it began.
+    """
+    errors, middle = [], [19.0 + gravity[0] / 0.64, 20.5 + gravity[1] / 0.64]
     for step in (0.25, 0.125, 0.0625):
-        end = one_disk([Trap(step, stiffness=0.64, x=19.0, y=20.5, frequency=0.0)], 3.0)
+        end = one_disk([Trap(step, stiffness=0.64, x=19.0, y=20.5, frequency=0.0)], 3.0, gravity=gravity)
         c, s = math.cos(2.4), math.sin(2.4)
-        exact = [19.0 + 1.0 * c + 1.0 / 0.8 * s, 20.5 - 0.5 * c + 0.5 / 0.8 * s]
+        exact = [
+            middle[0] + (20.0 - middle[0]) * c + 1.0 / 0.8 * s,
+            middle[1] + (20.0 - middle[1]) * c + 0.5 / 0.8 * s,
+        ]
         errors.append(float(np.hypot(*(end.position[0] - exact))))
     assert 1.9 < slope(errors) < 2.1
 
