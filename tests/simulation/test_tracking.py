@@ -9,7 +9,7 @@ from support.gases import equal_disks, mixture, start
 from ifrdem import VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.forces import RandomKicks
+from ifrdem.model.forces import RandomKicks, SpinKicks
 from ifrdem.model.laws.collision import collide
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
@@ -165,16 +165,19 @@ def test_walls_gravity_and_heat_are_in_the_path(device):
 
 
 def test_kicks_are_rows_so_that_driven_paths_are_exact_too(device):
-    """After a kick a disk may meet its latest partner at once, which is still known as that."""
+    """After a kick a disk may meet its latest partner at once, which is still known as that.
+
+    Until t = 1 there are 10 kicks of velocities, and 14 of spins alone, at 0.07 (k + 1/2).
+    """
     disks, (box, state) = two_kinds(40), between_walls()
     walls = [Wall.line((0.0, y), (0.0, up)) for y, up in ((0.3, 1.0), (7.3, -1.0))]
     simulation = Simulation(
-        disks, box, COIN, state, device=device, tracked=range(40), forces=[RandomKicks(0.1, power=1.0)], seed=4,
-        record=["partner"], walls=walls,
+        disks, box, COIN, state, device=device, tracked=range(40), seed=4,
+        forces=[RandomKicks(0.1, power=1.0), SpinKicks(0.07, power=1.0)], record=["partner"], walls=walls,
     )  # fmt: skip
     simulation.run(t_end=1.0)
     events, end = simulation.take_events(), simulation.state
-    assert np.count_nonzero(events.partner == KICK) == 40 * 10
+    assert np.count_nonzero(events.partner == KICK) == 40 * (10 + 14)
     kicked = set()
     for disk in range(40):
         rows = rows_of(events, disk)
