@@ -290,7 +290,7 @@ class SpeciesSection(Section):
     k: float = field(2.0, 2.0, gt=0.0)
     """Shape number in the moment of inertia m R^2 / k [1]: 2 homogeneous disk, 1 hoop."""
     speed_rms: float = field(1.0, 0.0, ge=0.0)
-    """Root mean square speed at the start [m/s], Maxwellian, without total momentum."""
+    """Root mean square speed at the start [m/s], Maxwellian, the whole gas without momentum."""
     temperature: float | None = field(0.6e-3, None, ge=0.0)
     """Temperature at the start, the mean of m v^2 / 2 [J], instead of speed_rms."""
     spin_rms: float = field(0.0, 0.0, ge=0.0)

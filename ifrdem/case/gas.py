@@ -69,8 +69,6 @@ class CaseGas:
     # the kinetic energy of velocities; 0 along directions in which walls stop it.
     drift: tuple[float, float] = (0.0, 0.0)
     drift_share: float = 0.0
-    # The species with the speeds that are drawn, where `species` has others: those that are left without the drift.
-    drawn: tuple[Species, ...] = ()
     path: Path | None = None
     """The case file, for messages."""
 
@@ -113,8 +111,9 @@ class CaseGas:
         gas = replace(self, given=given)
         if given is not None and given.velocity is not None and given.spin is not None:
             gas = gas._as_moving(given.velocity - self.box.flow(given.position), given.spin)
-        elif self._has_lone and 1 < self.n <= distribution.GATHERED:
-            gas = replace(gas._as_moving(*self._drawn_motion()), drawn=self.species)
+        elif self.n <= distribution.GATHERED and self._moving == 1:  # alone it keeps its speed
+            drift, share = self._drift(self._drawn_motion()[0])
+            gas = replace(gas, drift=drift, drift_share=share)
         gas._check_magnitudes()
         return gas
 
@@ -127,6 +126,11 @@ class CaseGas:
     def n(self) -> int:
         """Number of disks."""
         return sum(each.number for each in self.species)
+
+    @property
+    def _moving(self) -> int:
+        """Number of disks that move at the start."""
+        return sum(each.number for each in self.species if each.speed_rms > 0.0)
 
     def rows(self, ids: range) -> Disks:
         """The disks of some ids."""
@@ -449,21 +453,16 @@ class CaseGas:
 
     def _drawn_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Velocities relative to the flow, shape (n, 2), and spins, (n,), that are drawn; of ranks, of the slice."""
-        velocity, spin, masses, lone = [], [], [], self._has_lone
-        for i, own in enumerate(self._of_species(current().slice_of(self.n))):
-            each, seed = (self.drawn or self.species)[i], seeds.of_species(self.case.run.seed, i)
-            mass = each.columns(own)[0]
-            speed = each.speed_rms if each.temperature is None else None
-            velocity.append(
-                placement.maxwellian(mass, speed_rms=speed, temperature=each.temperature, seed=seed)
-            )
-            spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, seed=seed))
-            if lone:
-                masses.append(mass if each.speed_rms > 0.0 else np.zeros_like(mass))
-        drawn = np.concatenate(velocity)
-        if lone:
-            drawn = self._without_drift(np.concatenate(masses), drawn)
-        return drawn, np.concatenate(spin)
+        own, seed = self._of_species(current().slice_of(self.n)), self.case.run.seed
+        numbers, first = [len(ids) for ids in own], self.species[0]
+        mass = np.concatenate([each.columns(ids)[0] for each, ids in zip(self.species, own, strict=True)])
+        if len(self.species) == 1 and first.temperature is None:  # exact
+            velocity = placement.maxwellian(mass, speed_rms=first.speed_rms, seed=seed)
+        else:
+            energy = np.repeat([each.mean_energy for each in self.species], numbers)
+            velocity = placement.maxwellian(mass, temperature=energy, seed=seed)
+        spin_rms = np.repeat([each.spin_rms for each in self.species], numbers)
+        return velocity, placement.gaussian_spins(len(mass), spin_rms=spin_rms, seed=seed)
 
     def _coefficient(self, name: str) -> NDArray[np.float64]:
         """A coefficient of the law of each pair of materials, shape (M, M); nan without one, and of a custom law."""
@@ -477,26 +476,6 @@ class CaseGas:
         e_t, mu = self._coefficient("e_t"), self._coefficient("mu")
         return free_directions(self.free_area.all_walls, smooth=smooth_materials(e_t, mu, of_disks))
 
-    @property
-    def _has_lone(self) -> bool:
-        """True if a species is a single disk that moves: alone, it cannot have both its speed and no momentum."""
-        lone = (each.number == 1 and each.speed_rms > 0.0 for each in self.drawn or self.species)
-        return any(lone) and any(self.free)
-
-    def _without_drift(self, mass: NDArray[np.float64], velocity: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Drawn velocities (n, 2) less their mean, where the gas can drift, with the energy that they had.
-
-        The mean is weighted by `mass` (n,), which is 0 for species at rest: they stay there. If only one disk moves, it
-        keeps its velocity.
-        """
-        comm = current()
-        if comm.total((mass > 0.0).astype(np.int64)) < 2:
-            return velocity
-        mean = comm.total(mass[:, None] * velocity) / comm.total(mass)
-        moved = velocity - np.where(mass[:, None] > 0.0, mean * self.free, 0.0)
-        before, after = (comm.total(mass * np.sum(each**2, axis=1)) for each in (velocity, moved))
-        return moved * math.sqrt(before / after) if after > 0.0 else velocity
-
     def _as_moving(self, velocity: NDArray[np.float64], spin: NDArray[np.float64]) -> CaseGas:
         """The gas with its drift, and its species with their speeds relative to it and their spins.
 
@@ -505,23 +484,26 @@ class CaseGas:
         """
         comm = current()
         ids = comm.slice_of(self.n)
-        drift = np.zeros(2)
-        share = 0.0
-        if self.n > 1 and not self.box.is_open:
-            mass = self.rows(ids).mass
-            whole = float(comm.total(mass))
-            drift = comm.total(mass[:, None] * velocity) / whole * self.free
-            energy = float(comm.total(mass * np.sum(velocity**2, axis=1)))
-            share = whole * float(drift @ drift) / energy if energy > 0.0 else 0.0
+        drift, share = self._drift(velocity)
         squares = np.column_stack((np.sum((velocity - drift) ** 2, axis=1), spin**2))
         moving, first = [], 0
         for each, own in zip(self.species, self._of_species(ids), strict=True):
             mean = comm.total(squares[first : first + len(own)]) / each.number
             first += len(own)
             moving.append(replace(each, speed_rms=float(np.sqrt(mean[0])), spin_rms=float(np.sqrt(mean[1]))))
-        return replace(
-            self, species=tuple(moving), drift=(float(drift[0]), float(drift[1])), drift_share=min(share, 1.0)
-        )
+        return replace(self, species=tuple(moving), drift=drift, drift_share=share)
+
+    def _drift(self, velocity: NDArray[np.float64]) -> tuple[tuple[float, float], float]:
+        """Mean velocity, weighted by mass, of velocities as in `_as_moving`, and its part of their energy."""
+        if self.n == 1 or self.box.is_open:
+            return (0.0, 0.0), 0.0
+        comm = current()
+        mass = self.rows(comm.slice_of(self.n)).mass
+        whole = float(comm.total(mass))
+        drift = comm.total(mass[:, None] * velocity) / whole * self.free
+        energy = float(comm.total(mass * np.sum(velocity**2, axis=1)))
+        share = whole * float(drift @ drift) / energy if energy > 0.0 else 0.0
+        return (float(drift[0]), float(drift[1])), min(share, 1.0)
 
     def _fastest_drawn(self) -> tuple[float, float]:
         """More than the largest speed [length/time] and spin [rad/time] that are drawn: 12 deviations."""

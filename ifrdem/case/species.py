@@ -93,9 +93,19 @@ class Species:
 
     def at_temperature(self, temperature: float) -> Species:
         """This species with the rms speed that belongs to a temperature [energy]: <v^2> = 2 T <1/m>."""
+        return replace(self, speed_rms=float(np.sqrt(2.0 * temperature * self._per_mass)))
+
+    @property
+    def mean_energy(self) -> float:
+        """Mean of m v^2 / 2 at the start [energy], of Maxwellian velocities: the temperature."""
+        return 0.5 * self.speed_rms**2 / self._per_mass if self.temperature is None else self.temperature
+
+    @functools.cached_property
+    def _per_mass(self) -> float:
+        """<1/m> of its disks [1/mass]."""
         numbers = range(self.number if self.mass is None else 1)
-        per_mass = sum(float(np.sum(1.0 / self.columns(ids)[0])) for ids in distribution.blocks(numbers))
-        return replace(self, speed_rms=float(np.sqrt(2.0 * temperature * per_mass / len(numbers))))
+        whole = sum(float(np.sum(1.0 / self.columns(ids)[0])) for ids in distribution.blocks(numbers))
+        return whole / len(numbers)
 
     def sums(self, ids: range) -> tuple[float, float]:
         """Sums of R^2 [length^2] and of R [length] over some of them, as NumPy adds them up."""

@@ -31,7 +31,7 @@ from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall
 from ..mpi import collective, current, distribution
 from ..tools import seeds
-from ..tools.checked import Array, Number, PositiveColumn, Seed, validated
+from ..tools.checked import Array, Number, Numbers, PositiveColumn, Seed, column, shortened, validated
 
 # Of the diameter among sites, of the radius at walls: room for rounding.
 CLOSER, CLEAR = 1.0 - 1e-9, 1.0 + 1e-9
@@ -526,32 +526,37 @@ def hexagonal_positions(
     return found
 
 
-_Size = Annotated[float, Number(0.0, MOST_SPEED, f"a finite number, 0 or more and at most {MOST_SPEED:g}")]
+_ALLOWED = f"a finite number, 0 or more and at most {MOST_SPEED:g}"
+_Size = Annotated[float, Number(0.0, MOST_SPEED, _ALLOWED)]
+_Sizes = Annotated[ArrayLike, Numbers(("n",), 0.0, MOST_SPEED, _ALLOWED, scalar=True)]
 
 
 @validated
 @collective
 def maxwellian(
-    mass: PositiveColumn, *, speed_rms: _Size | None = None, temperature: _Size | None = None, seed: Seed,
+    mass: PositiveColumn, *, speed_rms: _Size | None = None, temperature: _Sizes | None = None, seed: Seed,
 ) -> Array:  # fmt: skip
     """Draw velocities from a Maxwell distribution, with no total momentum and exactly the given energy.
 
     Disks of different masses get the same mean energy: each component has variance T / m. The total momentum of the
-    sample is then removed, and the rest scaled. Of ranks of MPI (`Communicator`), each gives the masses of its slice,
-    and gets its velocities. InputError if not exactly one of `speed_rms` and `temperature` is
-    given, or a value is negative or not finite.
+    sample is then removed, and the rest scaled, so that a disk of mass m among others of total mass M has the mean
+    energy T (1 - m / M) N / (N - 1). Of ranks of MPI (`Communicator`), each gives the masses of its slice, and gets its
+    velocities. InputError if not exactly one of `speed_rms` and `temperature` is given, or a value is negative or not
+    finite.
 
     Parameters
     ----------
     mass : array_like (n,)
         Masses m [mass].
     speed_rms, temperature : float
-        One of them: sqrt(<v^2>) over all disks [length/time], or T = <m v^2> / 2 [energy].
+        One of them: sqrt(<v^2>) over all disks [length/time], or T = <m v^2> / 2 [energy]; of temperatures of the
+        disks, shape (n,), their mean is the exact one. Disks of temperature 0 stay at rest.
 
     Returns
     -------
     array (n, 2)
-        Velocities [length/time]. One disk alone keeps its speed: it cannot have both energy and no momentum.
+        Velocities [length/time]. If one disk alone moves it keeps its speed: it cannot have both energy and no
+        momentum.
 
     Examples
     --------
@@ -562,12 +567,12 @@ def maxwellian(
     """
     masses = np.asarray(mass, dtype=np.float64)
     if speed_rms is not None and temperature is None:
-        wanted, weight = speed_rms**2, np.ones_like(masses)
+        sizes, weight = np.full_like(masses, speed_rms**2), np.ones_like(masses)
     elif temperature is not None and speed_rms is None:
-        wanted, weight = temperature, masses / 2.0
+        sizes, weight = column("temperature", temperature, len(masses)), masses / 2.0
     else:
         raise InputError(
-            f"speed_rms = {speed_rms}, temperature = {temperature}: exactly one of them must be given"
+            f"speed_rms = {speed_rms}, temperature = {shortened(temperature)}: exactly one of them must be given"
         )
     comm = current()
     ids, n = comm.number(len(masses))
@@ -575,21 +580,30 @@ def maxwellian(
         seed, seeds.VELOCITIES, ids, lambda random, count: random.standard_normal((count, 2))
     )
     velocity /= np.sqrt(masses)[:, None]
-    if n > 1:
-        velocity -= comm.total(masses[:, None] * velocity) / comm.total(masses)
+    largest = comm.largest(float(sizes.max(initial=0.0)))
+    shares = (
+        sizes / largest if largest > 0.0 else np.ones_like(sizes)
+    )  # all 1 where disks have one temperature
+    velocity *= np.sqrt(shares)[:, None]
+    moving = shares > 0.0
+    if comm.total(moving.astype(np.int64)) > 1:
+        moved = np.where(moving, masses, 0.0)
+        mean = comm.total(moved[:, None] * velocity) / comm.total(moved)
+        velocity -= np.where(moving[:, None], mean, 0.0)
     if n > 0:
-        mean = comm.total(weight * np.sum(velocity**2, axis=1)) / n
-        velocity *= math.sqrt(wanted / mean)
+        wanted = largest * (comm.total(shares) / n)
+        velocity *= math.sqrt(wanted / (comm.total(weight * np.sum(velocity**2, axis=1)) / n))
     return velocity
 
 
 @validated
 @collective
-def gaussian_spins(n: NumberOfDisks, *, spin_rms: _Size, seed: Seed) -> Array:
+def gaussian_spins(n: NumberOfDisks, *, spin_rms: _Sizes, seed: Seed) -> Array:
     """Draw spins [rad/time], shape (n,), from a normal distribution with mean 0 and exactly this rms value.
 
-    Of ranks of MPI (`Communicator`), each gives the number of disks in its slice, and gets their spins.
-    InputError if `spin_rms` is negative or not finite.
+    Of rms values of the disks, shape (n,), the mean of (spin / rms)^2 over those that are not 0 is exactly 1. Of ranks
+    of MPI (`Communicator`), each gives the number of disks in its slice, and gets their spins. InputError if `spin_rms`
+    is negative or not finite.
 
     Examples
     --------
@@ -599,6 +613,11 @@ def gaussian_spins(n: NumberOfDisks, *, spin_rms: _Size, seed: Seed) -> Array:
     9.0
     """
     comm = current()
-    ids, number = comm.number(n)
+    ids, _ = comm.number(n)
+    sizes = column("spin_rms", spin_rms, n)
     spin = seeds.drawn(seed, seeds.SPINS, ids, lambda random, count: random.standard_normal(count))
-    return spin * (spin_rms / math.sqrt(comm.total(spin**2) / number)) if number else spin
+    turning = sizes > 0.0
+    number = comm.total(turning.astype(np.int64))
+    if number:
+        sizes = sizes / math.sqrt(comm.total(np.where(turning, spin, 0.0) ** 2) / number)
+    return spin * sizes

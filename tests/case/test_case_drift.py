@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from ifrdem import Trajectory, initial
 from ifrdem.analysis import catalogue
@@ -123,9 +124,45 @@ def test_a_start_with_a_single_disk_of_a_species_has_no_momentum(shear: str) -> 
     velocity, mass = state.velocity - gas.box.flow(state.position), gas.disks.mass
     assert np.abs(mass @ velocity).max() < 1e-13  # sums of 21 terms of up to 100
     assert float(np.sum(mass * np.sum(velocity**2, axis=1))) == pytest.approx(140.0, rel=1e-13)
-    rms = [np.sqrt(np.mean(np.sum(part**2, axis=1))) for part in (velocity[:20], velocity[20:])]
-    assert [each.speed_rms for each in gas.species] == pytest.approx(rms, rel=1e-13)
     np.testing.assert_array_equal(gas.start().velocity, state.velocity)  # as often as one asks
+
+
+def test_species_of_few_disks_are_drawn_from_the_maxwellian_of_the_whole_gas() -> None:
+    """An intruder of mass 50 among 300 of mass 1, all at T = 1, spins with <w^2> = 4: over seeds, means and spreads.
+
+    Velocities are uniform on the sphere of given energy N T within the 2 (N - 1) dimensions without momentum. The
+    energy of disk i is at most E = N T (1 - m / M), where it alone moves against all others, and 2 dimensions are its
+    own: P(energy > x) = (1 - x / E)^(N - 2), an exponential distribution but for 1 / N, with mean E / (N - 1) = .860
+    for m / M = 50 / 350. Drawn species by species it was .735 in each seed, and two disks had opposite velocities. A
+    species with a temperature of its own keeps its mean: 200 of the 300 have T = 3.
+    """
+    intruder = PLAIN.replace("number = 200", "number = 300\nspin_rms = 1.0") + HEAVY.replace(
+        "100.0", "50.0"
+    ).replace("speed_rms = 1.0", "temperature = 1.0\nspin_rms = 2.0")
+    energies, spins = [], []
+    for seed in range(150):
+        state = gas_of(intruder, f"run.seed={seed}").start()
+        energies.append(25.0 * float(np.sum(state.velocity[300] ** 2)))
+        spins.append(float(state.spin[300]))
+    largest = 301.0 * (1.0 - 50.0 / 350.0)
+    below = scipy.stats.kstest(energies, lambda x: 1.0 - (1.0 - np.asarray(x) / largest) ** 299)
+    assert below.pvalue > 1e-3
+    assert scipy.stats.kstest(spins, scipy.stats.norm(scale=2.0).cdf).pvalue > 1e-3
+    warm = intruder.replace("number = 300", "number = 100") + HEAVY.replace("heavy", "warm").replace(
+        "number = 1\n", "number = 200\n"
+    ).replace("mass = 100.0", "mass = 1.0").replace("speed_rms = 1.0", "temperature = 3.0")
+    found = []
+    for seed in range(20):
+        gas = gas_of(warm, f"run.seed={seed}")
+        state = gas.start()
+        energy = 0.5 * gas.disks.mass * np.sum(state.velocity**2, axis=1)
+        assert np.abs(gas.disks.mass @ state.velocity).max() < 1e-12  # 301 terms
+        assert energy.sum() == pytest.approx(100.0 + 1.0 + 600.0, rel=1e-12)
+        found.append(energy[101:].mean())
+    # The share of the 200, 6 / 7 of a fixed sum, is off by 6 / 7 x 1 / 7 x sqrt(1 / 200 + 1 / 101) = .015 a seed.
+    spread = 0.015 * 701.0 / 200.0
+    assert np.mean(found) == pytest.approx(3.0, abs=4.0 * spread / np.sqrt(20))
+    assert 0.4 * spread < np.std(found) < 2.0 * spread
 
 
 def test_a_single_disk_among_others_at_rest_keeps_its_speed_and_its_drift_is_reported() -> None:

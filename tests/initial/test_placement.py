@@ -274,6 +274,22 @@ def test_maxwellian_of_no_disk_and_of_one() -> None:
     np.testing.assert_array_equal(maxwellian(np.ones(5), speed_rms=0.0, seed=1), np.zeros((5, 2)))
 
 
+def test_disks_with_temperatures_of_their_own_share_momentum_and_energy_and_those_at_zero_stay() -> None:
+    """Energies of 900 disks each are exponential: their mean is within 4 / sqrt(900) of T; the sum is exact."""
+    T, mass = np.repeat([1.0, 4.0, 0.0], 900), np.repeat([1.0, 2.0, 5.0], 900)
+    velocity = maxwellian(mass, temperature=T, seed=1)
+    assert not np.any(velocity[1800:])
+    np.testing.assert_allclose(mass @ velocity, 0.0, atol=1e-10)  # sums of 1800 terms
+    energy = (0.5 * mass * np.sum(velocity**2, axis=1)).reshape(3, 900)
+    assert energy.sum() == pytest.approx(4500.0, rel=1e-13)
+    np.testing.assert_allclose(energy.mean(axis=1), [1.0, 4.0, 0.0], rtol=4.0 / 30.0)
+    spin_rms = np.repeat([0.0, 1.0, 3.0], 10)
+    spin = np.array([gaussian_spins(30, spin_rms=spin_rms, seed=seed) for seed in range(100)])
+    assert not np.any(spin[:, :10])
+    np.testing.assert_allclose(np.sum((spin[:, 10:] / spin_rms[10:]) ** 2, axis=1), 20.0, rtol=1e-13)
+    assert np.std(spin[:, 20]) == pytest.approx(3.0, rel=0.3)  # of one disk alone: 4 / sqrt(200)
+
+
 @pytest.mark.parametrize(
     "options",
     [{}, {"speed_rms": 1.0, "temperature": 1.0}, {"speed_rms": -1.0}, {"temperature": math.nan}],

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.scene import Scene
 
+from ifrdem.kernels.layout import Uses
 from ifrdem.simulation import backend
 
 # Philox in Python for words of any width, from Salmon et al. (doi:10.1145/2063384.2063405), Sec. 3.3 and Random123:
@@ -93,3 +95,32 @@ def test_numbers_are_uniform_and_normal_and_independent() -> None:
         np.testing.assert_allclose((g**power).mean(axis=0), mean, atol=5.0 * np.sqrt(variance / n))
     assert abs(np.mean(g[:, 0] * g[:, 1])) < 5.0 / np.sqrt(n)
     assert abs(np.mean(g[1:, 0] * g[:-1, 0])) < 5.0 / np.sqrt(n)  # disks with ids side by side
+
+
+def test_thermal_walls_draw_from_streams_that_no_force_has() -> None:
+    """Counter: id, collisions before, 0, and the index 2^16 - 1 above the draw: forces have lower ones, from 0 on.
+
+    Of the index of a force, a disk would get the same numbers from both. Draw 0 gives sqrt(-2 ln u) along the normal,
+    draw 1 the pair of Box and Muller along the wall, to the left of the normal, and to the spin. m = R = 1, I = 1/2.
+    """
+    backend.start("cpu")
+    from support.kernels.draws import leave
+
+    scene, out = Scene(2, kinds=1), np.zeros((2, 3))
+    scene.kinds.inverse_mass, scene.kinds.radius, scene.kinds.k = 1.0, 1.0, 2.0
+    scene.event_info.id, scene.event_info.number = (3, 8), (1, 2)
+    scene.image_info.events_before = (0, 40)
+    scene.grid.seed_low, scene.grid.seed_high = 5, 6
+    scene.call(leave, Uses(), "uses grid kinds event_info image_info", out)
+
+    def units(disk: int, collisions: int, draw: int) -> tuple[float, float]:
+        w = philox([disk, collisions, 0, (0xFFFF << 16) + draw], [5, 6], 32)
+        one, other = (1.0 - ((w[i] >> 5) * 2**26 + (w[i + 1] >> 6)) / 2**53 for i in (0, 2))
+        return one, other
+
+    for row, (disk, collisions) in zip(out, ((3, 0), (8, 41)), strict=True):
+        u, _ = units(disk, collisions, 0)
+        radius, turns = units(disk, collisions, 1)
+        along = np.sqrt(-2.0 * np.log(radius)) * np.exp(2j * np.pi * turns)
+        expected = [-along.real, np.sqrt(-2.0 * np.log(u)), np.sqrt(2.0) * along.imag]
+        np.testing.assert_allclose(row, expected, rtol=1e-12)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -195,3 +196,17 @@ def test_an_image_of_a_wall_follows_from_its_number() -> None:
     assert [(wall_of(number), *boxes_of(number)) for number in numbers] == images
     assert [from_partner(as_partner(number)) for number in numbers] == numbers
     assert max(as_partner(number) for number in numbers) == FIRST_WALL < NO_PARTNER
+
+
+def test_the_serial_code_refuses_walls_that_it_does_not_know() -> None:
+    """A shape, a motion or a turn that the program learns is not taken for one of the old ones."""
+    still = SimpleNamespace(kind="still")
+    of = {"points": (), "origin": (0.0, 0.0), "moving_times": (0.0, 9.0), "moves_from": None}
+    wall = SimpleNamespace(shape="ellipse", motion=still, turn=still, radius=1.0, **of)
+    at = np.array([[2.0, 0.0]])
+    with pytest.raises(NotImplementedError, match="'ellipse'"):
+        serial_walls.nearest_at_rest(wall, at)
+    odd = SimpleNamespace(motion=SimpleNamespace(kind="jerk"), turn=SimpleNamespace(kind="jerk"), **of)
+    for looked_up in (serial_walls.displaced, serial_walls.turned):
+        with pytest.raises(NotImplementedError, match="'jerk'"):
+            looked_up(odd, np.zeros(1))

@@ -57,13 +57,20 @@ def test_a_custom_force_that_depends_on_velocity_is_of_second_order() -> None:
     assert 1.9 < slope(errors) < 2.1
 
 
-def test_a_force_that_depends_on_place_is_of_second_order() -> None:
-    """A harmonic oscillator of frequency 0.8 about (19, 20.5), from (20, 20) with velocity (1, 0.5)."""
-    errors = []
+@pytest.mark.parametrize("gravity", [(0.0, 0.0), (0.32, -0.64)])
+def test_a_force_that_depends_on_place_is_of_second_order(gravity: tuple[float, float]) -> None:
+    """A harmonic oscillator of frequency 0.8 about (19, 20.5), from (20, 20) with velocity (1, 0.5).
+
+    Gravity moves its middle by g / 0.64. Within a window the place includes the fall since it began.
+    """
+    errors, middle = [], [19.0 + gravity[0] / 0.64, 20.5 + gravity[1] / 0.64]
     for step in (0.25, 0.125, 0.0625):
-        end = one_disk([Trap(step, stiffness=0.64, x=19.0, y=20.5, frequency=0.0)], 3.0)
+        end = one_disk([Trap(step, stiffness=0.64, x=19.0, y=20.5, frequency=0.0)], 3.0, gravity=gravity)
         c, s = math.cos(2.4), math.sin(2.4)
-        exact = [19.0 + 1.0 * c + 1.0 / 0.8 * s, 20.5 - 0.5 * c + 0.5 / 0.8 * s]
+        exact = [
+            middle[0] + (20.0 - middle[0]) * c + 1.0 / 0.8 * s,
+            middle[1] + (20.0 - middle[1]) * c + 0.5 / 0.8 * s,
+        ]
         errors.append(float(np.hypot(*(end.position[0] - exact))))
     assert 1.9 < slope(errors) < 2.1
 
@@ -133,6 +140,8 @@ def test_velocities_of_free_disks_in_a_bath_forget_exponentially() -> None:
         np.testing.assert_allclose(v.var(axis=0), variance, rtol=5.0 * math.sqrt(2.0 / n))
         turning = 5e-7 / inertia * (1.0 - math.exp(-0.5 * t))
         assert w.var() == pytest.approx(turning, rel=5.0 * math.sqrt(2.0 / n))
+        noise = np.corrcoef((*v.T, w))  # of independent numbers
+        np.testing.assert_allclose(noise, np.eye(3), atol=5.0 / math.sqrt(n))
     later = np.cov(velocities[3][:, 1], velocities[4][:, 1])
     # <v(t) v(t + 2)> = variance(t) exp(-1)
     expected = 1.5 * (1.0 - math.exp(-6.0)) * math.exp(-1.0)
@@ -198,17 +207,24 @@ def test_kicks_of_few_disks_put_in_the_power_too() -> None:
     assert simulation.energy_inputs[1] == pytest.approx(-simulation.energy_inputs[0], rel=1e-12)
 
 
-def test_spin_kicks_put_in_the_power_that_was_set() -> None:
-    disks, box, state = still(2000)
+@pytest.mark.parametrize("speed", [0.0, 1.5])
+def test_spin_kicks_put_in_the_power_that_was_set(speed: float) -> None:
+    """Two forces at the same times, whose numbers are independent: with the same ones they would give twice as much.
+
+    They act between windows where no disk moves, else within.
+    """
+    disks, box, state = still(2000, speed=speed)
     inertia = 1e-6 / 2.0
-    for force in (SpinKicks(0.1, power=3e-7), SpinKicks(0.1, diffusion=3e-7 / inertia)):
-        simulation = Simulation(disks, box, SMOOTH, state, forces=[force], seed=2)
-        simulation.run(t_end=10.0)
-        # I w^2 / 2 of 2000 Gaussians scatters by sqrt(2 / 2000) = 3.2 %.
-        assert simulation.energy_input / disks.n == pytest.approx(3e-6, rel=0.16)
-        assert measure(disks, simulation.state).rotational_energy == pytest.approx(
-            simulation.energy_input, rel=1e-12
-        )
+    forces = [SpinKicks(0.1, power=3e-7), SpinKicks(0.1, diffusion=3e-7 / inertia)]
+    simulation = Simulation(disks, box, SMOOTH, state, forces=forces, seed=2)
+    simulation.run(t_end=10.0)
+    # I w^2 / 2 of 2000 Gaussians scatters by sqrt(2 / 2000) = 3.2 %. Of one of two, steps add w dw + dw^2 / 2
+    # with the w of both: its variance for a disk is 4 E^2, where its mean is E.
+    assert simulation.energy_input / disks.n == pytest.approx(6e-6, rel=0.16)
+    np.testing.assert_allclose(simulation.energy_inputs / disks.n, 3e-6, rtol=5.0 * 2.0 / math.sqrt(2000))
+    assert measure(disks, simulation.state).rotational_energy == pytest.approx(
+        simulation.energy_input, rel=1e-12
+    )
 
 
 def test_rescaling_keeps_temperature_or_energy_to_rounding() -> None:
@@ -222,3 +238,12 @@ def test_rescaling_keeps_temperature_or_energy_to_rounding() -> None:
             energy = found.translational_energy if force.with_spins == 0.0 else found.energy
             assert energy / disks.n == pytest.approx(1.7, rel=1e-14)
         assert simulation.collisions > 100
+
+
+def test_the_hottest_of_a_thermostat_is_the_largest_temperature_that_it_sets() -> None:
+    """By it `check` and the engine judge magnitudes before a run: that of spins counts, too."""
+    for T, T_spin in ((1.0, 3.0), (3.0, 1.0)):
+        bath = Langevin(0.1, temperature=T, rate=0.1, spin_temperature=T_spin, spin_rate=0.1)
+        assert bath.hottest == 3.0
+    assert Rescale(0.1, energy=2.0).hottest == 2.0
+    assert Drag(0.1, rate=0.1).hottest == 0.0

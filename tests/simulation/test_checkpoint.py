@@ -15,14 +15,28 @@ from ifrdem import ContactTime, Device, Rest, RotatingGravity, VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.initial.placement import check_no_overlap
 from ifrdem.kernels.compiler import runtime
+from ifrdem.model import forces
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks
+from ifrdem.model.forces import (
+    Drag,
+    Force,
+    Langevin,
+    PoissonKicks,
+    PoissonSpinKicks,
+    RandomKicks,
+    Rescale,
+    SpinKicks,
+    TableFriction,
+)
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.laws.law import CollisionLaw
+from ifrdem.model.laws.records import ARGUMENTS
+from ifrdem.model.laws.viscoelastic import Viscoelastic
+from ifrdem.model.laws.walton import Walton
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Piston, Turn
 from ifrdem.model.walls.wall import Wall
-from ifrdem.simulation.checkpoints import checkpoint
+from ifrdem.simulation.checkpoints import checkpoint, gas_record
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.not_recorded import NotRecorded
 
@@ -133,6 +147,48 @@ def driven(threads: int | None = None) -> Simulation:
         equal_disks(300), 0.3, COIN, device=Device(threads=threads), record=RECORD, seed=9,
         forces=[RandomKicks(0.05, power=0.5), Drag(0.08, rate=0.1)],
     )  # fmt: skip
+
+
+FORCES = (
+    Drag(0.1, rate=0.2, quadratic=0.1, spin_rate=0.3),
+    Langevin(0.1, temperature=1.0, rate=0.2, spin_temperature=2.0, spin_rate=0.1),
+    PoissonKicks(3.0, power=0.1),  # a step of 1/3
+    PoissonSpinKicks(7.0, diffusion=0.1),
+    RandomKicks(0.1, power=0.2),
+    Rescale(0.1, energy=1.0),
+    SpinKicks(0.1, diffusion=0.3),
+    TableFriction(0.1, mu=0.2, gravity=9.81),
+)
+
+
+class Named(Drag):
+    """A force that keeps more than numbers, and has other arguments than attributes."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(0.1, rate=0.2)
+        self._name, self._places = name, (1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        IFRLaw(e_n=0.8, e_t=-0.5, mu=0.4, sticking="contact_point", rho=0.01, k=1.0),
+        Walton(e_n=0.9, beta_0=0.4, mu=0.2),
+        Viscoelastic(A=0.05, Y=3.0, e_t=-0.9, mu=0.2, sticking="contact_point", rho=0.01, k=1.5),
+    ],
+    ids=lambda law: type(law).__name__,
+)
+def test_every_force_and_law_of_the_program_comes_back_with_all_of_its_attributes(tmp_path, monkeypatch, law):
+    assert {type(each) for each in FORCES} == set(gas_record._forces())
+    assert {kind for kind, _ in ARGUMENTS.values()} == {IFRLaw, Walton, Viscoelastic}
+    monkeypatch.setattr(forces, "Named", Named, raising=False)
+    monkeypatch.setattr(forces, "__all__", [*forces.__all__, "Named"])
+    disks, given = Disks(2, mass=1.0, radius=0.5, k=1.0), [*FORCES, Named("a")]
+    state = State([[2.0, 2.0], [5.0, 5.0]], [[1.0, 0.5], [0.0, 0.0]], [1.0, 2.0])
+    Simulation(disks, Box((9.0, 9.0)), law, state, forces=given).save_checkpoint(tmp_path / "gas.h5")
+    again = Simulation.from_checkpoint(tmp_path / "gas.h5")
+    assert [(type(one), vars(one)) for one in again.forces] == [(type(one), vars(one)) for one in given]
+    assert [(type(one), vars(one)) for one in again._laws.table[0]] == [(type(law), vars(law))]
 
 
 @pytest.mark.full(keep=("walled", "driven"))

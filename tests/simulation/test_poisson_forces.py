@@ -107,13 +107,24 @@ def test_free_disks_get_the_power_and_the_cumulants_of_a_compound_poisson_proces
         assert simulation.energy_input == pytest.approx(found.translational_energy, rel=1e-10)
 
 
-def test_spin_kicks_give_the_power() -> None:
-    """I w^2 / 2 of 4000 disks, of kurtosis 3 + 3 / 20, scatters by sqrt(2.15 / 4000) = 2.3 %."""
+def test_spin_kicks_give_the_power_at_times_of_their_own() -> None:
+    """I w^2 / 2 of 4000 disks, of kurtosis 3 + 3 / 20, scatters by sqrt(2.15 / 4000) = 2.3 %.
+
+    Kicks of velocities with the same rate are independent of them: neither the numbers nor the times are the same. At
+    t = 1/2 a disk has been kicked once on average. With the same numbers v_x and w would be one; with the same times
+    v_x^2 and w^2, of variance 5 and covariance 1 in units of a kick's, would correlate by 0.2.
+    """
     disks, box, state = still(4000)
-    simulation = Simulation(disks, box, SMOOTH, state, forces=[PoissonSpinKicks(2.0, power=3e-7)], seed=2)
+    forces = [PoissonKicks(2.0, diffusion=1e-6), PoissonSpinKicks(2.0, power=3e-7)]
+    simulation = Simulation(disks, box, SMOOTH, state, forces=forces, seed=2)
+    simulation.run(t_end=0.5)
+    (v_x, v_y), w = simulation.state.velocity.T, simulation.state.spin
+    for one, other in ((v_x, w), (v_y, w), (v_x**2, w**2)):
+        assert abs(np.corrcoef(one, other)[0, 1]) < 5.0 / math.sqrt(4000)
     simulation.run(t_end=10.0)
-    assert simulation.energy_input / disks.n == pytest.approx(3e-6, rel=0.12)
-    assert measure(disks, simulation.state).translational_energy == 0.0
+    kicks, spin_kicks = simulation.energy_inputs
+    assert spin_kicks / disks.n == pytest.approx(3e-6, rel=0.12)
+    assert measure(disks, simulation.state).translational_energy == pytest.approx(kicks, rel=1e-10)
 
 
 @pytest.mark.full

@@ -9,11 +9,11 @@ from support.gases import equal_disks, mixture, start
 from ifrdem import VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.forces import RandomKicks
+from ifrdem.model.forces import RandomKicks, SpinKicks
 from ifrdem.model.laws.collision import collide
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls.motion import Motion
+from ifrdem.model.walls.motion import Motion, Turn
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.measuring.tracking import ELASTIC, KICK, UNKNOWN, Events
 from ifrdem.simulation.simulation import Simulation
@@ -165,16 +165,19 @@ def test_walls_gravity_and_heat_are_in_the_path(device):
 
 
 def test_kicks_are_rows_so_that_driven_paths_are_exact_too(device):
-    """After a kick a disk may meet its latest partner at once, which is still known as that."""
+    """After a kick a disk may meet its latest partner at once, which is still known as that.
+
+    Until t = 1 there are 10 kicks of velocities, and 14 of spins alone, at 0.07 (k + 1/2).
+    """
     disks, (box, state) = two_kinds(40), between_walls()
     walls = [Wall.line((0.0, y), (0.0, up)) for y, up in ((0.3, 1.0), (7.3, -1.0))]
     simulation = Simulation(
-        disks, box, COIN, state, device=device, tracked=range(40), forces=[RandomKicks(0.1, power=1.0)], seed=4,
-        record=["partner"], walls=walls,
+        disks, box, COIN, state, device=device, tracked=range(40), seed=4,
+        forces=[RandomKicks(0.1, power=1.0), SpinKicks(0.07, power=1.0)], record=["partner"], walls=walls,
     )  # fmt: skip
     simulation.run(t_end=1.0)
     events, end = simulation.take_events(), simulation.state
-    assert np.count_nonzero(events.partner == KICK) == 40 * 10
+    assert np.count_nonzero(events.partner == KICK) == 40 * (10 + 14)
     kicked = set()
     for disk in range(40):
         rows = rows_of(events, disk)
@@ -237,3 +240,19 @@ def test_what_cannot_be_tracked_is_refused():
         Simulation(disks, sheared, COIN, state, tracked=[0])
     with pytest.raises(InputError, match=r"tracked=\[0, 1\]"):
         Simulation(disks, box, COIN, state).take_events()
+
+
+def test_the_velocity_of_a_turning_wall_is_that_of_its_contact():
+    """A drum of radius 5 that turns at the rate 0.3 about its centre: 0.3 x r, r from there to the contact."""
+    center, disks = np.array([6.0, 6.0]), equal_disks(1)
+    drum = Wall.container(tuple(center), 5.0, turn=Turn("steady", tuple(center), rate=0.3))
+    state = State([[6.5, 7.0]], [[1.0, -0.4]], [2.0])
+    simulation = Simulation(disks, Box((12.0, 12.0)), COIN, state, walls=[drum], tracked=[0])
+    simulation.run(t_end=30.0)
+    events = simulation.take_events()
+    assert len(events.time) > 2
+    contact = events.position + disks.radius[0] * events.normal - center
+    assert np.linalg.norm(contact, axis=1) == pytest.approx(5.0, abs=1e-9)
+    expected = 0.3 * np.column_stack((-contact[:, 1], contact[:, 0]))
+    assert events.partner_velocity_before == pytest.approx(expected, abs=1e-9)
+    assert events.partner_velocity_after == pytest.approx(expected, abs=1e-9)

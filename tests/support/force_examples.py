@@ -66,11 +66,15 @@ class Summing(Push):
     totals = 1
 
 
-def one_disk(forces: Sequence[Force], t_end: float, *, time: float = 0.0) -> State:
+def one_disk(
+    forces: Sequence[Force], t_end: float, *, time: float = 0.0, gravity: tuple[float, float] = (0.0, 0.0)
+) -> State:
     """A free disk from (20, 20) with velocity (1, 0.5) and spin 2, in a box that it does not leave."""
     disks = Disks(1, mass=2.0, radius=0.5)
     state = State(np.array([[20.0, 20.0]]), np.array([[1.0, 0.5]]), np.array([2.0]), time=time)
-    simulation = Simulation(disks, Box((40.0, 40.0)), SMOOTH, state, forces=forces)
+    periodic = not any(gravity)  # without a floor disks would fall for ever
+    box = Box((40.0, 40.0), (periodic, periodic))
+    simulation = Simulation(disks, box, SMOOTH, state, forces=forces, gravity=gravity)
     simulation.run(t_end=t_end)
     return simulation.state
 

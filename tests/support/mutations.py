@@ -25,24 +25,34 @@ from typing import Any
 
 LAW = "tests/kernels/test_law_kernel.py tests/model/laws/test_ifr.py tests/model/laws/test_law.py"
 ENGINE = "tests/simulation/test_engine.py tests/simulation/exactness/test_engine_serial_order.py"
-TILES = (
-    f"{ENGINE} tests/simulation/exactness/test_same_bits.py tests/simulation/exactness/test_moments_bits.py"
+ALONE = "tests/kernels/test_tile_functions.py"
+FORCES = (
+    "tests/model/test_forces.py tests/simulation/test_forces_in_gases.py "
+    "tests/simulation/exactness/test_forces_within_windows.py"
 )
+TILES = f"{ALONE} {ENGINE} tests/simulation/exactness/test_same_bits.py tests/simulation/exactness/test_moments_bits.py"
 TESTS = {
     "ifrdem/theory/*": "tests/theory",
     "ifrdem/analysis/*": "tests/analysis tests/cli/test_analysis_command.py",
     "kernels/laws/law.py": LAW,
     "kernels/laws/contact.py": f"{LAW} {ENGINE} tests/simulation/test_ledger.py",
+    "kernels/laws/other_laws.py": "tests/model/laws/test_laws.py",
     "kernels/random.py": "tests/kernels/test_random.py",
     "kernels/forces/table_friction.py": "tests/kernels/test_table_friction.py tests/simulation/test_table_force.py",
     "kernels/dsmc.py": "tests/simulation/test_dsmc.py",
     "kernels/disks/flights.py": f"{ENGINE} tests/initial/test_placement.py",
-    "kernels/forces/forces.py": "tests/simulation/test_forces_in_gases.py",
+    "kernels/forces/forces.py": FORCES,
+    "kernels/forces/force_events.py": f"{FORCES} tests/simulation/test_poisson_forces.py",
+    "kernels/disks/force_times.py": "tests/simulation/test_poisson_forces.py",
+    "ifrdem/model/forces.py": f"{FORCES} tests/simulation/test_poisson_forces.py",
+    "ifrdem/model/laws/*": "tests/model/laws",
     "kernels/disks/shear.py": "tests/simulation/test_shear.py",
     "kernels/events/rest.py": "tests/simulation/walls/test_rest.py tests/simulation/walls/test_turning_gravity.py",
-    "kernels/tiles/readout.py": f"tests/simulation/test_readout.py {ENGINE}",
-    "kernels/walls/*": "tests/simulation/walls",
-    "kernels/events/events.py": f"{ENGINE} tests/simulation/walls/test_walls.py tests/simulation/test_tracking.py",
+    "kernels/tiles/readout.py": f"{ALONE} tests/simulation/test_readout.py {ENGINE}",
+    "kernels/walls/*": "tests/kernels/test_random.py tests/simulation/walls",
+    "kernels/events/events.py": (
+        f"{ALONE} {ENGINE} tests/simulation/walls/test_walls.py tests/simulation/test_tracking.py"
+    ),
     "kernels/disks/particle.py": TILES,
     "kernels/tiles/tiles.py": f"{TILES} tests/simulation/test_shear.py",
     "kernels/windows/windows.py": TILES,

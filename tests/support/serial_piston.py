@@ -36,6 +36,8 @@ class PistonGas(Gas):
 
     def along(self, wall: Wall) -> Array:
         """Unit vector of a positive displacement: a line's normal, a segment's direction turned to the left."""
+        if wall.shape not in ("line", "segment"):
+            raise NotImplementedError(f"a piston of shape {wall.shape!r}")
         x, y = np.array(wall.towards) / np.linalg.norm(wall.towards)
         return np.array([x, y] if wall.shape == "line" else [-y, x])
 

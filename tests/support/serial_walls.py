@@ -44,6 +44,8 @@ def displaced(wall: Wall, t: Array) -> tuple[Array, Array]:
         rate = 2.0 * math.pi * motion.frequency
         s, speed = (motion.amplitude * each(rate * t + motion.phase) for each in (np.sin, np.cos))
         return s, np.where(going, rate * speed, 0.0)
+    if motion.kind != "sawtooth":
+        raise NotImplementedError(f"a motion of kind {motion.kind!r}")
     # A sawtooth: the corners of one period, and straight lines between them.
     part = (motion.frequency * t + motion.phase / (2.0 * math.pi)) % 1.0
     up = part < motion.rise
@@ -65,6 +67,8 @@ def turned(wall: Wall, t: Array) -> tuple[Array, Array]:
             turn.amplitude * rate * np.cos(rate * t + turn.phase),
         )
         return angle, np.where(going, spin, 0.0)
+    if turn.kind not in ("steady", "still"):
+        raise NotImplementedError(f"a turn of kind {turn.kind!r}")
     rate = turn.rate if turn.kind == "steady" else 0.0
     return rate * t, np.where(going, rate, 0.0)
 
@@ -110,6 +114,8 @@ def nearest_at_rest(wall: Wall, x: Array) -> tuple[Array, Array]:
     if wall.shape == "line":
         normal = np.array(wall.towards) / np.linalg.norm(wall.towards)
         return np.broadcast_to(normal, d.shape), d @ normal
+    if wall.shape not in ("segment", "post", "container"):
+        raise NotImplementedError(f"the nearest point of a wall of shape {wall.shape!r}")
     if wall.shape == "segment":
         long = float(np.linalg.norm(wall.towards))
         way = np.array(wall.towards) / long

@@ -15,6 +15,7 @@ from ifrdem.theory.contact import compressibility, contact_value
 from ifrdem.theory.hydrodynamics import (
     clustering_length,
     excess,
+    self_diffusion,
     shear_length,
     shear_mode_energy,
     shear_mode_time,
@@ -86,6 +87,21 @@ def test_viscosity_of_a_dilute_cooling_gas_is_that_of_kinetic_theory() -> None:
     assert shear_viscosity(1e-9, 1.0, 1.0, 0.5, law=law) / eta_0 == pytest.approx(
         1.0 / (ell - 0.5 * zeta), rel=1e-6
     )
+
+
+@pytest.mark.parametrize("e_n", [0.5, 0.8, 1.0])
+def test_self_diffusion_is_that_of_tagged_disks_in_a_cooling_gas(e_n: float) -> None:
+    """D = (T / m) / (a - zeta / 2): tagged disks forget their velocity at the rate a, and the unit sqrt(T) falls.
+
+    In a collision a disk's velocity changes by -(1 + e) / 2 g_n n, and given g_n its own component along n is g_n / 2
+    on average: a / nu = <v dv> / <v^2> = (1 + e) / 4 <g_n^2> / (2 T / m), with <g_n^2> = 4 T / m of colliding pairs.
+    zeta is that of the theory of cooling. e_n = 0.8: V. Garzo and A. Santos (2003), doi:10.1017/CBO9780511812903, and
+    J. J. Brey et al. (2000), doi:10.1063/1.870342, in two dimensions: D / D_elastic = 2 / [(1 + e) - (1 - e^2) / 2].
+    """
+    z, _ = changes_per_collision(0.0, IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), 2.0)
+    assert self_diffusion(e_n) == pytest.approx(1.0 / (0.5 * (1.0 + e_n) + 0.5 * float(z)), rel=1e-12)
+    if e_n == 0.8:
+        assert self_diffusion(e_n) == pytest.approx(2.0 / (1.8 - 0.18), rel=1e-12)
 
 
 @pytest.mark.parametrize("law", [SMOOTH, COIN])

@@ -25,6 +25,7 @@ from ifrdem.theory.driven_gas import Driving, driven, steady_state
 from ifrdem.theory.mixtures import Mixture, mixture_cooling, mixture_cooling_rates, mixture_driven
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 
 
 def random_mixture(seed: int) -> tuple[Mixture, NDArray[np.float64], NDArray[np.float64]]:
@@ -241,6 +242,36 @@ def test_a_prediction_takes_the_theory_that_belongs_to_the_gas() -> None:
     ):
         with pytest.raises(InputError, match=message):
             prediction(two, COIN, 0.2, 1.0, 0.1, times, **change)
+
+
+def test_each_species_is_driven_by_its_own_mass_and_inertia() -> None:
+    """Smooth elastic disks: spins keep what they get, a power I D or T_rot = 2 I D t, and all share 2 m D t."""
+    disks = Disks(4, mass=[1.0, 1.0, 1.0, 3.0], radius=[0.5, 0.5, 0.5, 0.4], k=[2.0, 2.0, 2.0, 1.0])
+    t, forces = np.array([0.0, 2.0, 5.0]), [{"kind": "random_torque", "diffusion": 0.3}]
+    forces.append({"kind": "random_force", "diffusion": 0.2})
+    found = prediction(disks, ELASTIC, 0.2, 1.0, 0.1, t, forces=forces)
+    inertia = np.array([1.0 * 0.25 / 2.0, 3.0 * 0.16 / 1.0])  # lighter ones first
+    assert found.species is not None
+    np.testing.assert_allclose(
+        found.species.rotational_temperature, 0.1 + 0.6 * t[:, None] * inertia, rtol=1e-6
+    )
+    np.testing.assert_allclose(found.temperature, 1.0 + 0.4 * 1.5 * t, rtol=1e-6)  # of a mean mass of 1.5
+
+
+def test_each_species_has_the_collisions_of_its_own_rates() -> None:
+    """Elastic disks at T = 1: n_j g_ij sigma_ij sqrt(2 pi (1 / m_i + 1 / m_j)) of a disk i with disks j."""
+    m, R, x = np.array([1.0, 4.0]), np.array([0.5, 1.0]), np.array([0.8, 0.2])
+    mixture = Mixture(m, R, ELASTIC, 0.2, fraction=x)
+    density = x * 0.2 / (math.pi * (0.8 * 0.25 + 0.2 * 1.0))
+    g = mixture_contact_values(0.2, R, x)
+    sigma, inverse = R[:, None] + R, 1.0 / m
+    rate = (density * g * sigma * np.sqrt(2.0 * math.pi * (inverse[:, None] + inverse))).sum(axis=1)
+    for found in (
+        mixture_cooling(mixture, 1.0, 0.0, [0.0, 3.0]),
+        mixture_driven(mixture, [Driving(), Driving()], 1.0, 0.0, [0.0, 3.0]),
+    ):
+        np.testing.assert_allclose(found.collisions_per_disk[-1], 3.0 * rate, rtol=1e-6)
+        assert found.mean(mixture)[2][-1] == pytest.approx(3.0 * float(x @ rate), rel=1e-6)
 
 
 class Sticky(CollisionLaw):

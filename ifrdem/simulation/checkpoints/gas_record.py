@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from ...model.forces import Force
     from ..engine import Engine
 
+_OF_EACH = ("_step", "_values")
+"""Attributes that each force has; a record has them as step and values."""
+
 _COLLAPSES = {each.__name__: each for each in get_args(Collapse)}
 
 
@@ -38,10 +41,7 @@ def gas_record(engine: Engine, laws: Sequence[Sequence[CollisionLaw]]) -> dict[s
         "gravity": asdict(options.gravity)
         if isinstance(options.gravity, RotatingGravity)
         else engine.gravity,
-        "forces": [
-            {"kind": _kind(force, _forces()), "step": force.step, "values": force.values}
-            for force in engine.force_steps.forces
-        ],
+        "forces": [_force_record(force) for force in engine.force_steps.forces],
         "collapse": None
         if options.collapse is None
         else [type(options.collapse).__name__, asdict(options.collapse)],
@@ -110,10 +110,12 @@ def _compared(record: dict[str, Any]) -> dict[str, Any]:
     return {**record, "device": device, "law": law, "walls": given}
 
 
-def _kind(one: Any, ours: Sequence[type]) -> str:
-    """Name of a class; that of a custom one with "custom" before it."""
-    name = type(one).__name__
-    return name if type(one) in ours else f"custom {name}"
+def _force_record(force: Force) -> dict[str, Any]:
+    """Class, step and values of a force, and all other attributes of one of ours; a custom one is not restored."""
+    record = {"kind": type(force).__name__, "step": force.step, "values": force.values}
+    if type(force) not in _forces():
+        return record | {"kind": f"custom {record['kind']}"}
+    return record | {name: value for name, value in vars(force).items() if name not in _OF_EACH}
 
 
 def _law_record(law: CollisionLaw) -> dict[str, Any]:
@@ -160,9 +162,9 @@ def _forces_of(record: list[dict[str, Any]]) -> list[Force]:
 
     known, found = {each.__name__: each for each in _forces()}, []
     for each in record:
-        force = object.__new__(known[each["kind"]])
-        Force.__init__(
-            force, each["step"], **each["values"]
-        )  # values, from which classes make their parameters
+        force = object.__new__(known[each["kind"]])  # not by its arguments, of which it may keep others
+        Force.__init__(force, each["step"], **each["values"])
+        others = {name: value for name, value in each.items() if name not in ("kind", "step", "values")}
+        vars(force).update(_with_tuples(others))
         found.append(force)
     return found

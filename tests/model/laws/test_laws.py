@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 import ifrdem
 from ifrdem import InputError, laws, theory
 from ifrdem.model.custom_code import FromKernels
+from ifrdem.theory import collisions
 
 VISCOELASTIC = laws.Viscoelastic.of_restitution(0.9, g_n=1.0, mass=1.0, radius=0.5, e_t=-0.9, mu=0.2)
 WALTON = laws.Walton(e_n=0.9, beta_0=0.4, mu=0.2)
@@ -67,6 +68,26 @@ def test_viscoelastic_restitution_is_that_of_the_equation_of_motion(b: float, wi
     """K / m_n = 2 Y sqrt(R) / (3 m_n) = 1 with Y = 3/4, R = 1/4, m_n = 1/4, of two disks of mass 1/2, radius 1/2."""
     law = laws.Viscoelastic(A=b / 1.5, Y=0.75)
     assert law.restitution(1.0, mass=0.5, radius=0.5) == pytest.approx(overlap(b), abs=within)
+
+
+def test_unequal_viscoelastic_disks_meet_with_their_effective_radius() -> None:
+    """Hertz: 1 / R = 1 / R_i + 1 / R_j, so that 0.3 and 1.5 have R = 1/4 as above (their mean would give 0.45)."""
+    law = laws.Viscoelastic(A=0.3 / 1.5, Y=0.75)
+    P_n, _, _ = impulses(law, m_n=0.25, radius_i=0.3, radius_j=1.5)
+    assert P_n / 0.25 - 1.0 == pytest.approx(overlap(0.3), abs=1e-3)  # of the approximant, as above
+    equal, one, other = (collisions.Collider(1.0, 2.0, 1.3, 0.4, radius) for radius in (0.5, 0.3, 1.5))
+    expected = collisions.energy_changes(law, equal, equal)
+    np.testing.assert_allclose(collisions.energy_changes(law, one, other), expected, rtol=1e-14)
+
+
+def test_laws_that_keep_the_normal_energy_are_not_called_dissipative() -> None:
+    """A = 0 is e_n = 1 at any speed: two smooth disks of mass 1 exchange their normal velocities."""
+    elastic = laws.Viscoelastic(A=0.0, Y=1.0)
+    assert impulses(elastic, g_n=0.7)[0] == pytest.approx(2.0 * 0.5 * 0.7, rel=1e-15)
+    kept = (elastic, laws.smooth_disks(1.0), laws.Walton(e_n=1.0, beta_0=0.4, mu=0.2))
+    assert [law.is_dissipative for law in (*kept, VISCOELASTIC, laws.smooth_disks(0.9), WALTON)] == [
+        False, False, False, True, True, True
+    ]  # fmt: skip
 
 
 HEAVY = {"A": 1e40, "Y": 1.0}  # e_n of 1e-60 or so at any speed

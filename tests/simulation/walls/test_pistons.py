@@ -70,6 +70,23 @@ def test_a_piston_on_one_disk_makes_as_many_hits_as_digits_of_pi(ratio: float, c
     assert whole_energy(simulation) == pytest.approx(0.5 * ratio, rel=1e-12)  # 1e4 roundings of 1e-16
 
 
+def test_the_recoil_of_an_oblique_piston_is_along_its_normal() -> None:
+    """Impulse along n = (1, 3) / sqrt(10): a disk of mass 1 comes with -3 / sqrt(10), a piston of mass 3 with 1/2.
+
+    The elastic impulse 2 (3 / 4) (1/2 + 3 / sqrt(10)) takes a third of that from its speed. Of pistons along an
+    axis one component of the surface's velocity is 0.
+    """
+    disks, n = Disks(1, mass=1.0, radius=0.5), np.array([1.0, 3.0]) / math.sqrt(10.0)
+    start = State(np.array([[5.0, 8.0]]) + 2.0 * n, [[-0.3, -0.9]], np.zeros(1))
+    piston = Wall.line((5.0, 8.0), (1.0, 3.0), piston=Piston(mass=3.0, velocity=0.5))
+    simulation = piston_gas(disks, BOX, ELASTIC, start, [piston])
+    simulation.run(t_end=1.5)  # the gap of 1.5 closes at 1.04
+    assert simulation.wall_collisions == 1
+    impulse = 1.5 * (0.5 + 0.3 * math.sqrt(10.0))
+    assert simulation.pistons[0, 1] == pytest.approx(0.5 - impulse / 3.0, abs=1e-14)  # -.22434
+    np.testing.assert_allclose(simulation.state.velocity[0], [-0.3, -0.9] + impulse * n, atol=1e-14)
+
+
 def test_momentum_and_energy_hold_over_a_hundred_thousand_hits() -> None:
     simulation = gas(ELASTIC, [piston_wall(mass=3.0, force=6.0)], n=8)
     before = whole_energy(simulation)

@@ -88,6 +88,8 @@ for n in (3, 100, 257):  # the same start for any number of ranks, of one block 
                     initial.hexagonal_positions(BOX, radius[own]),
                     initial.maxwellian(mass[own], temperature=2.0, seed=5),
                     initial.gaussian_spins(len(mass[own]), spin_rms=3.0, seed=5),
+                    initial.maxwellian(mass[own], temperature=mass[own] - 1.0, seed=5),
+                    initial.gaussian_spins(len(mass[own]), spin_rms=mass[own] - 1.0, seed=5),
                     np.array(ifrdem.Box.from_packing_fraction(radius[own], 0.3).lengths),
                     *(draw(len(mass[own])) for draw in RADII),
                 )
