@@ -7,10 +7,12 @@ import os
 import textwrap
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import option_name, printable
 from ..plots.style import written
-from .results import ROWS, SEED, START, Results, averaged, half_interval, warnings_of
+from ..trajectory.descriptions import REDUCED
+from .results import N_EFF, ROWS, SEED, START, Results, averaged, half_interval, warnings_of
 
 MANY_SEEDS = 10
 """Seeds from which on half a 95 % interval is as good as two standard errors."""
@@ -43,14 +45,7 @@ def describe(path: str | os.PathLike[str], start: float | None = None) -> str:
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
     text = ", and half the 95 % interval by Student's t" * intervals
     lines += ["", f"  means over seeds with standard errors{text}; series {series}"]
-    if START in results.variables and np.isfinite(starts := results.values(START)).any():
-        ends = dict.fromkeys(f"{one:g}" for one in (np.nanmin(starts), np.nanmax(starts)))
-        unit = written(results.variables[START].unit)
-        lines.append(
-            f"  analyses over time average from {' to '.join(ends)} {unit} on ({START})".replace(
-                "  on", " on"
-            )
-        )
+    lines += _window(results)
     for row in (head, *rows):
         lines.append(
             "  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
@@ -59,6 +54,23 @@ def describe(path: str | os.PathLike[str], start: float | None = None) -> str:
         text = f"of more than one number a point (`ifrdem plot`): {', '.join(left_out)}"
         lines += ["", textwrap.fill(text, 110, initial_indent="  ", subsequent_indent="    ")]
     return printable("\n".join(lines))
+
+
+def _window(results: Results) -> list[str]:
+    """A line on where averages over time begin, and on n_eff of T; none without such averages."""
+    if START not in results.variables or not np.isfinite(results.values(START)).any():
+        return []
+    unit = results.variables[START].unit
+    place = f"{results.row_axis} = {_range(results.values(START))}"
+    place = place if unit in ("", REDUCED) else f"{place} {written(unit)}"
+    n_eff = results.variables.get(f"temperature{N_EFF}")
+    of_runs = "" if n_eff is None else f"; n_eff of T in a run: {_range(n_eff.values)}"
+    return [f"  analyses over time average from {place} on{of_runs}"]
+
+
+def _range(values: NDArray[np.float64]) -> str:
+    """ "1.5 to 3", or the one value that there is."""
+    return " to ".join(dict.fromkeys(f"{one:.3g}" for one in (np.nanmin(values), np.nanmax(values))))
 
 
 def _rows(results: Results, name: str, intervals: bool) -> list[tuple[str, ...]] | None:

@@ -265,7 +265,7 @@ class Plan:
             text = "must be 0 in a study, whose runs share one time axis (without the key it is the time of the frame)"
             if box.shear_rate:
                 period = box.lengths[0] / abs(box.shear_rate * box.lengths[1])
-                text += f"; in a sheared box that needs a frame at a multiple of {period:.6g}, where the images are as at 0"
+                text += f"; in a sheared box, this needs a frame at a multiple of {period:.6g}"
             raise InputError(f"start.time = {gas.begin[0]:g}: {text}")
         if len(self.seeds) > 1 and not gas.is_drawn:
             motion = " Without start.motion = true velocities are drawn, from speed_rms." * start.motion

@@ -450,7 +450,7 @@ def averaged(results: Results, start: float, option: str = "start") -> Results:
     over = len(results.axes)
     kept, series = {}, {}
     for name, one in results.variables.items():
-        if row_axis not in one.dims:
+        if row_axis not in one.dims or name == row_axis:
             kept[name] = one
         elif SEED in one.dims and f"{name}_mean" in results.variables:
             series[name] = _mean_of_rows(one, row_axis, inside)
