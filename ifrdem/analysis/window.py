@@ -7,9 +7,9 @@ eighths, and averages begin at the first of 0, 1/8, ..., 1/2 of it that is not b
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -112,12 +112,11 @@ def has_window(trajectory: Trajectory) -> bool:
 
 def ends_at_collisions(trajectory: Trajectory) -> bool:
     """True if the case of the run ends it at a number of collisions per disk, not at a time."""
-    run = json.loads(_text(trajectory.parameters.get("case_in_full", "{}"))).get("run", {})
-    return run.get("collisions_per_disk") is not None
 
+    def at_collisions(case: Any) -> bool:
+        return case.get("run", {}).get("collisions_per_disk") is not None
 
-def _text(given: object) -> str:
-    return given if isinstance(given, str) else "{}"
+    return trajectory.record("case_in_full", at_collisions, "{}")
 
 
 def frames_from(trajectory: Trajectory, place: float, name: str) -> FramesFrom:

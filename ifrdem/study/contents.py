@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from ..errors import option_name, printable
 from ..plots.style import written
+from ..tools.intervals import FEW, PERCENT
 from ..trajectory.descriptions import REDUCED
 from .results import N_EFF, ROWS, SEED, START, Results, averaged, half_interval, warnings_of
-
-MANY_SEEDS = 10
-"""Seeds from which on half a 95 % interval is as good as two standard errors."""
 
 
 def describe(path: str | os.PathLike[str], start: float | None = None) -> str:
@@ -34,8 +32,8 @@ def describe(path: str | os.PathLike[str], start: float | None = None) -> str:
     lines = [f"{path}: {results.attributes.get('title', 'results of a study')}"]
     lines.append(f"  seeds  {', '.join(map(str, results.values(SEED)))}")
     lines += [f"  ! {line}" for line in warnings_of(results)]
-    intervals = len(results.values(SEED)) < MANY_SEEDS
-    head = ("quantity", *keys, "mean", "error", *["95 % +-"] * intervals, "seeds", "unit")
+    intervals = len(results.values(SEED)) < FEW
+    head = ("quantity", *keys, "mean", "error", *[f"{PERCENT} +-"] * intervals, "seeds", "unit")
     rows, left_out = [], []
     for name in results.quantities:
         if (found := _rows(results, name, intervals)) is None:
@@ -43,7 +41,7 @@ def describe(path: str | os.PathLike[str], start: float | None = None) -> str:
         else:
             rows += found
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
-    text = ", and half the 95 % interval by Student's t" * intervals
+    text = f", and half the {PERCENT} interval by Student's t" * intervals
     lines += ["", f"  means over seeds with standard errors{text}; series {series}"]
     lines += _window(results)
     for row in (head, *rows):

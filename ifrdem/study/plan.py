@@ -54,6 +54,9 @@ RESERVED = {
     "run",
     "runs",
     "failure",
+    "warnings",
+    "notes",
+    "analyses_from",
     "at",
 }
 """Names that a swept key cannot have in the results."""

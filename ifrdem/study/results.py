@@ -441,29 +441,31 @@ def predicted(case: CaseSections, folder: Path, end: float) -> tuple[NDArray[np.
 def averaged(results: Results, start: float, option: str = "start") -> Results:
     """Results whose series are means of each run over its rows from a place on, in what ends the runs.
 
-    `option` is that of the message. Raises InputError if there is no such row.
+    A row counts with the distance from the one before, because rows may be spaced logarithmically. `option` is that of
+    the message. Raises InputError if there is no such row after the first.
     """
-    row_axis, positions = results.row_axis, results.row_places
-    inside = positions >= start * (1.0 - 1e-12)
-    if not inside.any():
-        raise InputError(f"{option} {start:g}: must be at most {positions[-1]:g}, the last row of {row_axis}")
-    over = len(results.axes)
+    row_axis, places = results.row_axis, results.row_places
+    inside = places >= start * (1.0 - 1e-12)
+    weights = np.where(inside, np.diff(places, prepend=places[0]), 0.0)
+    if not weights.any():
+        raise InputError(f"{option} {start:g}: must be at most {places[-1]:g}, the last row of {row_axis}")
     kept, series = {}, {}
     for name, one in results.variables.items():
         if row_axis not in one.dims or name == row_axis:
             kept[name] = one
         elif SEED in one.dims and f"{name}_mean" in results.variables:
-            series[name] = _mean_of_rows(one, row_axis, inside)
+            series[name] = _mean_of_rows(one, row_axis, weights)
         elif name.endswith("_theory"):
-            kept[name] = _mean_of_rows(one, row_axis, inside)
-    alike = _same_points(results)
-    return Results(kept | _means(series, over, alike), results.attributes)
+            kept[name] = _mean_of_rows(one, row_axis, weights)
+    return Results(kept | _means(series, len(results.axes), _same_points(results)), results.attributes)
 
 
-def _mean_of_rows(one: Variable, row_axis: str, inside: NDArray[np.bool_]) -> Variable:
+def _mean_of_rows(one: Variable, row_axis: str, weights: NDArray[np.float64]) -> Variable:
+    """A variable averaged over its rows; those without a weight, such as the first one of stresses, are left out."""
     axis = one.dims.index(row_axis)
-    values = np.compress(inside, one.values, axis=axis).mean(axis=axis)
-    return one._replace(dims=one.dims[:axis] + one.dims[axis + 1 :], values=values)
+    values = np.compress(weights > 0.0, one.values, axis=axis)
+    mean = np.average(values, axis=axis, weights=weights[weights > 0.0])
+    return one._replace(dims=one.dims[:axis] + one.dims[axis + 1 :], values=mean)
 
 
 def _same_points(results: Results) -> list[tuple[int, ...]]:

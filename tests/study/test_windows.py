@@ -11,6 +11,7 @@ from test_study import CASE
 
 import ifrdem
 from ifrdem.analysis.catalogue import ANALYSES
+from ifrdem.analysis.window import frames_from, steady_frames
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.study.contents import describe
@@ -131,11 +132,16 @@ def test_warnings_of_runs_are_kept_and_counted(tmp_path, capsys):
 
 
 def test_a_cooling_gas_is_averaged_over_the_whole_run(tmp_path):
-    found = study(tmp_path, CASE, STUDY.format(seeds=2).replace("stress", "pressure")).results()
+    text = STUDY.format(seeds=2).replace("stress", "pressure") + "trajectories = true\n"
+    found = study(tmp_path, CASE, text).results()
     assert found.values("analyses_from") == 0.0
-    assert all(
-        "pressure: the gas is not stationary: T goes from " in text for text in found.values("warnings")
-    )
+    warned = [str(each) for each in found.values("warnings")]
+    assert all("pressure: the gas is not stationary: T goes from " in text for text in warned)
+    with ifrdem.Trajectory(tmp_path / "s.runs" / f"{found.values('run')[0]}.h5") as run:
+        assert steady_frames(run, None) is None
+        # A place is collisions per disk where these end the run: the first row with as many.
+        tau = run.series["collisions_per_disk"]
+        assert frames_from(run, 2.0, "x").time == run.series.time[tau >= 2.0][0]
 
 
 def test_seeds_that_give_the_same_run_have_no_error():
