@@ -21,7 +21,7 @@ from ifrdem.analysis import result as outcome
 from ifrdem.analysis import result as stored
 from ifrdem.analysis.catalogue import number
 from ifrdem.cli import main as cli
-from ifrdem.cli.analyse import NAMES
+from ifrdem.cli.analyse import NAMES, _means
 from ifrdem.errors import InputError
 from ifrdem.model.observables import COMPONENTS, STRESS_SERIES
 from ifrdem.plots import pictures
@@ -294,7 +294,8 @@ def test_pressure_and_diffusion_of_a_gas_that_changes_warn_that_it_is_not_statio
         label = texts(pictures.figure(trajectory, "msd"))
     for warning in (pressure.warnings[0], msd.warnings[0], short.warnings[0]):
         assert warning.startswith("the gas is not stationary: T goes from ")
-    assert "T goes from 1.5 to 0.1667 in that time" in msd.warnings[0]
+    # From the middle one of 12 rows on, t = 24 / 11 (too few to find a start by): 1.5 / (1 + 12 / 11)^2 = 0.3431.
+    assert "T goes from 0.3431 to 0.1667 in that time" in msd.warnings[0]
     assert np.isnan(msd.rows[0].value)
     assert "no $D$" in label
     steady = write(tmp_path / "steady.h5")
@@ -739,6 +740,13 @@ def test_several_files_give_means_with_errors_and_curves_together(
         "a20"
     ]["value"]
     assert re.search(rf"velocity: a20 +{one:.3f}", printed)  # of two equal files
+    values = [
+        {"analyses": {"velocity": {"values": {"a20": {"name": "a20", "value": value, "unit": ""}}}}}
+        for value in (1.0, 3.0)
+    ]
+    # The quantile of Student's t with one degree of freedom is tan(0.475 pi) = 12.7062.
+    assert [*_means(values)][1].endswith("2.0 +- 1.0 (13)")
+    assert [*_means(5 * values)][1].endswith("+- 0.33")  # of ten, two errors are near enough
     assert cli.main(["plot", "a.h5", "b.h5", "theta", "--over", "tau"]) == 0
     (axes,) = drawn[0].axes
     assert [line.get_label() for line in axes.lines] == ["a", "b"]
