@@ -83,8 +83,7 @@ def test_seeds_show_a_run_that_is_too_short_and_spare_steady_ones():
             count += abs(change.t) > student.isf(0.5 * LEVEL, change.degrees)
         return count
 
-    for rho in (0.0, 0.9, 0.97):
-        assert (
-            marked(0.0, 1.0, rho, 500) <= 12
-        )  # of 500; the mean is 5, and 12 is 3 standard deviations above
+    steady = [marked(0.0, 1.0, rho, 500) for rho in (0.0, 0.9, 0.97)]
+    assert max(steady) <= 12  # of 500; the mean is 5, and 12 is 3 standard deviations above
+    assert sum(steady) >= 4  # of 1500; the mean is 15: an error that is too long would mark none
     assert marked(4.0, 0.5, 0.5, 100) == 100
