@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..model.observables import STRESS_SERIES
+from ..model.observables import SPECIES_SERIES, STRESS_SERIES
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .result import FramesFrom
@@ -85,17 +85,24 @@ def changes_between_seeds(quantities: Mapping[str, Array]) -> list[Change]:
     return found
 
 
-def window_rows(T: Array, stress: Array | None) -> dict[str, Array]:
-    """Rows by which the window is found and judged: T, and the pressure tensor, if it is recorded.
+def window_rows(series: Mapping[str, Array], species: Sequence[str] = ()) -> dict[str, Array]:
+    """Rows by which the window is found and judged, (..., rows) each, with "T" among them.
 
-    `T` are temperatures, (..., rows), and `stress` xx, xy, yx, yy of means from one row to the next, (..., rows, 4);
-    the first row of these, before which nothing is, counts as the second one does.
+    `series` are quantities of the whole gas by name, (..., rows) or with columns (..., rows, columns), of which these
+    count, where they change: T and T_rot of the gas and of each of the `species`, whose ratios may relax while T does
+    not change, and the pressure tensor, xx, xy, yx, yy of means from one row to the next. The first row of that, before
+    which nothing is, counts as the second one does.
     """
-    found = {"T": T}
-    if stress is not None and T.shape[-1] > 1:
+    of_gas = {"T": "temperature", "T_rot": "rotational_temperature"}
+    found = {symbol: series[name] for symbol, name in of_gas.items() if name in series}
+    for name, symbol in zip(SPECIES_SERIES[:2], ("T", "T_rot"), strict=True):
+        if name in series:
+            found |= {f"{symbol} of {each}": series[name][..., i] for i, each in enumerate(species)}
+    if STRESS_SERIES[0] in series and found["T"].shape[-1] > 1:
+        stress = series[STRESS_SERIES[0]]
         filled = np.concatenate((stress[..., 1:2, :], stress[..., 1:, :]), axis=-2)
         found |= {f"P_{name}": filled[..., i] for name, i in (("xx", 0), ("xy", 1), ("yy", 3))}
-    return found
+    return {name: rows for name, rows in found.items() if name == "T" or np.any(rows != rows[..., :1])}
 
 
 def is_driven(trajectory: Trajectory) -> bool:
@@ -169,7 +176,12 @@ def _rows(trajectory: Trajectory) -> tuple[Array, dict[str, Array]]:
     place = series.time if in_series else trajectory.times
     if ends_at_collisions(trajectory):
         place = rows["collisions_per_disk"]
-    stress = rows[STRESS_SERIES[0]] if in_series and STRESS_SERIES[0] in rows else None
+    names = (
+        "temperature",
+        "rotational_temperature",
+        *((*SPECIES_SERIES[:2], STRESS_SERIES[0]) if in_series else ()),
+    )
+    species = rows.columns(SPECIES_SERIES[0]) if in_series and SPECIES_SERIES[0] in rows else ()
+    found = window_rows({name: np.asarray(rows[name], float) for name in names if name in rows}, species)
     rising = np.concatenate(([True], np.diff(place) > 0.0))
-    found = window_rows(np.asarray(rows["temperature"], float), stress)
     return np.asarray(place, float)[rising], {name: each[rising] for name, each in found.items()}

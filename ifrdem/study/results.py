@@ -229,7 +229,7 @@ def collect(
         except DamageError as error:
             texts["failure"][task.index] = str(error)
     windows = {
-        point: window_of(row_axis, positions, of_seeds, plan.output.analyses_from)
+        point: window_of(row_axis, positions, of_seeds, plan.output.analyses_from, names.get("species", ()))
         for point, of_seeds in loaded.items()
     }
     found: dict[str, Variable] = {}

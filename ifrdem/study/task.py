@@ -167,15 +167,15 @@ class Task:
             try:
                 if name in OVER_TIME:
                     outcomes, dims = _of_windows(trajectory, name, starts), (WINDOW,) * (len(starts) > 1)
-                    said = [(i, "", one) for i, one in enumerate(outcomes)]
+                    remarks = [(i, "", one) for i, one in enumerate(outcomes)]
                 else:
                     outcomes, dims = _of_frames(trajectory, name, self.at, axis), (AT,) * bool(self.at)
                     places = [f" at {place:g}" for place in self.at] or [""]
                     both = list(zip(places, outcomes, strict=True))
-                    said = [(i, place, one) for i in range(len(starts)) for place, one in both]
+                    remarks = [(i, place, one) for i in range(len(starts)) for place, one in both]
             except InputError as error:
                 raise InputError(f"{name}: {error}") from None
-            for i, place, one in said:
+            for i, place, one in remarks:
                 impossible = [f"not possible from there on: {one}"] if isinstance(one, InputError) else []
                 for kind, lines in texts.items():
                     own = (

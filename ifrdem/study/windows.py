@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..analysis.window import (
     steady_share,
     window_rows,
 )
-from ..model.observables import STRESS_SERIES
+from ..model.observables import SPECIES_SERIES, STRESS_SERIES
 from .task import OVER_TIME, WARNINGS, WINDOW, Variable
 
 SAME_RUN = "the seeds give the same run: there is no error. Nothing in this case is drawn at random"
@@ -36,7 +36,7 @@ class PointWindow:
     marks: list[str] = field(default_factory=list)  # of all runs of the point
     of_runs: dict[int, list[str]] = field(default_factory=dict)  # by seed's place
     effective: dict[int, float] = field(default_factory=dict)  # n_eff of the temperature, by seed's place
-    judged: bool = (
+    compared: bool = (
         False  # by a comparison of the seeds, which is more certain than what each run says of itself
     )
 
@@ -44,7 +44,7 @@ class PointWindow:
         """The result of a run in this window, with its marks among its warnings."""
         found = {name: self._chosen(one) for name, one in result.items()}
         lines = str(found[WARNINGS].values).splitlines() if WARNINGS in found else []
-        lines = [line for line in lines if not (self.judged and _own_mark(line))]
+        lines = [line for line in lines if not (self.compared and _own_mark(line))]
         if not any(NOT_STATIONARY in line for line in lines):
             lines = [*self.of_runs.get(seed, []), *lines]
         found[WARNINGS] = Variable((), np.array("\n".join((*self.marks, *lines))))
@@ -64,14 +64,15 @@ def _own_mark(line: str) -> bool:
 
 
 def window_of(
-    row_axis: str, positions: NDArray[np.float64], results: Mapping[int, RunResult], given: float | None
-) -> PointWindow:
+    row_axis: str, positions: NDArray[np.float64], results: Mapping[int, RunResult], given: float | None,
+    species: Sequence[str] = (),
+) -> PointWindow:  # fmt: skip
     """The window of a point from the rows of its runs, by seed's place; `given` is the start that the study sets."""
     marks = [SAME_RUN] if _alike(results) else []
     windowed = any(WINDOW in one.dims for result in results.values() for one in result.values())
     if given is None and not windowed:
         return PointWindow(marks=marks)
-    rows = _rows(results)
+    rows = _rows(results, species)
     known = np.all([np.isfinite(each).all(axis=0) for each in rows.values()], axis=0)
     index, start = None, given
     if start is None:
@@ -83,22 +84,21 @@ def window_of(
     effective = {seed: float(mean_errors(T).effective) for seed, T in zip(results, rows["T"], strict=True)}
     of_runs: dict[int, list[str]] = {}
     place = f"{'t' if row_axis == 'time' else 'tau'} = {start:.4g}"
-    judged = len(results) >= FEWEST_SEEDS and int(inside.sum()) > 1
-    if judged and not marks:
+    compared = len(results) >= FEWEST_SEEDS and int(inside.sum()) > 1
+    if compared and not marks:
         marks = _marks(rows, place, len(results))
-    elif not judged:
+    elif not compared:
         text = f"{NOT_STATIONARY}: T changes from {place} on, and averages over time include that change"
         of_runs = {seed: [text] for seed, T in zip(results, rows["T"], strict=True) if not is_stationary(T)}
-    return PointWindow(start, index, marks, of_runs, effective, judged)
+    return PointWindow(start, index, marks, of_runs, effective, compared)
 
 
-def _rows(results: Mapping[int, RunResult]) -> dict[str, NDArray[np.float64]]:
+def _rows(results: Mapping[int, RunResult], species: Sequence[str]) -> dict[str, NDArray[np.float64]]:
     """Rows by which the window is found and judged, (seeds, rows) each."""
-    T = np.stack([result["temperature"].values for result in results.values()])
-    recorded = all(STRESS_SERIES[0] in result for result in results.values())
-    return window_rows(
-        T, np.stack([result[STRESS_SERIES[0]].values for result in results.values()]) if recorded else None
-    )
+    names = ("temperature", "rotational_temperature", *SPECIES_SERIES[:2], STRESS_SERIES[0])
+    recorded = [name for name in names if all(name in result for result in results.values())]
+    series = {name: np.stack([result[name].values for result in results.values()]) for name in recorded}
+    return window_rows(series, species)
 
 
 def _marks(rows: Mapping[str, NDArray[np.float64]], place: str, seeds: int) -> list[str]:

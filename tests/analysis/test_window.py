@@ -7,7 +7,14 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from ifrdem.analysis.window import LEVEL, SHARES, changes_between_seeds, mser_row, steady_share
+from ifrdem.analysis.window import (
+    LEVEL,
+    SHARES,
+    changes_between_seeds,
+    mser_row,
+    steady_share,
+    window_rows,
+)
 
 SEEDS = 6
 
@@ -71,6 +78,29 @@ def test_rows_at_logarithmic_places_count_by_their_places():
     # 4 % of the run, but more than half of the rows; 16 of 400 even ones, within the 4th batch of 5, so that d = 4.
     assert np.mean(place < 40.0) > 0.5
     assert steady_share(place, transient) == 0.125
+
+
+def test_each_quantity_that_relaxes_moves_the_start():
+    """A ratio of temperatures may relax while T is steady; so may one number of the pressure tensor."""
+    rng, rows = np.random.default_rng(4), 200
+    steady = {"temperature": 9.0 + noise(rng, (rows,), 0.5), "rotational_temperature": np.zeros(rows)}
+    slow = 40.0 * np.exp(-np.arange(rows) / 20.0) + noise(rng, (rows,), 0.5)
+    species = np.stack((steady["temperature"], slow), axis=-1)
+    stress = np.stack([noise(rng, (rows,), 0.5) for _ in range(4)], axis=-1)
+    stress[0] = np.nan  # before the first row nothing is
+
+    def share(**more: np.ndarray) -> tuple[list[str], float]:
+        found = window_rows(steady | more, ["heavy", "light"])
+        return [*found], steady_share(np.arange(rows), np.stack([*found.values()], axis=1))
+
+    assert share(stress=stress) == (["T", "P_xx", "P_xy", "P_yy"], pytest.approx(0.0, abs=0.25))
+    names, late = share(species_temperature=species)
+    assert names == ["T", "T of heavy", "T of light"]
+    assert late == 0.5
+    for i in (0, 1, 3):
+        moved = stress.copy()
+        moved[:, i] += slow
+        assert share(stress=moved)[1] == 0.5
 
 
 def test_seeds_show_a_run_that_is_too_short_and_spare_steady_ones():
