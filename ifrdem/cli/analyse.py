@@ -146,19 +146,13 @@ def _options(what: Sequence[str], **given: Any) -> dict[str, dict[str, Any]]:
 
 
 def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Lines on the mean over files of every number that all of them have, and its standard error.
-
-    Of few files also half the 95 % interval.
-    """
+    """Lines on the mean over files of every number that all of them have, and its standard error."""
     import numpy as np
 
     from ..analysis.catalogue import number
     from ..analysis.result import Reading
-    from ..tools.intervals import FEW, PERCENT, student_t
 
-    few = len(records) < FEW
-    interval = f"; in brackets half the {PERCENT} interval by Student's t" * few
-    yield f"mean over {len(records)} files, with the standard error of the scatter between them{interval}"
+    yield f"mean over {len(records)} files, with the standard error of the scatter between them"
     for name in NAMES:
         values = [record["analyses"][name]["values"] for record in records if name in record["analyses"]]
         for key, found in values[0].items() if len(values) == len(records) else ():
@@ -166,8 +160,7 @@ def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
             if len(each) == len(values):
                 error = float(np.std(each, ddof=1) / len(each) ** 0.5)
                 mean = Reading(found["name"], float(np.mean(each)), error, found["unit"])
-                half = f" ({float(student_t(len(each))) * error:.2g})" * (few and error > 0.0)
-                yield f"  {name}: {mean.name:<40} {number(mean)}{half}"
+                yield f"  {name}: {mean.name:<40} {number(mean)}"
 
 
 def _analyse(

@@ -21,7 +21,7 @@ from ifrdem.analysis import result as outcome
 from ifrdem.analysis import result as stored
 from ifrdem.analysis.catalogue import number
 from ifrdem.cli import main as cli
-from ifrdem.cli.analyse import NAMES, _means
+from ifrdem.cli.analyse import NAMES
 from ifrdem.errors import InputError
 from ifrdem.model.observables import COMPONENTS, STRESS_SERIES
 from ifrdem.plots import pictures
@@ -740,13 +740,6 @@ def test_several_files_give_means_with_errors_and_curves_together(
         "a20"
     ]["value"]
     assert re.search(rf"velocity: a20 +{one:.3f}", printed)  # of two equal files
-    values = [
-        {"analyses": {"velocity": {"values": {"a20": {"name": "a20", "value": value, "unit": ""}}}}}
-        for value in (1.0, 3.0)
-    ]
-    # The quantile of Student's t with one degree of freedom is tan(0.475 pi) = 12.7062.
-    assert [*_means(values)][1].endswith("2.0 +- 1.0 (13)")
-    assert [*_means(5 * values)][1].endswith("+- 0.33")  # of ten, two errors are near enough
     assert cli.main(["plot", "a.h5", "b.h5", "theta", "--over", "tau"]) == 0
     (axes,) = drawn[0].axes
     assert [line.get_label() for line in axes.lines] == ["a", "b"]
