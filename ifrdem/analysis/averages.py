@@ -40,6 +40,7 @@ from ..trajectory.tables import optional_import
 from . import result as stored
 from .bins import Bins, Grid, Rings, Strips
 from .common import standard_errors
+from .window import steady_frames
 
 if TYPE_CHECKING:
     import xarray
@@ -308,9 +309,10 @@ def _used(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int]:
     if not trajectory.disks.n_movable:
         raise InputError("mass: must be finite for at least one disk; averages are over disks that can move")
     every = stored.all_frames(trajectory, None)
-    if frames is not None:
+    frames = steady_frames(trajectory, frames)
+    if frames is not None and not isinstance(frames, stored.FramesFrom):
         return sorted({trajectory[i].index for i in frames})
-    half = every[len(every) // 2 :]
+    half = every[len(every) // 2 :] if frames is None else [*frames]
     return half[:: -(-len(half) * trajectory.n // MOST_WORK)]
 
 

@@ -37,6 +37,7 @@ from . import result as stored
 from . import stress as stresses
 from .result import Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
 from .steadiness import is_stationary, stationarity_warning
+from .window import steady_frames
 
 GAP = 0.1
 """Of the mean diameter: the gap below which disks are of one cluster."""
@@ -476,7 +477,7 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         raise InputError(
             text if box.is_open else f"{text}; `analyse stress` gives the pressure tensor between walls"
         )
-    used = all_frames(trajectory, frames)
+    used = all_frames(trajectory, steady_frames(trajectory, frames))
     span = times(trajectory, used)
     when, (T, count) = stored.series(trajectory, "temperature", "collisions")
     inside = (when >= span[0]) & (when <= span[1])
@@ -577,6 +578,7 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     when, rows_of = series.time[rising], {name: series[name][rising] for name in STRESS_SERIES}
     if len(when) < 2:
         raise InputError(f"{trajectory.path}: must have two rows of the series or more for a stress")
+    frames = steady_frames(trajectory, frames)
     used = all_frames(trajectory, frames)
     span = times(trajectory, used) if frames is not None else (float(when[0]), float(when[-1]))
     span = (max(span[0], float(when[0])), min(span[1], float(when[-1])))
@@ -627,7 +629,7 @@ def of_cooling(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
     when, (T, T_rot, count) = stored.series(trajectory, "temperature", "rotational_temperature", "collisions")
     used = np.ones(len(when), dtype=bool)
     if frames is not None:
-        begin, end = times(trajectory, list(frames))
+        begin, end = times(trajectory, frames)
         used = (when >= begin) & (when <= end)
     when, T, T_rot, count = when[used], T[used], T_rot[used], count[used]
     n = trajectory.n
@@ -684,11 +686,11 @@ def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> s
 
 
 def of_impact(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
-    found = stored.collisions(trajectory)
+    found, frames = stored.collisions(trajectory), steady_frames(trajectory, frames)
     inside = found.first_of_pair
     span = found.span
     if frames is not None:
-        span = times(trajectory, list(frames))
+        span = times(trajectory, frames)
         inside &= (found.time >= span[0]) & (found.time <= span[1])
     result = impact.impacts(found.psi[inside], found.regime[inside])
     counts = None if np.any(found.regime[inside] < 0) else _regime_counts(trajectory, span)

@@ -26,11 +26,9 @@ from ..trajectory.reader import Trajectory
 from . import displacement
 from . import result as stored
 from .gas_theory import gas_of
-from .result import Columns, Evaluation, Groups, Reading, all_frames, kinds, times, unit
+from .result import Columns, Evaluation, FramesFrom, Groups, Reading, all_frames, kinds, times, unit
 from .steadiness import is_stationary, stationarity_warning
-
-DRIVES = ("energy_input", "wall_work", "wall_heat")
-"""Observables that are 0 in a gas that is not driven."""
+from .window import is_driven, steady_frames
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,12 +62,15 @@ class _Plan(NamedTuple):
 def _plan(trajectory: Trajectory, frames: Sequence[int] | None, consequence: str) -> _Plan:
     """Suitable frames and time origins; a warning that names the `consequence` if the temperature changes.
 
-    All frames of a steady gas, else their second half if the gas is steady there. Otherwise all frames: against
+    Without a choice, those of the steady window of a gas that has one. All frames of a steady gas, else their second
+    half if the gas is steady there. Otherwise all frames: against
     collisions per disk for a gas that cools without driving, with the first frame as the only origin for others.
     """
+    frames = steady_frames(trajectory, frames)
     used = all_frames(trajectory, frames)
     if len(used) < 4:
-        raise InputError(f"{trajectory.path}: {len(used)} frames are too few: must be at least 4")
+        since = f" from t = {used.time:.4g} on" if isinstance(used, FramesFrom) else ""
+        raise InputError(f"{trajectory.path}: {len(used)} frames{since} are too few: must be at least 4")
     T, middle = temperatures(trajectory, used), len(used) // 2
     notes, warnings = [], []
     if T is None:
@@ -105,7 +106,7 @@ def own_time(trajectory: Trajectory, used: Sequence[int]) -> Array | None:
     box, observables = trajectory.box, trajectory.observables
     if box.is_open or box.shear_rate or trajectory.free_area.all_walls or "collisions" not in observables:
         return None
-    if any(name in observables and np.any(observables[name]) for name in DRIVES):
+    if is_driven(trajectory):
         return None
     tau = observables["collisions_per_disk"][list(used)]
     return tau if np.all(np.diff(tau) > 0.0) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -153,6 +153,19 @@ NOT_STATIONARY = "the gas is not stationary"
 """Beginning of a warning that is one because the gas changes."""
 
 Columns = dict[str, NDArray[Any]]
+
+
+class FramesFrom(list[int]):
+    """Numbers of the frames of a trajectory from a time on, to the last.
+
+    Analyses of series, or of collisions, take all from that time on, which may lie between two frames.
+    """
+
+    def __init__(self, numbers: Iterable[int], time: float) -> None:
+        super().__init__(numbers)
+        self.time = time  # [time]
+
+
 Groups = dict[str, NDArray[np.intp]]
 """Names of groups of disks, and the ids of each."""
 
@@ -204,7 +217,9 @@ def all_frames(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int
     """The chosen frames, or all."""
     if len(trajectory) == 0:
         raise InputError(f"{trajectory.path}: no frame to analyse")
-    return list(range(len(trajectory))) if frames is None else list(frames)
+    if frames is None:
+        return list(range(len(trajectory)))
+    return frames if isinstance(frames, FramesFrom) else list(frames)
 
 
 def unit(trajectory: Trajectory, text: str) -> str:
@@ -236,7 +251,9 @@ def part_warnings(trajectory: Trajectory) -> list[str]:
 
 
 def times(trajectory: Trajectory, used: Sequence[int]) -> tuple[float, float]:
-    return float(trajectory.times[used[0]]), float(trajectory.times[used[-1]])
+    """First and last time of frames [time]."""
+    first = used.time if isinstance(used, FramesFrom) else float(trajectory.times[used[0]])
+    return first, float(trajectory.times[used[-1]])
 
 
 def kinds(trajectory: Trajectory) -> Groups:

@@ -18,6 +18,7 @@ from . import steadiness
 from .common import mean_with_error
 from .gas_theory import gas_of
 from .result import Columns, Evaluation, Reading, kinds, times
+from .window import steady_frames
 
 FRAME_OF_REFERENCE = (
     "temperatures are relative to the mean velocity where the gas can drift freely, else in the lab"
@@ -54,6 +55,7 @@ def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
     if len(groups) < 2:
         raise InputError(f"{trajectory.path} has one species: must have two or more")
     names = [*groups]
+    frames = steady_frames(trajectory, frames)
     used = stored.all_frames(trajectory, frames)
     rows = _of_series(trajectory, names, None if frames is None else times(trajectory, used))
     if rows is None:
@@ -69,7 +71,7 @@ def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
             notes.append(f"{gas.text}, from the temperatures of the first frame")
         except InputError as error:
             notes.append(f"no kinetic theory here: {error}")
-    late = slice(len(rows.time) // 2, None)
+    late = slice(len(rows.time) // 2 if frames is None else 0, None)
     readings: list[Reading] = []
     changes: list[steadiness.Change] = []
 
@@ -102,7 +104,7 @@ def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
         add(f"theta of {name}", f"theta_of_{name}", (both[1][:, i], both[0][:, i]), of(theory, i, i, 1, 0))
     if not readings:
         raise InputError(f"{trajectory.path}: no ratio of temperatures: a species is at rest")
-    notes.append(f"means over the second half of {len(rows.time)} rows")
+    notes.append(f"means over {'the second half of ' * (frames is None)}{len(rows.time)} rows")
     if (n := len(rows.time[late])) < steadiness.FEWEST_ROWS:
         notes.append(
             f"too few rows ({n}, fewer than {steadiness.FEWEST_ROWS}) to judge whether the gas is steady"

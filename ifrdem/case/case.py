@@ -353,6 +353,11 @@ class ForceSection(Section):
         return False
 
     @property
+    def is_random(self) -> bool:
+        """True if the force draws random numbers."""
+        return False
+
+    @property
     def has_medium(self) -> bool:
         """True if the force slows velocities down to those of a medium at rest."""
         return False
@@ -388,6 +393,11 @@ class RandomForce(ForceSection):
         """True."""
         return True
 
+    @property
+    def is_random(self) -> bool:
+        """True."""
+        return True
+
 
 class RandomTorque(RandomForce):
     """Random changes of spins."""
@@ -419,6 +429,11 @@ class LangevinForce(ForceSection):
     def moves_disks_at_rest(self) -> bool:
         """True of a warm bath that acts on velocities."""
         return self.temperature != 0.0 and self.rate != 0.0
+
+    @property
+    def is_random(self) -> bool:
+        """True of a warm bath."""
+        return bool(self.temperature or self.spin_temperature)
 
     @property
     def has_medium(self) -> bool:

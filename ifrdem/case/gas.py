@@ -216,6 +216,20 @@ class CaseGas:
         """Time of the run's clock at the start [time], and number of collisions of all disks until then."""
         return (0.0, 0) if self.given is None else (self.given.time, self.given.collisions)
 
+    @property
+    def is_drawn(self) -> bool:
+        """True if run.seed changes the run: it draws the start or radii, or forces or thermal walls act at random."""
+        case, given = self.case, self.given
+        moves = any(each.moves or each.spin_rms for each in case.species)
+        if given is None or case.start.positions == IMPACT_SCAN:
+            drawn = moves or case.start.positions != "hexagonal" or len(self.species) > 1
+        else:
+            drawn = moves and (given.velocity is None or given.spin is None)
+        random = any(each.is_random for each in case.force) or any(
+            wall.temperature for wall in self.free_area.all_walls
+        )
+        return drawn or random or not all(each.equal for each in self.species)
+
     def law(self, i: int = 0, j: int = 0) -> CollisionLaw:
         """The law of two species, by their numbers."""
         a, b = (self.materials.index(self.species[one].material) for one in (i, j))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -48,7 +49,8 @@ def find(given: str) -> Path:
     Raises InputError if it has the form of a name, and there is neither such a file nor such a case.
     """
     path = Path(given)
-    if path.exists() or path.name != given or path.suffix:
+    # Of a path that is too long the system says so, where `Path.exists` raises its error.
+    if os.path.exists(given) or path.name != given or path.suffix:
         return path  # which may be missing: its reader reports it
     if given in names():
         return FOLDER / f"{given}.toml"

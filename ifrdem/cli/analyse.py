@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from ..errors import DamageError, InputError, there_are
 from ..plots.names import OPTIONS, PICTURES
 from ..tools import text_file
-from .console import FAILED, echo, note
+from .console import FAILED, echo, note, warn
 from .options import (
     Average,
     Axis,
@@ -24,14 +24,15 @@ from .options import (
     Dpi,
     Force,
     Frames,
+    From,
     NoTitle,
     Size,
     Style,
+    chosen_frames,
     flag,
     one_trajectory,
     opened,
     option,
-    selected_frames,
     styled,
 )
 
@@ -80,6 +81,7 @@ def analyse(
         ),
     ],
     frames: Frames = None,
+    start: From = None,
     axis: Axis = None,
     bins: Bins = None,
     cells: Cells = None,
@@ -112,9 +114,10 @@ def analyse(
       impact            angles of impact and regimes
 
     Without names, all that the file allows; the exit status is 1 if damage of it keeps one from being done. Analyses of
-    single frames take up to 20 of the second half unless --frames says which, and fewer of large gases. A folder that
-    is there gets the analyses that it lacks; --force replaces those that it has. Of several files, the mean over them
-    of every number is printed too, with its standard error.
+    single frames take up to 20 of the second half, and fewer of large gases. Averages over time of a gas that is
+    driven, sheared or between walls begin where it is steady, in the first half of the run. --frames or --from says
+    which frames are used. A folder that is there gets the analyses that it lacks; --force replaces those that it has.
+    Of several files, the mean over them of every number is printed too, with its standard error.
     """
     files_end = (i for i, word in enumerate(words) if not (word.endswith(".h5") or Path(word).exists()))
     count = next(files_end, len(words))
@@ -125,7 +128,7 @@ def analyse(
         _known("analysis", name, NAMES)
     options = _options(what or NAMES, axis=axis, bins=bins, cells=cells, average=average)
     files = [one_trajectory(source) for source in sources]
-    records = [_analyse(file, what, frames, options, output, json, force) for file in files]
+    records = [_analyse(file, what, frames, start, options, output, json, force) for file in files]
     if len(files) > 1 and not json:
         for line in _means(records):
             echo(line)
@@ -166,6 +169,7 @@ def _analyse(
     file: str,
     what: Sequence[str],
     frames: str | None,
+    start: float | None,
     options: dict[str, dict[str, Any]],
     output: str | None,
     json: bool,
@@ -175,7 +179,7 @@ def _analyse(
     from ..tools.files import check_apart, check_files
 
     with opened(file) as trajectory:
-        numbers = None if frames is None else list(selected_frames(frames, len(trajectory)))
+        numbers = chosen_frames(trajectory, frames, start)
         stem = trajectory.path.stem
         folder = Path(output or f"{stem}-analysis")
         summary = folder / f"{stem}.json"
@@ -340,6 +344,7 @@ def plot(
     ] = None,
     list: Annotated[bool, flag("list the names and draw nothing")] = False,
     frames: Frames = None,
+    start: From = None,
     axis: Axis = None,
     bins: Bins = None,
     cells: Cells = None,
@@ -358,8 +363,9 @@ def plot(
     """Draw a trajectory, several, or a study: temperatures, disks, velocity, rdf, structure-factor, msd.
 
     Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
-    and so on; of a study, with the 95 % interval of the mean over seeds, and kinetic theory. Of one trajectory,
-    temperatures, energy, ledger, mechanisms, walls, piston and species can be drawn `--over tau` or `t`.
+    and so on; of a study, with the 95 % interval of the mean over seeds, and kinetic theory; --from averages it over
+    each run, for --over a swept key. Of one trajectory, temperatures, energy, ledger, mechanisms, walls, piston and
+    species can be drawn `--over tau` or `t`.
     For a column of a journal: `--size 3.4in --dpi 300 --no-title --style paper -o NAME.pdf`.
     """
     if list:
@@ -378,12 +384,16 @@ def plot(
     form: dict[str, Any] = {"size": size, "dpi": dpi, "title": not no_title}
     with styled(style):
         if together or by is not None or (over is not None and what not in PICTURES):
-            _plot_together(sources, what, over, by, frames, output, force=force, form=form)
+            if frames is not None:
+                raise InputError("--frames: of one trajectory only")
+            form["start"] = start
+            _plot_together(sources, what, over, by, output, force=force, form=form)
         else:
             _plot_one(
                 sources[0],
                 what,
                 frames,
+                start,
                 output,
                 force=force,
                 over=over,
@@ -397,6 +407,7 @@ def _plot_one(
     source: str,
     what: str,
     frames: str | None,
+    start: float | None,
     output: str | None,
     *,
     force: bool,
@@ -412,8 +423,10 @@ def _plot_one(
         colour_of(color, "--color")
     from ..tools.files import check_apart, check_files
 
+    if start is not None and what not in NAMES:
+        raise InputError(f"--from: cannot be combined with {what}; it is an option of {', '.join(NAMES)}")
     with opened(file) as trajectory:
-        numbers = None if frames is None else [*selected_frames(frames, len(trajectory))]
+        numbers = chosen_frames(trajectory, frames, start)
         path = Path(output or f"{trajectory.path.stem}-{what}.png")
         check_apart(path, trajectory.path)
         path = _as_picture(path)
@@ -430,7 +443,6 @@ def _plot_together(
     what: str,
     over: str | None,
     by: str | None,
-    frames: str | None,
     output: str | None,
     *,
     force: bool,
@@ -440,14 +452,14 @@ def _plot_together(
     from ..study import figure, results
     from ..tools.files import check_files
 
-    if frames is not None:
-        raise InputError("--frames: of one trajectory only")
     if any(source.endswith(".nc") for source in sources):
         if len(sources) > 1:
             raise InputError(
                 f"{len(sources)} files: the results of one study, or trajectories only, are drawn together"
             )
         found = results.Results.read(sources[0])
+    elif form["start"] is not None:
+        raise InputError("--from: of the results of a study, or of one trajectory")
     else:
         with contextlib.ExitStack() as stack:
             files = [one_trajectory(source) for source in sources]
@@ -458,6 +470,8 @@ def _plot_together(
     from ..plots import run
 
     run.save(drawn, path)
+    if count := results.warnings_of(found)[:1]:
+        warn(f"{count[0]}: `ifrdem info {sources[0]}` lists them")
     note(f"wrote {path}")
 
 

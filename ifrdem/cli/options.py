@@ -168,6 +168,15 @@ Frames = Annotated[
         "(default: all that suit)",
     ),
 ]
+From = Annotated[
+    float | None,
+    real(
+        "PLACE",
+        "where averages begin: a time, or collisions per disk if the run ends at these (default: in a gas that is "
+        "driven, sheared or between walls where it is steady)",
+        "a number, 0 or more", lambda value: 0.0 <= value < math.inf, "--from",
+    ),
+]  # fmt: skip
 Output = Annotated[
     str | None, option("OUT", "file to write (default: FILE with another ending)", "--output", "-o")
 ]
@@ -363,6 +372,20 @@ def selected_frames(text: str | None, frames: int) -> range:
         span = f"0 to {frames - 1}" if frames else "none"
         raise InputError(f"--frames {text}: names none of the {frames} frames ({span})")
     return found
+
+
+def chosen_frames(trajectory: Trajectory, frames: str | None, start: float | None) -> list[int] | None:
+    """The frames that `--frames` names, or those `--from` a place on; None without either.
+
+    Raises InputError if there is no such frame, or both are given.
+    """
+    if frames is not None and start is not None:
+        raise InputError("--from: cannot be combined with --frames, which names the frames by their numbers")
+    if start is not None:
+        from ..analysis.window import frames_from
+
+        return frames_from(trajectory, start, "--from")
+    return None if frames is None else [*selected_frames(frames, len(trajectory))]
 
 
 def counted(

@@ -18,6 +18,7 @@ from .options import (
     File,
     Force,
     Frames,
+    From,
     Output,
     Style,
     choice,
@@ -51,17 +52,23 @@ def info(
         ),
     ],
     /,
+    *,
+    start: From = None,
 ) -> None:
     """Describe the content of a trajectory, or of a study with its numbers.
 
-    Of a study (NAME.nc): a table of means over seeds with standard errors, at the end of the runs, a line for each
-    point and quantity.
+    Of a study (NAME.nc): a table of means over seeds with standard errors, a line for each point and quantity. Series
+    have their value at the end of the runs, or their mean over each run `--from` a place on.
     """
     if file.endswith(".nc"):
         from ..study.contents import describe as describe_study
 
-        echo(describe_study(file))
+        echo(describe_study(file, start))
         return
+    if start is not None:
+        raise InputError(
+            "--from: of the results of a study (.nc); `ifrdem analyse --from` averages a trajectory"
+        )
     from ..runs.info import describe
 
     echo(describe(one_trajectory(file)))

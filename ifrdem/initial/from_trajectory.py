@@ -163,7 +163,8 @@ def _clock(there: Box, box: Box | None, frame_time: float, time: float | None) -
         if abs(boxes - round(boxes)) > 1e-9:
             raise InputError(
                 f"start.time = {time:g}: the images above and below are where the flow has moved them by t = "
-                f"{frame_time!r}, the time of the frame; leave start.time out"
+                f"{frame_time!r}, the time of the frame: they must differ by a multiple of "
+                f"{box.lengths[0] / abs(rate * box.lengths[1]):.6g} (without start.time they are the same)"
             )
     elif rate and time is None:
         return 0.0, False  # when the images stand as in a box at rest

@@ -269,8 +269,10 @@ def _spins(trajectory: Trajectory) -> bool:
 
 def _numbers(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int] | None:
     """Numbers of frames, from 0; InputError if they are no list of them."""
-    if frames is None:
-        return None
+    from ..analysis.result import FramesFrom
+
+    if frames is None or isinstance(frames, FramesFrom):
+        return frames
     if isinstance(frames, str) or not isinstance(frames, Iterable):
         raise InputError(f"frames = {frames!r}: must be a list of frame numbers, [{frames!r}] for one")
     return [trajectory[i].index for i in frames]

@@ -7,33 +7,43 @@ import os
 import textwrap
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..errors import printable
+from ..errors import option_name, printable
 from ..plots.style import written
-from .results import SEED, Results
+from ..tools.intervals import FEW, PERCENT
+from ..trajectory.descriptions import REDUCED
+from .results import N_EFF, ROWS, SEED, START, Results, averaged, half_interval, warnings_of
 
-ROWS = ("time", "collisions_per_disk")
-"""Dimensions of series, of which the last known row is printed."""
 
-
-def describe(path: str | os.PathLike[str]) -> str:
+def describe(path: str | os.PathLike[str], start: float | None = None) -> str:
     """Title, seeds, and a line for each quantity of one number and each point: its mean over seeds and standard error.
 
-    Series have their value at the end of the runs. Raises InputError as `Results.read`.
+    With fewer than 10 seeds half the 95 % interval is printed, too. Series have their value at the end of the runs,
+    or with `start` their mean from there on (`averaged`). Raises InputError as `Results.read`, or if no row is as
+    late.
     """
     results = Results.read(path)
+    series = "at the end of the runs"
+    if start is not None:
+        results = averaged(results, start, option_name("--from", "start ="))
+        series = f"from {start:g} on, in what ends the runs"
     keys = [key for names in results.axes.values() for key in names]
     lines = [f"{path}: {results.attributes.get('title', 'results of a study')}"]
     lines.append(f"  seeds  {', '.join(map(str, results.values(SEED)))}")
-    head = ("quantity", *keys, "mean", "error", "seeds", "unit")
+    lines += [f"  ! {line}" for line in warnings_of(results)]
+    intervals = len(results.values(SEED)) < FEW
+    head = ("quantity", *keys, "mean", "error", *[f"{PERCENT} +-"] * intervals, "seeds", "unit")
     rows, left_out = [], []
     for name in results.quantities:
-        if (found := _rows(results, name)) is None:
+        if (found := _rows(results, name, intervals)) is None:
             left_out.append(name)
         else:
             rows += found
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
-    lines += ["", "  means over seeds at the end of the runs, with standard errors"]
+    text = f", and half the {PERCENT} interval by Student's t" * intervals
+    lines += ["", f"  means over seeds with standard errors{text}; series {series}"]
+    lines += _window(results)
     for row in (head, *rows):
         lines.append(
             "  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
@@ -44,7 +54,24 @@ def describe(path: str | os.PathLike[str]) -> str:
     return printable("\n".join(lines))
 
 
-def _rows(results: Results, name: str) -> list[tuple[str, ...]] | None:
+def _window(results: Results) -> list[str]:
+    """A line on where averages over time begin, and on n_eff of T; none without such averages."""
+    if START not in results.variables or not np.isfinite(results.values(START)).any():
+        return []
+    unit = results.variables[START].unit
+    place = f"{results.row_axis} = {_range(results.values(START))}"
+    place = place if unit in ("", REDUCED) else f"{place} {written(unit)}"
+    n_eff = results.variables.get(f"temperature{N_EFF}")
+    of_runs = "" if n_eff is None else f"; n_eff of T in a run: {_range(n_eff.values)}"
+    return [f"  analyses over time average from {place} on{of_runs}"]
+
+
+def _range(values: NDArray[np.float64]) -> str:
+    """ "1.5 to 3", or the one value that there is."""
+    return " to ".join(dict.fromkeys(f"{one:.3g}" for one in (np.nanmin(values), np.nanmax(values))))
+
+
+def _rows(results: Results, name: str, intervals: bool) -> list[tuple[str, ...]] | None:
     """Lines of a quantity; None if it has other dimensions than those of points and rows."""
     axes, each = [*results.axes], results.variables.get(name)
     mean, error = (results.variables.get(f"{name}_{kind}") for kind in ("mean", "error"))
@@ -53,6 +80,8 @@ def _rows(results: Results, name: str) -> list[tuple[str, ...]] | None:
     rows = [dim for dim in mean.dims if dim in ROWS]
     if mean.dims != (*axes, *rows) or each.dims != (*axes, SEED, *rows) or error.dims != mean.dims:
         return None
+    half = half_interval(results, name)
+    shown = [mean.values, error.values, *([half] if intervals and half is not None else [])]
     found = []
     for at in itertools.product(*(range(len(results.values(axis))) for axis in axes)):
         known = np.flatnonzero(np.isfinite(np.atleast_1d(mean.values[at])))
@@ -65,6 +94,6 @@ def _rows(results: Results, name: str) -> list[tuple[str, ...]] | None:
             for i, names in zip(at, results.axes.values(), strict=True)
             for key in names
         ]
-        numbers = (f"{np.atleast_1d(one.values[at])[last]:.6g}" for one in (mean, error))
+        numbers = (f"{np.atleast_1d(one[at])[last]:.6g}" for one in shown)
         found.append((name, *point, *numbers, str(seeds), written(mean.unit)))
     return found

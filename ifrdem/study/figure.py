@@ -28,8 +28,8 @@ from ..tools.intervals import PERCENT
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
-from .results import Results, finite_seeds, half_interval, theory_between
-from .task import Variable
+from .results import ROWS, Results, averaged, finite_seeds, half_interval, theory_between
+from .task import AT, Variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,15 +78,16 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
 
 
 def draw(
-    results: Results, what: str, over: str | None = None, by: str | None = None, *,
+    results: Results, what: str, over: str | None = None, by: str | None = None, *, start: float | None = None,
     size: tuple[float, ...] | None = None, dpi: int = 200, title: bool = True,
 ) -> Figure:  # fmt: skip
     """Draw a quantity: its mean over seeds, a band of its 95 % interval, and kinetic theory, dashed.
 
     `what` is its name, or T, T_rot. It is drawn over the rows (tau, t), or `over` another of its dimensions, or a swept
     key, where the last row counts. Each value of the swept key `by` (the first one without it) is a curve, every
-    combination of the others a panel; so is each species, or component, of a quantity that has some. `size` is the
-    width, and the height if given, of the figure [inches].
+    combination of the others a panel; so is each species, or component, of a quantity that has some. From `start` on,
+    in what ends the runs, a series is averaged over its rows, and drawn over a swept key. `size` is the width, and the
+    height if given, of the figure [inches].
 
     Raises InputError if there is no such quantity or key, or there are too many panels.
     """
@@ -94,6 +95,8 @@ def draw(
 
     swept = list(results.axes)
     name = SHORT.get(what, what)
+    if start is not None:
+        results = _from(results, name, start)
     if f"{name}_mean" not in results.variables:
         known = results.quantities
         near = nearest(what, [*known, *SHORT])
@@ -144,6 +147,16 @@ def draw(
     return figure
 
 
+def _from(results: Results, name: str, start: float) -> Results:
+    """Results whose series are means from a place on; InputError if the quantity is no series, or no row is as late."""
+    option = option_name("--from", "start =")
+    mean = results.variables.get(f"{name}_mean")
+    if mean is not None and not set(mean.dims) & set(ROWS):
+        text = f"{name} is no series; [output] analyses_from of the study sets where analyses over time begin"
+        raise InputError(f"{option} {start:g}: {text}")
+    return averaged(results, start, option)
+
+
 def _theory(results: Results, name: str) -> str | None:
     """The variable with kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
     names = (f"{name}_theory", f"{name}_theory_mean", f"{name}_by_theory_mean")
@@ -167,9 +180,20 @@ def _x(results: Results, over: str | None, dims: tuple[str, ...]) -> str:
     if over is None:
         return rows[0] if rows else dims[-1]
     name = SHORT.get(over, over)
-    if name in dims or (name in ("time", PER_DISK) and f"{name}_mean" in results.variables and rows):
+    if name in dims:
         return name
-    return _dim(results, option_name("--over", "over ="), over, [*dims, *(["time"] if rows else [])])
+    # Times and collisions per disk are known at the rows of series, and between them, where frames are analysed.
+    clocks = [each for each in ROWS if {AT, *ROWS} & {*dims} and _has_clock(results, each)]
+    return name if name in clocks else _dim(results, option_name("--over", "over ="), over, [*dims, *clocks])
+
+
+def _has_clock(results: Results, name: str) -> bool:
+    return name in results.variables or f"{name}_mean" in results.variables
+
+
+def _row_of_clock(dims: Sequence[str]) -> str:
+    """The dimension of a quantity that a time, or collisions per disk, stand for: that of series, or of frames."""
+    return next(dim for dim in dims if dim in (*ROWS, AT))
 
 
 def _dim(results: Results, option: str, given: str, allowed: Sequence[str]) -> str:
@@ -198,12 +222,8 @@ def _panel(
             one = results.variables.get(which) if isinstance(which, str) else which
             if one is None:
                 return None
-            rows = [dim for dim in one.dims if dim not in results.axes]
-            taken = tuple(
-                slice(None) if dim == x or (x not in one.dims and x not in results.axes and dim == rows[0])
-                else panel.get(dim, -1)
-                for dim in one.dims
-            )  # fmt: skip
+            along_x = x if x in one.dims or x in results.axes else _row_of_clock(one.dims)
+            taken = tuple(slice(None) if dim == along_x else panel.get(dim, -1) for dim in one.dims)
             return one.values[taken]
 
         y = along(f"{name}_mean")
@@ -214,6 +234,9 @@ def _panel(
         where = results.values(x) if own else along(f"{x}_mean")
         assert y is not None
         assert where is not None
+        dims = results.variables[f"{name}_mean"].dims
+        if x in ROWS and x not in dims and AT in dims:  # places of frames, in what ends the runs
+            where = results.values(AT) if own else np.interp(results.values(AT), results.row_places, where)
         if where.dtype.kind not in "iuf":
             where = np.arange(len(where))
             axes.set_xticks(where, [plain(str(each)) for each in results.values(x)])

@@ -22,12 +22,13 @@ from ..case import file as case_file
 from ..case import shipped
 from ..case.case import CaseSections
 from ..case.estimate import long_steps
+from ..case.gas import CaseGas
 from ..case.messages import spelled
 from ..errors import InputError, cut, listed, nearest, option_name
 from ..quantities import LEDGER, OBSERVABLES
 from ..tools import text_file
 from ..tools.versions import __version__
-from .task import OverTime, PerFrame, Task
+from .task import OVER_TIME, OverTime, PerFrame, Task
 
 ROWS = 50
 """Rows of series where neither the study nor its case says how many."""
@@ -55,6 +56,9 @@ RESERVED = {
     "run",
     "runs",
     "failure",
+    "warnings",
+    "notes",
+    "analyses_from",
     "at",
 }
 """Names that a swept key cannot have in the results."""
@@ -91,6 +95,9 @@ series = 50
 # psi6) at these collisions per disk (times, where the run ends at a time).
 # analyses = ["velocity", "rdf"]
 # analyses_at = [5.0, 10.0, 20.0]
+# Where averages over a run begin (stress, species, profiles, ...), in the same; without it, driven and sheared gases
+# and those between walls are averaged over the steady part, and gases that cool over the whole run.
+# analyses_from = 10.0
 # Keep the trajectory of every run.
 # trajectories = true
 
@@ -146,6 +153,7 @@ class StudyOutput(_Part):
     series_spacing: Literal["even", "log"] | None = None
     analyses: list[Literal[PerFrame, OverTime]] = Field(default=[])
     analyses_at: list[float] = Field(default=[])
+    analyses_from: float | None = Field(default=None, ge=0.0)
     trajectories: bool = False
 
 
@@ -216,6 +224,11 @@ class Plan:
         return (*(len(axis.values) for axis in self.axes), len(self.seeds))
 
     @property
+    def has_averages(self) -> bool:
+        """True if there is an analysis over the time of each run."""
+        return any(name in OVER_TIME for name in self.output.analyses)
+
+    @property
     def points(self) -> Iterator[tuple[int, ...]]:
         """Positions of each point on the axes."""
         return itertools.product(*(range(size) for size in self.shape[:-1]))
@@ -239,11 +252,7 @@ class Plan:
         for point in self.points:
             try:
                 file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
-                if file.gas.begin != (0.0, 0):
-                    raise InputError(
-                        f"start.time = {file.gas.begin[0]:g}: must be 0 in a study, whose runs share one time axis "
-                        "(without the key it is the time of the frame)"
-                    )
+                self._refuse_start(file.gas)
                 good[point] = file.case  # without its arrays, of which there may be many
                 for line in long_steps(file.gas):
                     warned.setdefault(line, []).append(self.label(point))
@@ -252,12 +261,30 @@ class Plan:
                     line = line.removeprefix(f"{self.path}: ").removeprefix("--set ").removeprefix("set: ")
                     refused.setdefault(line, []).append(self.label(point))
         count = math.prod(self.shape[:-1])
-        return good, _with_labels(refused, 0 if good else count), _with_labels(warned, count)
+        return good, with_labels(refused, 0 if good else count), with_labels(warned, count)
+
+    def _refuse_start(self, gas: CaseGas) -> None:
+        """Raise InputError if runs do not begin at 0, or seeds change nothing in them."""
+        box, start = gas.box, gas.case.start
+        if gas.begin != (0.0, 0):
+            text = "must be 0 in a study, whose runs share one time axis (without the key it is the time of the frame)"
+            if box.shear_rate:
+                period = box.lengths[0] / abs(box.shear_rate * box.lengths[1])
+                text += f"; in a sheared box, this needs a frame at a multiple of {period:.6g}"
+            raise InputError(f"start.time = {gas.begin[0]:g}: {text}")
+        if len(self.seeds) > 1 and not gas.is_drawn:
+            motion = " Without start.motion = true velocities are drawn, from speed_rms." * start.motion
+            raise InputError(
+                f"seeds = {len(self.seeds)}: all runs would be the same: nothing in this case is drawn, neither the "
+                f"start nor forces nor thermal walls.{motion} Or give one seed"
+            )
 
     def tasks(self, good: dict[tuple[int, ...], CaseSections], folder: Path) -> Iterator[Task]:
         """The runs of the points that are in order, whose results stand in a folder."""
         for point, case in good.items():
-            kept = self.output.model_dump(exclude={"series", "series_spacing"})  # which the case has
+            # The case has the rows of series; only averages over the run have a start.
+            without = {"series", "series_spacing", *["analyses_from"] * (not self.has_averages)}
+            kept = self.output.model_dump(exclude=without)
             record = case.model_dump(mode="json", exclude={"run": {"name", "threads"}})
             outside = {name: _digest(self.path.parent / name) for name in case.files}
             for i, seed in enumerate(self.seeds):
@@ -268,12 +295,12 @@ class Plan:
                     key=key, index=(*point, i), text=self.text, path=str(self.path.resolve()),
                     overrides=tuple(self._changes(point, seed)), folder=str(folder.resolve()),
                     analyses=tuple(self.output.analyses), at=tuple(self.output.analyses_at),
-                    trajectory=self.output.trajectories,
+                    start=self.output.analyses_from, trajectory=self.output.trajectories,
                     weight=sum(each.number for each in case.species) * (case.run.collisions_per_disk or 1.0),
                 )  # fmt: skip
 
 
-def _with_labels(labels_of: dict[str, list[str]], count: int) -> list[str]:
+def with_labels(labels_of: dict[str, list[str]], count: int) -> list[str]:
     """Each text with the label of its first point and the number of its further points.
 
     A text that has `count` points, which is all of them, gets no label.
@@ -445,7 +472,12 @@ def _output_overrides(case: dict[str, Any], output: StudyOutput) -> Iterator[str
     at = output.analyses_at
     if at and not output.analyses:
         raise InputError("analyses_at requires analyses")
+    start = output.analyses_from
+    if start is not None and not any(name in OVER_TIME for name in output.analyses):
+        raise InputError(f"analyses_from = {start:g}: requires an analysis over time: {', '.join(OVER_TIME)}")
     t_end, per_disk = (_number(case, key) for key in ("t_end", "collisions_per_disk"))
+    if start is not None and (end := t_end or per_disk) and not start < end:
+        raise InputError(f"analyses_from = {start:g}: must be before {end:g}, the end of the run")
     if at and (end := t_end or per_disk):  # else `check` reports the error
         if not 0.0 <= min(at) <= max(at) <= end:
             raise InputError(f"analyses_at = {at}: the run goes from 0 to {end:g}")

@@ -6,7 +6,7 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,7 +21,7 @@ from ..case import file as case_file
 from ..case.case import UNITS, CaseSections
 from ..case.gas import CaseGas
 from ..case.keys import about
-from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, there_are
+from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, counted, there_are
 from ..model.laws.ifr import EnergyWarning
 from ..quantities import AXES, NUMBER, SERIES
 from ..theory.choose import prediction
@@ -33,18 +33,24 @@ from ..tools.versions import __version__
 from ..trajectory.descriptions import REDUCED
 from ..trajectory.tables import optional_import
 from . import reading
-from .plan import Plan
-from .task import AT, Task, Variable, along, grown, load
+from .plan import Plan, with_labels
+from .task import AT, NOTES, WARNINGS, Task, Variable, along, grown, load
+from .windows import SAME_RUN, window_of
 
 if TYPE_CHECKING:
     import xarray
 
 SEED = "seed"
+ROWS = ("time", "collisions_per_disk")
+"""Dimensions of series."""
 ENDING, RUNS = ".nc", ".runs"
 """Endings of the file of results, and of the folder of runs next to it."""
 THEORY = ("temperature", "rotational_temperature", "theta")
 """Predictions of kinetic theory for a gas."""
+START, N_EFF = "analyses_from", "_n_eff"
+"""Variable with the start of averages over time of each point; ending of numbers of independent values."""
 STATISTICS = {
+    N_EFF: ": number of independent values with the same error, in the window of a run",
     "_theory": ": kinetic theory",
     "_error": ": standard error of the mean over seeds",
     "_mean": ": mean over seeds",
@@ -57,7 +63,8 @@ TEXTS = {
     "theta": "rotational over translational temperature", "failure": "message of a run that failed",
     "runs": "number of finished runs", "axis": "axes of vectors", "species": "names of the species",
     "component": "components of the pressure tensor", "mechanism": "mechanisms of dissipation",
-    "regime": "regimes of collisions",
+    "regime": "regimes of collisions", START: "where averages over time begin",
+    WARNINGS: "warnings of the analyses of each run", NOTES: "notes of the analyses of each run",
 }  # fmt: skip
 """Text on variables that are no quantities of the whole gas."""
 BEYOND = 10.0
@@ -92,6 +99,16 @@ class Results:
         """The names of the keys that vary along each swept dimension, which is called like the first of them."""
         found: dict[str, list[str]] = json.loads(self.attributes["axes"])
         return found
+
+    @property
+    def row_axis(self) -> str:
+        """The dimension of series: what ends the runs."""
+        return next(name for name in ROWS if name in self.variables and self.variables[name].dims == (name,))
+
+    @property
+    def row_places(self) -> NDArray[Any]:
+        """Places of the rows of series, in what ends the runs."""
+        return self.variables[self.row_axis].values
 
     def values(self, name: str) -> NDArray[Any]:
         """The values of a variable.
@@ -197,29 +214,50 @@ def collect(
         variables[name] = Variable((name,), np.array(parts))
     if plan.output.analyses_at:
         variables[AT] = Variable((AT,), np.array(plan.output.analyses_at))
-    texts = {name: np.full(plan.shape, "", dtype=object) for name in ("run", "failure")}
-    found: dict[str, Variable] = {}
+    texts = {name: np.full(plan.shape, "", dtype=object) for name in ("run", "failure", WARNINGS, NOTES)}
+    loaded: dict[tuple[int, ...], dict[int, dict[str, Variable]]] = {}
     for task in tasks:
         texts["run"][task.index] = task.key
         texts["failure"][task.index] = failed.get(task.key, "")
         if not task.result.exists():
             continue
         try:
-            result = load(task.result)[0]
+            loaded.setdefault(task.index[:-1], {})[task.index[-1]] = load(task.result)[0]
         except DamageError as error:
             texts["failure"][task.index] = str(error)
-            continue
-        for name, one in result.items():
-            shape = (*plan.shape, *one.values.shape)
-            whole = found.get(name) or Variable((*swept, SEED, *one.dims), np.full(shape, np.nan), one.unit)
-            room = grown(whole.values, shape)
-            corner: Any = (*task.index, *(slice(size) for size in one.values.shape))
-            room[corner] = one.values
-            found[name] = Variable(whole.dims, room, one.unit, one.text)
+    windows = {
+        point: window_of(row_axis, positions, of_seeds, plan.output.analyses_from, names.get("species", ()))
+        for point, of_seeds in loaded.items()
+    }
+    found: dict[str, Variable] = {}
+    starts, effective = np.full(plan.shape[:-1], np.nan), np.full(plan.shape, np.nan)
+    for point, window in windows.items():
+        starts[point] = window.start
+        for seed, result in loaded[point].items():
+            at = (*point, seed)
+            effective[at] = window.effective.get(seed, np.nan)
+            for name, one in window.of_run(seed, result).items():
+                if name in texts:
+                    texts[name][at] = str(one.values)
+                    continue
+                shape = (*plan.shape, *one.values.shape)
+                whole = found.get(name) or Variable(
+                    (*swept, SEED, *one.dims), np.full(shape, np.nan), one.unit
+                )
+                room = grown(whole.values, shape)
+                corner: Any = (*at, *(slice(size) for size in one.values.shape))
+                room[corner] = one.values
+                found[name] = Variable(whole.dims, room, one.unit, one.text)
     unit = UNITS[case.run.units]["time"] if row_axis == "time" else ""
     variables[row_axis] = Variable((row_axis,), positions, unit)
     variables |= {name: Variable((*swept, SEED), each) for name, each in texts.items()}
-    variables |= _means(found, len(swept))
+    if plan.has_averages:
+        variables[START] = Variable(swept, starts, unit)
+    if np.isfinite(effective).any():
+        variables[f"temperature{N_EFF}"] = Variable((*swept, SEED), effective)
+    variables |= _means(
+        found, len(swept), [point for point, each in windows.items() if SAME_RUN in each.marks]
+    )
     if "temperature" in found:
         variables["runs"] = Variable(swept, np.isfinite(found["temperature"].values[..., 0]).sum(axis=-1))
         variables |= _theory(plan, good, row_axis, variables)
@@ -246,8 +284,13 @@ def _coordinate(values: tuple[Any, ...]) -> NDArray[Any]:
     return np.array(list(texts))
 
 
-def _means(found: Mapping[str, Variable], over: int) -> dict[str, Variable]:
-    """Each variable, its mean over seeds and the standard error of that, without runs that are missing."""
+def _means(
+    found: Mapping[str, Variable], over: int, alike: Sequence[tuple[int, ...]] = ()
+) -> dict[str, Variable]:
+    """Each variable, its mean over seeds and the standard error of that, without runs that are missing.
+
+    Points whose seeds give the same run (`alike`) have no error.
+    """
     made = {}
     for name, one in found.items():
         dims, values, unit, _ = one
@@ -257,6 +300,8 @@ def _means(found: Mapping[str, Variable], over: int) -> dict[str, Variable]:
             mean = np.where(finite, values, 0.0).sum(axis=over) / count
             spread = np.where(finite, values - np.expand_dims(mean, over), 0.0)
             error = np.sqrt((spread**2).sum(axis=over) / (count - 1) / count)
+        for point in alike:
+            error[point] = np.nan
         less = dims[:over] + dims[over + 1 :]
         made[name] = one
         made[f"{name}_mean"] = Variable(less, mean, unit)
@@ -311,7 +356,9 @@ def theory_between(
     if path is None or name not in THEORY or not one_number:
         return None
     dims = results.variables[f"{name}_theory"].dims
-    row_axis = next(dim for dim in dims if dim not in results.axes)
+    row_axis = next((dim for dim in dims if dim not in results.axes), None)
+    if row_axis is None:  # of means over rows, theory is known where they are
+        return None
     positions = results.values(row_axis)
     at = tuple(fixed.get(dim, slice(None)) for dim in dims[:-1])
     times = positions if row_axis == "time" else results.values("time_mean")[at]
@@ -386,6 +433,73 @@ def predicted(case: CaseSections, folder: Path, end: float) -> tuple[NDArray[np.
     except (InputError, TheoryError):  # rolling friction, forces that are not linear, ...: there is no theory
         return None
     return steps, found.collisions_per_disk, found.temperature, found.rotational_temperature
+
+
+def averaged(results: Results, start: float, option: str = "start") -> Results:
+    """Results whose series are means of each run over its rows from a place on, in what ends the runs.
+
+    A row counts with the distance from the one before, because rows may be spaced logarithmically. `option` is that of
+    the message. Raises InputError if there is no such row after the first.
+    """
+    row_axis, places = results.row_axis, results.row_places
+    inside = places >= start * (1.0 - 1e-12)
+    weights = np.where(inside, np.diff(places, prepend=places[0]), 0.0)
+    if not weights.any():
+        raise InputError(f"{option} {start:g}: must be at most {places[-1]:g}, the last row of {row_axis}")
+    kept, series = {}, {}
+    for name, one in results.variables.items():
+        if row_axis not in one.dims or name == row_axis:
+            kept[name] = one
+        elif SEED in one.dims and f"{name}_mean" in results.variables:
+            series[name] = _mean_of_rows(one, row_axis, weights)
+        elif name.endswith("_theory"):
+            kept[name] = _mean_of_rows(one, row_axis, weights)
+    return Results(kept | _means(series, len(results.axes), _same_points(results)), results.attributes)
+
+
+def _mean_of_rows(one: Variable, row_axis: str, weights: NDArray[np.float64]) -> Variable:
+    """A variable averaged over its rows; those without a weight, such as the first one of stresses, are left out."""
+    axis = one.dims.index(row_axis)
+    values = np.compress(weights > 0.0, one.values, axis=axis)
+    mean = np.average(values, axis=axis, weights=weights[weights > 0.0])
+    return one._replace(dims=one.dims[:axis] + one.dims[axis + 1 :], values=mean)
+
+
+def _same_points(results: Results) -> list[tuple[int, ...]]:
+    """Points whose seeds give the same run."""
+    if WARNINGS not in results.variables:
+        return []
+    texts = results.values(WARNINGS)
+    return sorted({at[:-1] for at in np.ndindex(texts.shape) if SAME_RUN in str(texts[at])})
+
+
+def warnings_of(results: Results) -> list[str]:
+    """How many runs have warnings of analyses, and lines with the texts; empty if none has."""
+    if WARNINGS not in results.variables:
+        return []  # of another version
+    runs: dict[str, list[str]] = {}
+    texts, count = results.values(WARNINGS), 0
+    for at in np.ndindex(texts.shape):
+        if not (lines := str(texts[at]).splitlines()):
+            continue
+        count += 1
+        pairs = [
+            f"{key} = {results.values(key)[i]}"
+            for i, names in zip(at, results.axes.values(), strict=False)
+            for key in names
+        ]
+        label = ", ".join((*pairs, f"seed {results.values(SEED)[at[-1]]}"))
+        for line in dict.fromkeys(lines):
+            runs.setdefault(line, []).append(label)
+    if not count:
+        return []
+    shown = with_labels(runs, 0)
+    more = [f"and {len(shown) - MOST_SHOWN} more"] if len(shown) > MOST_SHOWN else []
+    return [f"{count} of {counted(texts.size, 'run')} with warnings", *shown[:MOST_SHOWN], *more]
+
+
+MOST_SHOWN = 8
+"""Warnings that are shown."""
 
 
 def half_interval(results: Results, name: str) -> NDArray[np.float64] | None:

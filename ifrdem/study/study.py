@@ -28,8 +28,9 @@ from ..tools.files import check_files
 from ..tools.progress import clock_face, quiet
 from . import workers
 from .plan import ClusterSection, Plan, read
-from .results import ENDING, RUNS, Results, collect
+from .results import ENDING, RUNS, Results, collect, warnings_of
 from .task import Task, load
+from .workers import check_jobs
 
 if TYPE_CHECKING:
     import xarray
@@ -142,6 +143,7 @@ class Study:
                 f"{self.folder}: is not a folder; runs are kept there: choose another {option_name('-o', 'output')}"
             )
         cluster = self._cluster(workers, scheduler)
+        check_jobs(cluster, self._processes(cluster)[1])
         if cluster.scheduler is None and cluster.kind is None:
             for case in {each.run.device: each for each in good.values()}.values():
                 choose_runtime(case.run)  # before the check of a GPU, which imports a runtime
@@ -314,7 +316,10 @@ class Study:
                 work.close()  # ends the processes
             progress.close()
             if part is None and any(task.result.exists() for task in tasks):
-                collect(self.plan, self._checked_cases[0], self.tasks, failed).write(self.output)
+                found = collect(self.plan, self._checked_cases[0], self.tasks, failed)
+                found.write(self.output)
+                for line in warnings_of(found):
+                    warn(line)
         status.finish("done", f"{len(failed)} runs failed" if failed else "")
         return {self._name(task): failed[task.key] for task in tasks if task.key in failed}
 

@@ -12,9 +12,10 @@ import tokenize
 import warnings
 import zipfile
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.lib.format import read_array
@@ -32,6 +33,10 @@ from ..tools.files import write_aside
 from ..trajectory.damage import FAULTS
 from ..trajectory.file import TrajectoryError
 
+if TYPE_CHECKING:
+    from ..analysis.result import Evaluation, FramesFrom
+    from ..trajectory.reader import Trajectory
+
 PerFrame = Literal[
     "velocity", "rdf", "structure-factor", "fields", "clusters", "psi6", "velocity-correlation", "vorticity"
 ]
@@ -41,6 +46,10 @@ OVER_TIME: tuple[str, ...] = get_args(OverTime)
 """Analyses of a whole run."""
 AT = "at"
 """Dimension of the places at which frames are analysed."""
+WINDOW = "window"
+"""Dimension of results of a run, not of a study: starts at which the steady window may begin."""
+WARNINGS, NOTES = "warnings", "notes"
+"""Variables with the texts of the analyses of a run, a line each."""
 LOG = logging.getLogger("ifrdem")
 
 
@@ -65,6 +74,7 @@ class Task:
     folder: str  # where results stand
     analyses: tuple[str, ...]  # names as in `ifrdem analyse`
     at: tuple[float, ...]  # where frames are analysed, in what ends the run
+    start: float | None  # where averages over the run begin, in the same; None: in the steady window
     trajectory: bool  # keep the trajectory
     weight: float  # its part of the work: disks times collisions per disk
 
@@ -132,12 +142,50 @@ class Task:
             series = trajectory.series
             rows = {"time": series.time, **{name: series[name] for name in series}}
             found = _at_rows(file.case, trajectory.n, rows)
-            axis = "time" if file.case.run.t_end else "collisions_per_disk"
-            for name in self.analyses:
-                found |= _analysed(trajectory, name, self.at, axis)
+            found |= self._analysed(trajectory, "time" if file.case.run.t_end else "collisions_per_disk")
         if not self.trajectory:
             for ending in (".h5", ".status.json"):
                 outputs.trajectory.with_name(f"{self.key}{ending}").unlink(missing_ok=True)
+        return found
+
+    def _analysed(self, trajectory: Trajectory, axis: str) -> dict[str, Variable]:
+        """Numbers, tables and texts of all analyses.
+
+        The steady window of a study is that of all seeds of a point, which a run does not know. So a run is analysed in
+        each window that it may have, and `collect` takes that one (`WINDOW`).
+        """
+        from ..analysis.window import frames_from, has_window, steady_starts
+
+        starts: list[FramesFrom | None] = [None]
+        if self.start is not None:
+            starts = [frames_from(trajectory, self.start, "analyses_from =")]
+        elif any(name in OVER_TIME for name in self.analyses) and has_window(trajectory):
+            starts = [*steady_starts(trajectory)]
+        found: dict[str, Variable] = {}
+        texts: dict[str, list[list[str]]] = {WARNINGS: [[] for _ in starts], NOTES: [[] for _ in starts]}
+        for name in self.analyses:
+            try:
+                if name in OVER_TIME:
+                    outcomes, dims = _of_windows(trajectory, name, starts), (WINDOW,) * (len(starts) > 1)
+                    remarks = [(i, "", one) for i, one in enumerate(outcomes)]
+                else:
+                    outcomes, dims = _of_frames(trajectory, name, self.at, axis), (AT,) * bool(self.at)
+                    places = [f" at {place:g}" for place in self.at] or [""]
+                    both = list(zip(places, outcomes, strict=True))
+                    remarks = [(i, place, one) for i in range(len(starts)) for place, one in both]
+            except InputError as error:
+                raise InputError(f"{name}: {error}") from None
+            for i, place, one in remarks:
+                impossible = [f"not possible from there on: {one}"] if isinstance(one, InputError) else []
+                for kind, lines in texts.items():
+                    own = (
+                        impossible * (kind == WARNINGS) if isinstance(one, InputError) else getattr(one, kind)
+                    )
+                    lines[i] += [f"{name}{place}: {line}" for line in own]
+            found |= _outcome(name, outcomes, dims)
+        for kind, lines in texts.items() if self.analyses else ():
+            joined = np.array(["\n".join(each) for each in lines])
+            found[kind] = Variable((WINDOW,), joined) if len(starts) > 1 else Variable((), joined[0])
         return found
 
 
@@ -204,26 +252,50 @@ def _units(case: CaseSections) -> dict[str, str]:
     return {name: unit_of_whole_gas(name, units) or "" for name in ("time", *SERIES)}
 
 
-def _analysed(trajectory: Any, name: str, at: tuple[float, ...], axis: str) -> dict[str, Variable]:
-    """Numbers and tables of an analysis: of frames, one for each place; of a whole run, one."""
+def _of_windows(
+    trajectory: Trajectory, name: str, starts: Sequence[FramesFrom | None]
+) -> list[Evaluation | InputError]:
+    """An analysis of a whole run from each start on, or why it cannot be done there.
+
+    Raises InputError if it cannot be done from any of them.
+    """
     from ..analysis.catalogue import ANALYSES
 
-    try:
-        if name in OVER_TIME or not at:
-            return _outcome(name, [ANALYSES[name].of(trajectory, None)], ())
-        per_disk = 2.0 * trajectory.observables["collisions"] / trajectory.n
-        reached = trajectory.times if axis == "time" else per_disk
-        frames = np.searchsorted(reached, np.array(at) * (1.0 - 1e-12)).clip(max=len(trajectory) - 1)
-        return _outcome(name, [ANALYSES[name].of(trajectory, [int(frame)]) for frame in frames], (AT,))
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
+    found: list[Evaluation | InputError] = []
+    for start in starts:
+        try:
+            found.append(ANALYSES[name].of(trajectory, start))
+        except InputError as error:
+            found.append(error)
+    if all(isinstance(one, InputError) for one in found):
+        raise InputError(str(found[0]))
+    return found
 
 
-def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str, Variable]:
+def _of_frames(
+    trajectory: Trajectory, name: str, at: tuple[float, ...], axis: str
+) -> list[Evaluation | InputError]:
+    """An analysis of the frames at each place; without places, of the frames that it takes."""
+    from ..analysis.catalogue import ANALYSES
+
+    if not at:
+        return [ANALYSES[name].of(trajectory, None)]
+    per_disk = 2.0 * trajectory.observables["collisions"] / trajectory.n
+    reached = trajectory.times if axis == "time" else per_disk
+    frames = np.searchsorted(reached, np.array(at) * (1.0 - 1e-12)).clip(max=len(trajectory) - 1)
+    return [ANALYSES[name].of(trajectory, [int(frame)]) for frame in frames]
+
+
+def _outcome(
+    name: str, outcomes: Sequence[Evaluation | InputError], dims: tuple[str, ...]
+) -> dict[str, Variable]:
+    """Numbers and tables of the outcomes of an analysis; nan of those that were not possible."""
     from ..analysis.result import identifier
 
     found: dict[str, Variable] = {}
     for i, outcome in enumerate(outcomes):
+        if isinstance(outcome, InputError):
+            continue
         parts = [
             (
                 identifier(name, row.key or row.name),

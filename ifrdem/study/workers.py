@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import inspect
+import json
 import queue
 import shutil
 import signal
@@ -179,16 +180,33 @@ def dask(
 
 def _jobs(cluster: ClusterSection, threads: int) -> Any:
     """A cluster whose workers are jobs of a batch system."""
-    try:
-        import dask_jobqueue
-    except ImportError:
-        text = f"dask-jobqueue is not installed: {install_extra('cluster')}"
-        raise InputError(f'cluster.kind = "{cluster.kind}": {text}') from None
+    dask_jobqueue = _job_queue(cluster)
     kind = str(cluster.kind)
     if shutil.which(COMMANDS[kind]) is None:
         text = f"there is no command {COMMANDS[kind]} here: is this a login node?"
         raise InputError(f'cluster.kind = "{kind}": {text}')
-    make = getattr(dask_jobqueue, f"{kind.upper()}Cluster")
+    return getattr(dask_jobqueue, f"{kind.upper()}Cluster")(**_options_of_jobs(cluster, threads))
+
+
+def check_jobs(cluster: ClusterSection, threads: int) -> None:
+    """Raise InputError unless dask-jobqueue makes the script of a job from the options of a batch system."""
+    if cluster.kind is None:
+        return
+    given = _options_of_jobs(cluster, threads)
+    job = getattr(_job_queue(cluster), f"{cluster.kind.upper()}Cluster").job_cls
+    of_job = {name for one in inspect.getmro(job)[:-1] for name in inspect.signature(one).parameters}
+    own = {name: value for name, value in given.items() if name in of_job}
+    try:
+        job(**({"scheduler": "tcp://127.0.0.1:8786", "name": "ifrdem"} | own)).job_script()
+    except Exception as error:
+        # The package checks nothing by itself: whatever it raises comes from the values of these options.
+        text = f"dask-jobqueue makes no job of {json.dumps(cluster.options, default=str)}: {error}"
+        raise InputError(f"cluster.options: {text}") from None
+
+
+def _options_of_jobs(cluster: ClusterSection, threads: int) -> dict[str, Any]:
+    """Options of the cluster with those that are not given."""
+    make = getattr(_job_queue(cluster), f"{str(cluster.kind).upper()}Cluster")
     classes = [*inspect.getmro(make)[:-1], *inspect.getmro(make.job_cls)[:-1]]
     known = {name for one in classes for name in inspect.signature(one).parameters} - {"args", "kwargs"}
     for name in cluster.options:
@@ -198,5 +216,24 @@ def _jobs(cluster: ClusterSection, threads: int) -> Any:
             )
             raise InputError(f"cluster.options.{name}: {text}")
     given = {"cores": 1, "processes": None, "memory": "4 GB"} | cluster.options
-    given["processes"] = given["processes"] or max(1, int(given["cores"]) // threads)
-    return make(**given)
+    for name in ("cores", "processes"):
+        value = given[name]
+        whole = isinstance(value, int) and not isinstance(value, bool) and value > 0
+        if not whole and not (name == "processes" and value is None):
+            raise InputError(
+                f"cluster.options.{name} = {json.dumps(value, default=str)}: must be a whole number, 1 or more"
+            )
+    if not isinstance(given["memory"], str):
+        value = json.dumps(given["memory"], default=str)
+        raise InputError(f'cluster.options.memory = {value}: must be a text with a unit, such as "16 GB"')
+    given["processes"] = given["processes"] or max(1, given["cores"] // threads)
+    return given
+
+
+def _job_queue(cluster: ClusterSection) -> Any:
+    try:
+        import dask_jobqueue
+    except ImportError:
+        text = f"dask-jobqueue is not installed: {install_extra('cluster')}"
+        raise InputError(f'cluster.kind = "{cluster.kind}": {text}') from None
+    return dask_jobqueue

@@ -247,7 +247,7 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str | None = N
             else:
                 problems.append(f"output {path}: exists already; {replaces}, {elsewhere}")
     for folder in dict.fromkeys(path.parent for path in paths):
-        if not folder.exists():
+        if not os.path.exists(folder):  # where `Path.exists` raises the error of a name that is too long
             problems.append(f"output folder {folder}: does not exist")
         elif not folder.is_dir():
             problems.append(f"output folder {folder}: is not a folder")
@@ -280,7 +280,12 @@ def write_text(path: Path, text: str) -> None:
 
 
 def not_a_file(path: Path) -> str | None:
-    """Reason why an existing path cannot be an output; None for files and free paths."""
+    """Reason why a path cannot be an output; None for files and free paths."""
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
+            return f"output {path}: {error.strerror}"
     if path.is_dir():
         return f"output {path}: is a folder"
     if path.exists() and not path.is_file():

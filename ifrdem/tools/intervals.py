@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 LEVEL = 0.95
 """Probability that the interval of a mean holds the true value."""
+FEW = 10
+"""Values below which half the interval of their mean is printed too: it is longer than two standard errors."""
 PERCENT = f"{100.0 * LEVEL:g} %"
 
 

@@ -443,8 +443,9 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     printed = capsys.readouterr().out
     row = next(line for line in printed.splitlines() if line.split()[:3] == ["temperature", "0.9", "0.1"])
     last = found.isel(collisions_per_disk=-1).sel(e_n=0.9, mu=0.1)
-    assert [float(each) for each in row.split()[3:6]] == pytest.approx(
-        [last.temperature_mean.item(), last.temperature_error.item(), 2], rel=1e-4
+    error = last.temperature_error.item()
+    assert [float(each) for each in row.split()[3:7]] == pytest.approx(
+        [last.temperature_mean.item(), error, np.tan(0.475 * np.pi) * error, 2], rel=1e-4
     )
 
 

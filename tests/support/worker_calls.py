@@ -51,7 +51,7 @@ class QuickTask(Task):
 
 def quick_tasks(*keys: str, path: str = "") -> list[Task]:
     """Runs with these keys."""
-    return [QuickTask(key, (0,), "", path, (), "", (), (), False, 1.0) for key in keys]
+    return [QuickTask(key, (0,), "", path, (), "", (), (), None, False, 1.0) for key in keys]
 
 
 def endless(name: str, *, quick: bool, seed: int, is_quiet: bool) -> runner.Verdict:

@@ -1,0 +1,276 @@
+"""Averages over time in studies: where they begin, for all seeds, and what is marked."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_study import CASE
+
+import ifrdem
+from ifrdem.analysis.catalogue import ANALYSES
+from ifrdem.analysis.window import frames_from, steady_frames
+from ifrdem.cli import main as cli
+from ifrdem.errors import InputError
+from ifrdem.study.contents import describe
+from ifrdem.study.figure import draw
+from ifrdem.study.results import Results, warnings_of
+from ifrdem.study.task import Variable
+from ifrdem.study.windows import SAME_RUN, window_of
+
+SHEARED = (
+    CASE.replace("e_n = 0.9", "e_n = 0.8")
+    .replace("collisions_per_disk = 4.0", "t_end = 20.0")
+    .replace("packing_fraction = 0.2", "packing_fraction = 0.2\nshear_rate = 1.0")
+    .replace("speed_rms = 1.4", "speed_rms = 6.0")
+    .replace("series = 5", "series = 80\nstress = true\nframes = 20")
+)
+STUDY = """
+case = "gas.toml"
+[ensemble]
+seeds = {seeds}
+[output]
+analyses = ["stress"]
+"""
+
+
+@pytest.fixture(scope="module")
+def sheared(tmp_path_factory: pytest.TempPathFactory) -> ifrdem.Study:
+    """A sheared gas that starts six times as hot as it ends, of six seeds."""
+    return study(tmp_path_factory.mktemp("sheared"), SHEARED, STUDY.format(seeds=6) + "trajectories = true\n")
+
+
+def study(folder: Path, case: str, text: str) -> ifrdem.Study:
+    (folder / "gas.toml").write_text(case)
+    (folder / "study.toml").write_text(text)
+    found = ifrdem.Study(folder / "study.toml", output=folder / "s")
+    assert found.run(workers=0) == {}
+    return found
+
+
+def normal_difference(stress: np.ndarray) -> np.ndarray:
+    """N_1 of each seed from rows (seeds, rows, 4) of the pressure tensor, of equal times."""
+    xx, yy = stress[..., 0].mean(axis=1), stress[..., 3].mean(axis=1)
+    return 2.0 * (xx - yy) / (xx + yy)
+
+
+def test_averages_of_all_seeds_begin_after_the_transient(sheared):
+    """N_1 and the viscosity were means from t = 0 on: here 0.35 for 0.46, 0.61 for 0.49, 5 errors off."""
+    found = sheared.results()
+    assert found.values("analyses_from") == 10.0  # the transient takes a quarter of the run
+    rows, stress = found.values("time"), found.values("stress")
+    late = stress[:, rows > 10.0]  # a row has the mean from the one before
+    assert found.values("stress_N_1") == pytest.approx(normal_difference(late), rel=1e-9)
+    viscosity = -late[..., 1].mean(axis=1)  # the shear rate is 1
+    assert found.values("stress_viscosity") == pytest.approx(viscosity, rel=1e-9)
+    assert found.values("stress_N_1_error") == pytest.approx(normal_difference(late).std(ddof=1) / 6**0.5)
+    whole = normal_difference(stress[:, 1:])
+    assert normal_difference(late).mean() - whole.mean() > 3.0 * found.values("stress_N_1_error")
+    # Independent rows would be 40; T of so few disks is remembered for many collisions.
+    n_eff = found.values("temperature_n_eff")
+    assert np.all((n_eff >= 1.0) & (n_eff < 20.0))
+    assert not any(found.values("warnings"))
+
+
+def test_a_single_run_begins_where_a_study_of_one_seed_does(sheared, tmp_path, capsys):
+    found = ifrdem.Study(sheared.output.with_name("study.toml"), seeds=1, output=sheared.output)
+    results = found.results()  # of a run that is done
+    start = float(results.values("analyses_from"))
+    assert 0.0 < start <= 10.0
+    path = found.folder / f"{results.values('run')[0]}.h5"
+    with ifrdem.Trajectory(path) as trajectory:
+        own = ANALYSES["stress"].of(trajectory, None)
+    assert own.times == (start, 20.0)
+    values = {row.key or row.name: row.value for row in own.rows}
+    assert results.values("stress_N_1")[0] == values["N_1"]
+    out = ["-o", str(tmp_path / "a"), "--force"]
+    assert cli.main(["analyse", str(path), "stress", "--from", "3", *out]) == 0
+    assert "t = 3 to 20" in capsys.readouterr().out
+    assert cli.main(["analyse", str(path), "stress", "--from", "21", *out]) == 2
+    assert "--from 21: must be before the end of the run, t = 20" in capsys.readouterr().err
+    assert cli.main(["analyse", str(path), "stress", "--from", "3", "--frames", "5:", *out]) == 2
+    assert "--from: cannot be combined with --frames" in capsys.readouterr().err
+    assert cli.main(["plot", str(path), "temperatures", "--from", "3"]) == 2
+    assert cli.main(["info", str(path), "--from", "3"]) == 2
+
+
+def test_a_start_that_is_given_wins_and_must_lie_in_the_run(tmp_path):
+    text = STUDY.format(seeds=2) + "analyses_from = {}\n"
+    found = study(tmp_path, SHEARED.replace("t_end = 20.0", "t_end = 2.0"), text.format(1.5)).results()
+    late = found.values("stress")[:, found.values("time") > 1.5]
+    assert found.values("stress_N_1") == pytest.approx(normal_difference(late), rel=1e-9)
+    assert found.values("analyses_from") == 1.5
+    (tmp_path / "study.toml").write_text(text.format(2.0))
+    with pytest.raises(InputError, match=r"analyses_from = 2: must be before 2, the end of the run"):
+        ifrdem.Study(tmp_path / "study.toml")
+    (tmp_path / "study.toml").write_text(text.format(3.0).replace('["stress"]', '["velocity"]'))
+    with pytest.raises(InputError, match=r"analyses_from = 3: requires an analysis over time: msd, "):
+        ifrdem.Study(tmp_path / "study.toml")
+
+
+def test_warnings_of_runs_are_kept_and_counted(tmp_path, capsys):
+    """They were dropped, although a single run gives them."""
+    short = SHEARED.replace("t_end = 20.0", "t_end = 1.5").replace("speed_rms = 6.0", "speed_rms = 30.0")
+    found = study(tmp_path, short, STUDY.format(seeds=4))
+    texts = found.results().values("warnings")
+    assert all("the gas is not stationary from t = 0.75 on: T goes from " in text for text in texts)
+    assert all("stress: errors from " in text for text in found.results().values("notes"))
+    capsys.readouterr()
+    assert cli.main(["study", str(tmp_path / "study.toml"), "-o", str(tmp_path / "s"), "--workers", "0"]) == 0
+    assert "4 of 4 runs with warnings" in capsys.readouterr().err
+    assert cli.main(["info", f"{tmp_path}/s.nc"]) == 0
+    printed = capsys.readouterr().out
+    assert "! 4 of 4 runs with warnings" in printed
+    assert "analyses over time average from time = 0.75 on; n_eff of T in a run: " in printed
+    assert cli.main(["plot", f"{tmp_path}/s.nc", "T", "-o", f"{tmp_path}/T"]) == 0
+    assert "4 of 4 runs with warnings: `ifrdem info " in capsys.readouterr().err
+    # Of two seeds each run is compared with itself.
+    two = study(tmp_path, short, STUDY.format(seeds=2) + "analyses_from = 0.0\n").results().values("warnings")
+    assert all("stress: the gas is not stationary: T goes from " in text for text in two)
+
+
+def test_a_cooling_gas_is_averaged_over_the_whole_run(tmp_path):
+    text = STUDY.format(seeds=2).replace("stress", "pressure") + "trajectories = true\n"
+    found = study(tmp_path, CASE, text).results()
+    assert found.values("analyses_from") == 0.0
+    warned = [str(each) for each in found.values("warnings")]
+    assert all("pressure: the gas is not stationary: T goes from " in text for text in warned)
+    with ifrdem.Trajectory(tmp_path / "s.runs" / f"{found.values('run')[0]}.h5") as run:
+        assert steady_frames(run, None) is None
+        # A place is collisions per disk where these end the run: the first row with as many.
+        tau = run.series["collisions_per_disk"]
+        assert frames_from(run, 2.0, "x").time == run.series.time[tau >= 2.0][0]
+
+
+def test_seeds_that_give_the_same_run_have_no_error():
+    """Their error was 0, and drawn."""
+    T = np.array([2.0, 1.0, 3.0])
+    runs = {seed: {"temperature": Variable(("time",), T.copy())} for seed in (0, 1, 2)}
+    window = window_of("time", np.arange(3.0), runs, None)
+    assert window.marks == [SAME_RUN]
+    runs[1]["temperature"].values[1] = runs[2]["temperature"].values[2] = 5.0
+    assert window_of("time", np.arange(3.0), runs, None).marks == []
+
+
+@pytest.fixture(scope="module")
+def frame(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with gas.h5, whose frames are 0.5 apart, and cases that start from it."""
+    folder = tmp_path_factory.mktemp("frame")
+    case = SHEARED.replace("t_end = 20.0", "t_end = 1.0").replace(
+        "frames = 20", "frames = 4\npicture = false"
+    )
+    (folder / "gas.toml").write_text(case)
+    assert cli.main(["run", str(folder / "gas.toml"), "-o", str(folder / "gas")]) == 0
+    return folder
+
+
+def test_seeds_that_change_nothing_are_refused_before_any_work(frame, monkeypatch):
+    """Runs from a frame with its motion were equal to the bit, and their error was 0."""
+    monkeypatch.chdir(frame)
+    start = ['start.positions="gas.h5"', "start.frame=0", "run.t_end=2.0"]
+    motion = [*start, "start.motion=true", "species[0].speed_rms="]
+    with pytest.raises(
+        InputError, match=r"seeds = 3: all runs would be the same.*Without start\.motion = true"
+    ):
+        ifrdem.Study("gas.toml", set=motion, seeds=3, output="out").check()
+    assert not list(frame.glob("out*"))
+    ifrdem.Study("gas.toml", set=motion, seeds=1, output="out").check()
+    ifrdem.Study("gas.toml", set=start, seeds=3, output="out").check()  # velocities are drawn
+    kicks = ['force=[{kind="random_torque", power=0.1, rate=5.0}]']
+    ifrdem.Study("gas.toml", set=[*motion, *kicks], seeds=3, output="out").check()
+    drag = ['force=[{kind="drag", rate=0.1, step=0.01}]']
+    with pytest.raises(InputError, match="seeds = 3: all runs would be the same"):
+        ifrdem.Study("gas.toml", set=[*motion, *drag], seeds=3, output="out").check()
+
+
+def test_messages_on_a_frame_of_a_sheared_box_do_not_contradict(frame, monkeypatch):
+    """One wanted start.time = 0 and the other none; a frame at a multiple of L_x / (shear rate L_y) = 1 needs 0."""
+    monkeypatch.chdir(frame)
+    start = ['start.positions="gas.h5"', "run.t_end=2.0"]
+
+    def check(*changes: str) -> None:
+        ifrdem.Study("gas.toml", set=[*start, *changes], output="out").check()
+
+    with pytest.raises(
+        InputError, match=r"start\.time = 0\.5: must be 0 .* this needs a frame at a multiple of 1$"
+    ):
+        check("start.frame=2")
+    with pytest.raises(
+        InputError, match=r"start\.time = 0: .* by t = 0\.5.* differ by a multiple of 1 "
+    ) as caught:
+        check("start.frame=2", "start.time=0.0")
+    assert "leave start.time out" not in str(caught.value)
+    check("start.frame=4", "start.time=0.0")
+
+
+def test_frames_of_runs_that_end_at_a_time_are_drawn_over_both_clocks(tmp_path):
+    """Over tau this was a ValueError: places of frames are no rows of series."""
+    short, text = (
+        SHEARED.replace("t_end = 20.0", "t_end = 1.5"),
+        STUDY.format(seeds=2).replace("stress", "velocity"),
+    )
+    undated = study(tmp_path, short, text).results()  # of frames of the second half
+    results = study(tmp_path, short, text + "analyses_at = [0.5, 1.5]\n").results()
+    tau = results.values("collisions_per_disk_mean")
+    rows = results.values("time")
+    (axes,) = draw(results, "velocity_a20", over="tau").axes
+    assert axes.lines[0].get_xdata() == pytest.approx(np.interp([0.5, 1.5], rows, tau))
+    (axes,) = draw(results, "velocity_a20", over="t").axes
+    assert axes.lines[0].get_xdata() == pytest.approx([0.5, 1.5])
+    with pytest.raises(InputError, match=r"over = tau: allowed here are velocity_row"):
+        draw(undated, "velocity_c", over="tau")
+
+
+def test_series_are_averaged_from_a_place_on(sheared, capsys):
+    results = sheared.results()
+    T = results.values("temperature")[:, results.values("time") >= 12.0].mean(axis=1)
+    # Student's t of 5 degrees of freedom at 95 %: 2.5706 (tables).
+    expected = [T.mean(), T.std(ddof=1) / 6**0.5, 2.5706 * T.std(ddof=1) / 6**0.5, 6]
+    printed = describe(sheared.output, 12.0)
+    row = next(line for line in printed.splitlines() if line.split()[:1] == ["temperature"])
+    assert [float(each) for each in row.split()[1:5]] == pytest.approx(expected, rel=1e-4)
+    assert "series from 12 on" in printed
+    assert cli.main(["info", str(sheared.output), "--from", "21"]) == 2
+    assert "--from 21: must be at most 20, the last row of time" in capsys.readouterr().err
+    assert cli.main(["plot", str(sheared.output), "stress_N_1", "--from", "3"]) == 2
+    assert "stress_N_1 is no series" in capsys.readouterr().err
+
+
+def test_results_of_older_versions_are_read_still(sheared, tmp_path):
+    results = sheared.results()
+    new = ("warnings", "notes", "analyses_from", "temperature_n_eff")
+    old = {name: one for name, one in results.variables.items() if name not in new}
+    Results(old, results.attributes).write(tmp_path / "old.nc")
+    assert "stress_N_1" in describe(tmp_path / "old.nc")
+    assert draw(Results.read(tmp_path / "old.nc"), "T").axes
+    assert warnings_of(Results.read(tmp_path / "old.nc")) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ('cores = "vier"', r'cluster\.options\.cores = "vier": must be a whole number, 1 or more'),
+        ("cores = 2, processes = 0", r"cluster\.options\.processes = 0: must be a whole number"),
+        ("memory = 16", r"cluster\.options\.memory = 16: must be a text with a unit"),
+        ('memory = "much"', r"cluster\.options: dask-jobqueue makes no job of .*Could not interpret 'much'"),
+        ("cors = 4", r"cluster\.options\.cors: .* \(did you mean 'cores'\?\)"),
+    ],
+)
+def test_a_dry_run_checks_the_options_of_a_cluster(tmp_path, capsys, options, message):
+    (tmp_path / "s.toml").write_text(
+        f'case = "cooling"\n[cluster]\nkind = "slurm"\noptions = {{ {options} }}\n'
+    )
+    assert cli.main(["study", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s"), "--dry-run"]) == 2
+    assert re.search(message, capsys.readouterr().err)
+
+
+def test_names_that_are_too_long_are_refused():
+    """OSError before."""
+    for given in ("a" * 300, "a" * 300 + ".toml", "a/" * 3000 + "b.toml"):
+        with pytest.raises(InputError, match=r"no such file|File name too long"):
+            ifrdem.Study(given)
+    for output in ("a" * 300, "a/" * 3000 + "b"):
+        with pytest.raises(InputError, match=r"File name too long|does not exist"):
+            ifrdem.Study("cooling", output=output).check()
