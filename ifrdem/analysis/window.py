@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..model.observables import SPECIES_SERIES, STRESS_SERIES
+from ..quantities import SPECIES_SERIES, STRESS_SERIES
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .result import FramesFrom

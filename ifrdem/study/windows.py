@@ -20,7 +20,7 @@ from ..analysis.window import (
     steady_share,
     window_rows,
 )
-from ..model.observables import SPECIES_SERIES, STRESS_SERIES
+from ..quantities import SPECIES_SERIES, STRESS_SERIES
 from .task import OVER_TIME, WARNINGS, WINDOW, Variable
 
 SAME_RUN = "the seeds give the same run: there is no error. Nothing in this case is drawn at random"
