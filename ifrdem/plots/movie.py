@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -287,8 +288,8 @@ def _pillow(kind: str, fps: int, quality: int) -> Encoder:
     def encode(aside: Path, size: tuple[int, int], pictures: Iterable[NDArray[np.uint8]]) -> None:
         first, *others = (Image.fromarray(picture) for picture in pictures)
         how: dict[str, Any] = {"quality": quality, "method": 4} if kind == "webp" else {"optimize": True}
-        first.save(
-            aside, kind, save_all=True, append_images=others, duration=round(1000 / fps), loop=0, **how
-        )
+        held = io.BytesIO()
+        first.save(held, kind, save_all=True, append_images=others, duration=round(1000 / fps), loop=0, **how)
+        aside.write_bytes(held.getbuffer())
 
     return encode
