@@ -410,13 +410,13 @@ def _openable(path: Path, output: Path, log: Callable[[str], object]) -> Iterato
         try:
             files.create(filled)
             shutil.copyfile(path, filled)
+            os.truncate(filled, meant)
         except OSError as error:
             raise InputError(
-                f"output {output}: a copy of {path}, which has to be there for a while, cannot be written: "
-                f"{files.cause(error)}"
+                f"output {output}: a copy of {path} with its {meant} bytes, which has to be there for a while, cannot be "
+                f"written: {files.cause(error)}"
             ) from error
         try:
-            os.truncate(filled, meant)
             h5py.File(filled, "r", locking=False).close()
         except OSError as error:
             damage.check_system(error, filled)
