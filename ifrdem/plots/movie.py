@@ -273,14 +273,11 @@ def _ffmpeg(fps: int) -> Encoder:
             "-r", str(fps), "-i", "-", "-an", "-vcodec", "libx264", "-pix_fmt", "yuv420p", "-crf", CRF, "-v", "error",
             "-movflags", "+faststart", "-f", "mp4", str(aside),
         ]  # fmt: skip
-        # Ctrl-C is for this process, which then ends the other one.
+        # Ctrl-C is for this process, which then ends the other one. A limit on files is an error there, no signal.
         process = subprocess.Popen(
-            words,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
+            words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            start_new_session=True, restore_signals=False,
+        )  # fmt: skip
         try:
             with contextlib.suppress(BrokenPipeError):  # the program has ended, and says why
                 for picture in pictures:

@@ -37,7 +37,7 @@ def signals_postponed() -> Iterator[Callable[[], None]]:
         yield lambda: None
         return
     handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
-    waiting: list[int] = []
+    waiting: list[int] = []  # numbers of signals
     postponed = True
 
     def handle(number: int, frame: FrameType | None) -> None:
@@ -48,14 +48,14 @@ def signals_postponed() -> Iterator[Callable[[], None]]:
 
     def call() -> None:
         while waiting:
-            number = waiting.pop(0)
-            handlers[number](number, None)
+            came = waiting.pop(0)
+            handlers[came](came, None)
 
     try:
-        for number in signal.valid_signals():
-            if callable(handler := signal.getsignal(number)):
-                handlers[number] = handler
-                signal.signal(number, handle)
+        for each in signal.valid_signals():
+            if callable(handler := signal.getsignal(each)):
+                handlers[each] = handler
+                signal.signal(each, handle)
         yield call
     finally:
         postponed = False

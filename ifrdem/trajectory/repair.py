@@ -371,6 +371,7 @@ def _append(
             with damage.as_damage_error(old.file.filename, str(old.name)):
                 values = old[int(some[0]) : int(some[-1]) + 1]
             new[(slice(first, first + len(some)), *columns)] = values
+            del values  # before the next ones are there
             first += len(some)
             file.check()
 
@@ -413,8 +414,8 @@ def _openable(path: Path, output: Path, log: Callable[[str], object]) -> Iterato
             os.truncate(filled, meant)
         except OSError as error:
             raise InputError(
-                f"output {output}: a copy of {path} with its {meant} bytes, which has to be there for a while, cannot be "
-                f"written: {files.cause(error)}"
+                f"output {output}: a copy of {path} with its {meant} bytes, which has to be there for a while, "
+                f"cannot be written: {files.cause(error)}"
             ) from error
         try:
             h5py.File(filled, "r", locking=False).close()

@@ -229,7 +229,7 @@ def fault(place: Place, name: str, message: str, before: dict[str, bytes]) -> st
 
 
 def walk(folder: Path, kind: str, levels: int, names: list[str]) -> None:
-    """Print a line for each writer and size: so many sizes between a page and what it takes, and one more."""
+    """Print a line for each writer and size: so many sizes between nothing and what it takes."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a write beyond the limit is an error then, not a death
     made = folder / "made"
     made.mkdir(exist_ok=True)
@@ -240,7 +240,7 @@ def walk(folder: Path, kind: str, levels: int, names: list[str]) -> None:
         while try_one(place, made, name, most)[0] and most < ROOM:
             most *= 2
         many = min(levels, 3) if name in SEEN else levels
-        rooms = {int(each) // PAGE * PAGE for each in np.linspace(0 if kind == "disk" else PAGE, most, many)}
+        rooms = {int(each) // PAGE * PAGE for each in np.linspace(0, most, many)}
         for room in sorted({*rooms, most}):
             print(json.dumps([name, room, None, None]), flush=True)  # of which it may die
             message, wrong = try_one(place, made, name, room)

@@ -31,7 +31,7 @@ from ifrdem.trajectory.repair import _Salvage, repair
 
 TESTS = Path(__file__).resolve().parents[1]
 MOUNTED = ("unshare", "-rm", "sh", "-c", 'mount -t tmpfs -o size=4m tmpfs "$0" && exec "$@"')
-"""Words before a folder and a command, which then has a file system of 4 MiB there; others than root may, if allowed."""
+"""Words before a folder and a command, which then has a file system of 4 MiB there; not only root may do this."""
 QUICK = (
     "checkpoint", "checkpoint of ranks", "results", "result of a run", "status", "pdf", "text", "export to h5",
     "export to csv", "repair", "repair of an end", "views", "movie in mp4",
