@@ -180,18 +180,15 @@ def cause(error: BaseException) -> str:
     return f"{reason(error)}{remedy(error)}"
 
 
-def beside(path: Path) -> Path:
-    """A path next to another one that no file has, for what takes its place later."""
-    return path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
+def create(path: Path) -> Path:
+    """Create an empty file next to a path, under a name that no file or link has; returns its path.
 
-
-def create(path: Path) -> None:
-    """Create an empty file.
-
-    Raises OSError if it cannot be created, or a file or link is there.
+    Raises OSError if it cannot be created.
     """
+    created = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
     flags = os.O_CREAT | os.O_EXCL | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
-    os.close(os.open(path, flags, 0o666))
+    os.close(os.open(created, flags, 0o666))
+    return created
 
 
 @contextlib.contextmanager
@@ -205,9 +202,8 @@ def replacing(path: Path, *, synced: bool = True) -> Iterator[Path]:
     """
     if use := being_written(path):
         raise _in_use(use)
-    new = beside(path)
+    new = create(path)
     try:
-        create(new)
         yield new
         if synced:
             with open(new, "rb") as written:

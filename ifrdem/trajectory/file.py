@@ -309,7 +309,7 @@ class OutputFile:
         held = None
         try:
             held = files.Hold(path) if replaces else None
-            files.create(present := files.beside(path))
+            present = files.create(path)
         except OSError as error:
             _close(held)
             raise InputError(f"{name} cannot be created: {files.cause(error)}") from error

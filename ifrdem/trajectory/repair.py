@@ -406,10 +406,10 @@ def _openable(path: Path, output: Path, log: Callable[[str], object]) -> Iterato
         return
     present, meant = int(sizes[1]), int(sizes[2])
     log(f"  its end is missing: {present} of {meant} bytes are there")
-    filled = files.beside(output)
+    filled = None
     try:
         try:
-            files.create(filled)
+            filled = files.create(output)
             shutil.copyfile(path, filled)
             os.truncate(filled, meant)
         except OSError as error:
@@ -427,7 +427,8 @@ def _openable(path: Path, output: Path, log: Callable[[str], object]) -> Iterato
             ) from error
         yield filled, present
     finally:
-        filled.unlink(missing_ok=True)
+        if filled is not None:
+            filled.unlink(missing_ok=True)
 
 
 def _numbers(frames: NDArray[np.intp]) -> str:
