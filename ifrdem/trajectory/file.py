@@ -48,8 +48,8 @@ def signals_postponed() -> Iterator[Callable[[], None]]:
 
     def call() -> None:
         while waiting:
-            came = waiting.pop(0)
-            handlers[came](came, None)
+            first = waiting.pop(0)
+            handlers[first](first, None)
 
     try:
         for each in signal.valid_signals():

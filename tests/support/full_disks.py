@@ -52,13 +52,13 @@ class Refused(Exception):
 
 def command(*words: str | Path) -> None:
     """Run a command; Refused with its message if it ends with status 2, and any other status is a fault."""
-    said = io.StringIO()
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
+    errors = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(errors):
         status = main([*map(str, words)])
     if status == 2:
-        raise Refused(said.getvalue().strip())
+        raise Refused(errors.getvalue().strip())
     if status:
-        raise AssertionError(f"exit status {status}: {said.getvalue()}")
+        raise AssertionError(f"exit status {status}: {errors.getvalue()}")
 
 
 def save_figure(path: Path, how: Callable[[Figure, Path], object]) -> None:
@@ -135,7 +135,7 @@ WRITERS: dict[str, tuple[str, Callable[[Path, Path], object]]] = {
     ),
 }  # fmt: skip
 """The file that each writes, and how: with its path, and a folder of files to be read."""
-SEEN = ("page", "movie in mp4", "movie in gif", "movie in webp", "analysis", "new")
+SLOW = ("page", "movie in mp4", "movie in gif", "movie in webp", "analysis", "new")
 """Those that take long or have many lines: fewer sizes."""
 
 
@@ -239,7 +239,7 @@ def walk(folder: Path, kind: str, levels: int, names: list[str]) -> None:
         most = 2 * PAGE
         while try_one(place, made, name, most)[0] and most < ROOM:
             most *= 2
-        many = min(levels, 3) if name in SEEN else levels
+        many = min(levels, 3) if name in SLOW else levels
         rooms = {int(each) // PAGE * PAGE for each in np.linspace(0, most, many)}
         for room in sorted({*rooms, most}):
             print(json.dumps([name, room, None, None]), flush=True)  # of which it may die
