@@ -282,7 +282,7 @@ def _ffmpeg(fps: int) -> Encoder:
             with contextlib.suppress(BrokenPipeError):  # the program has ended, and says why
                 for picture in pictures:
                     process.stdin.write(picture.tobytes())  # type: ignore[union-attr]  # a pipe
-            complaint = process.communicate()[1].decode(errors="replace")
+            messages = process.communicate()[1].decode(errors="replace")
         except BaseException:
             process.kill()
             process.communicate()
@@ -291,11 +291,11 @@ def _ffmpeg(fps: int) -> Encoder:
             known = (
                 one
                 for one in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-                if os.strerror(one) in complaint
+                if os.strerror(one) in messages
             )
             if (number := next(known, None)) is not None:
                 raise OSError(number, os.strerror(number))
-            raise OSError(f"ffmpeg: {printable((complaint.strip().splitlines() or ['it has failed'])[0])}")
+            raise OSError(f"ffmpeg: {printable((messages.strip().splitlines() or ['it has failed'])[0])}")
 
     return encode
 
