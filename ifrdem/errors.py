@@ -67,7 +67,11 @@ class TrajectoryError(RuntimeError):
 
 
 class DamageError(InputError):
-    """A part of a file that cannot be read."""
+    """A part of a file that is not what it should be."""
+
+
+class ReadError(InputError):
+    """A file that the system does not read: its rights, the drive or the network; of damage nothing is known."""
 
 
 class DamageWarning(UserWarning):

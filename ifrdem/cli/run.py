@@ -6,7 +6,6 @@ import os
 import re
 import shlex
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -313,7 +312,7 @@ def new(
     A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`).
     """
     from ..case import shipped
-    from ..tools.files import check_files, write_aside, write_text
+    from ..tools.files import check_files, write_bytes, write_text
 
     if output is not None and not output.strip():
         raise InputError(f"-o {output!r}: must be the path of a file")
@@ -332,7 +331,7 @@ def new(
     check_files([path, *(path.with_name(each.name) for each in data)], force=force)
     write_text(path, text)
     for each in data:
-        write_aside(path.with_name(each.name), partial(Path.write_bytes, data=each.read_bytes()))
+        write_bytes(path.with_name(each.name), each.read_bytes())
     quoted = shlex.quote(str(path))
     try_first, run = ("study --dry-run", "study") if kind == "study" else ("check", "run")
     note(f"wrote {path}: look at it with `ifrdem {try_first} {quoted}`, run it with `ifrdem {run} {quoted}`")

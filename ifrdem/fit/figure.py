@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..tools.files import write_aside
+from ..tools.files import write_saved
 from .data import Data
 from .likelihood import Array
 from .model import MEASURED, CollisionProblem
@@ -240,7 +240,7 @@ def speeds(fit: Fit, paths: Sequence[Path]) -> None:
 def save(figure: Figure, paths: Sequence[Path]) -> None:
     """Write a figure into files, each whole or not at all; InputError if one cannot be written."""
     for path in paths:
-        write_aside(path, partial(figure.savefig, format=path.suffix[1:] or "png"))
+        write_saved(path, partial(figure.savefig, format=path.suffix[1:] or "png"))
 
 
 def _styles(fit: Fit) -> dict[str, Style]:

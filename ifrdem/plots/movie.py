@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import io
+import os
+import subprocess
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,7 +23,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..errors import InputError, option_name
+from ..errors import InputError, option_name, printable
 from ..tools.checked import Array
 from ..tools.files import check_apart, write_aside
 from ..trajectory import tables
@@ -38,6 +43,7 @@ SMALL = 480
 """Width or height below which letters shrink [pixels]."""
 MARGIN = 0.08  # around everything [inches]
 FORMATS = (".mp4", ".webp", ".gif")
+CRF = "15"  # constant rate factor of H.264, 0 to 51: 18 is held for visually lossless
 
 
 class Scene:
@@ -249,13 +255,8 @@ def write(
     check_apart(output, trajectory.path)
     encode = _ffmpeg(fps) if kind == FORMATS[0] else _pillow(kind[1:], fps, quality)
     scene = Scene(trajectory, frames, size, color)
-
-    def whole(aside: Path) -> None:
-        encode(aside, scene.size, (scene.draw(index) for index in progress(frames)))
-        if not aside.exists() or aside.stat().st_size == 0:
-            raise InputError(f"output {output}: nothing was written")
-
-    write_aside(output, whole)
+    pictures = (scene.draw(index) for index in progress(frames))
+    write_aside(output, lambda aside: encode(aside, scene.size, pictures))
     return output.stat().st_size
 
 
@@ -263,20 +264,38 @@ Encoder = Callable[[Path, tuple[int, int], Iterable[NDArray[np.uint8]]], None]
 
 
 def _ffmpeg(fps: int) -> Encoder:
-    """H.264 in MP4."""
-    ffmpeg: Any = tables.optional_import("imageio_ffmpeg", "movie")
+    """H.264 in MP4, by the program that imageio-ffmpeg brings; its `write_frames` does not tell of a full disk."""
+    program: str = tables.optional_import("imageio_ffmpeg", "movie").get_ffmpeg_exe()
 
     def encode(aside: Path, size: tuple[int, int], pictures: Iterable[NDArray[np.uint8]]) -> None:
-        file = ffmpeg.write_frames(
-            str(aside), size, fps=fps, quality=7, macro_block_size=2, ffmpeg_log_level="error",
-            output_params=["-movflags", "+faststart", "-f", "mp4"],
+        words = [
+            program, "-y", "-f", "rawvideo", "-vcodec", "rawvideo", "-s", f"{size[0]}x{size[1]}", "-pix_fmt", "rgb24",
+            "-r", str(fps), "-i", "-", "-an", "-vcodec", "libx264", "-pix_fmt", "yuv420p", "-crf", CRF, "-v", "error",
+            "-movflags", "+faststart", "-f", "mp4", str(aside),
+        ]  # fmt: skip
+        # Ctrl-C is for this process, which then ends the other one. A limit on files is an error there, no signal.
+        process = subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            start_new_session=True, restore_signals=False,
         )  # fmt: skip
-        file.send(None)
         try:
-            for picture in pictures:
-                file.send(picture)
-        finally:
-            file.close()
+            with contextlib.suppress(BrokenPipeError):  # the program has ended, and says why
+                for picture in pictures:
+                    process.stdin.write(picture.tobytes())  # type: ignore[union-attr]  # a pipe
+            messages = process.communicate()[1].decode(errors="replace")
+        except BaseException:
+            process.kill()
+            process.communicate()
+            raise
+        if process.returncode:
+            known = (
+                one
+                for one in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+                if os.strerror(one) in messages
+            )
+            if (number := next(known, None)) is not None:
+                raise OSError(number, os.strerror(number))
+            raise OSError(f"ffmpeg: {printable((messages.strip().splitlines() or ['it has failed'])[0])}")
 
     return encode
 
@@ -287,8 +306,8 @@ def _pillow(kind: str, fps: int, quality: int) -> Encoder:
     def encode(aside: Path, size: tuple[int, int], pictures: Iterable[NDArray[np.uint8]]) -> None:
         first, *others = (Image.fromarray(picture) for picture in pictures)
         how: dict[str, Any] = {"quality": quality, "method": 4} if kind == "webp" else {"optimize": True}
-        first.save(
-            aside, kind, save_all=True, append_images=others, duration=round(1000 / fps), loop=0, **how
-        )
+        held = io.BytesIO()
+        first.save(held, kind, save_all=True, append_images=others, duration=round(1000 / fps), loop=0, **how)
+        aside.write_bytes(held.getbuffer())
 
     return encode

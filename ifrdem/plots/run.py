@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..tools.checked import validated
-from ..tools.files import write_aside
+from ..tools.files import write_saved
 from ..trajectory.reader import Trajectory
 from . import disks, profiles, temperatures
 from .style import plain
@@ -173,4 +173,4 @@ def save(figure: Figure, path: Path) -> None:
     figure.draw_without_rendering()  # margins fit the labels that this layout has chosen from the next one on
     kind = path.suffix.lower()[1:]
     with rc_context({"pdf.fonttype": 42}):  # TrueType: journals refuse Type 3
-        write_aside(path, lambda aside: figure.savefig(aside, format=kind if kind in FORMATS else "png"))
+        write_saved(path, lambda file: figure.savefig(file, format=kind if kind in FORMATS else "png"))

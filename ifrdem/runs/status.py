@@ -137,10 +137,12 @@ class Status:
         self._written = self._clock()
         self._record.updated = _now()
         try:
-            with files.replacing(self.path) as new:
+            with files.replacing(
+                self.path, synced=False
+            ) as new:  # soon replaced, and read while the run goes on
                 new.write_text(json.dumps(self._record.model_dump(), indent=1) + "\n", encoding="utf-8")
         except OSError as error:
-            self.trouble = f"{self.path} could not be written: {error.strerror}"
+            self.trouble = f"{self.path} could not be written: {files.reason(error)}"
         else:
             self.trouble = None
 

@@ -72,9 +72,11 @@ def read(path: str | os.PathLike[str]) -> Content:
 def answer(path: str) -> None:
     """Write the content of a file to standard output, or the reason for a failure to standard error and exit."""
     try:
+        damage.check_readable(path)
         if not h5py.is_hdf5(path):
             raise InputError("is not an HDF5 file: must be the results of a study (NAME.nc)")
-        attributes, variables = _content(path)
+        with damage.system_errors(path):
+            attributes, variables = _content(path)
     except (InputError, *damage.FAULTS) as error:
         sys.stderr.write(str(error) or type(error).__name__)
         sys.exit(

@@ -31,6 +31,7 @@ from ..tools.files import NO_VALUES
 from ..tools.intervals import student_t
 from ..tools.versions import __version__
 from ..trajectory.descriptions import REDUCED
+from ..trajectory.file import new_file
 from ..trajectory.tables import optional_import
 from . import reading
 from .plan import Plan, with_labels
@@ -129,7 +130,7 @@ class Results:
             sizes |= dict(zip(one.dims, one.values.shape, strict=True))
 
         def fill(aside: Path) -> None:
-            with h5py.File(aside, "w", track_order=True) as file:
+            with new_file(aside, track_order=True) as file:
                 scales: dict[str, h5py.Dataset] = {}
                 for dim, size in sizes.items():  # netCDF-4's own notation for an axis with or without values
                     if dim in self.variables:

@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import logging
+import stat
 import struct
 import time
 import tokenize
@@ -25,12 +26,12 @@ from ..case import file as case_file
 from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
-from ..errors import DamageError, EngineError, InputError
+from ..errors import DamageError, EngineError, InputError, ReadError
 from ..quantities import SERIES
 from ..runs.recorder import Ledger
 from ..simulation.steps.schedule import RunPlan, RunPoint, end_at
-from ..tools.files import write_aside
-from ..trajectory.damage import FAULTS
+from ..tools.files import write_saved
+from ..trajectory.damage import FAULTS, system_errors
 from ..trajectory.file import TrajectoryError
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ class Task:
         """True if its result exists and is complete."""
         try:
             load(self.result)
-        except InputError:
+        except DamageError:
             return False
         return True
 
@@ -331,23 +332,20 @@ def save(path: Path, found: dict[str, Variable], *, seconds: float) -> None:
         "variables": {name: [one.dims, one.unit, one.text] for name, one in found.items()},
     }
     arrays = {name: one.values for name, one in found.items()}
-
-    def write(aside: Path) -> None:
-        with aside.open("wb") as file:
-            np.savez(file, head=np.array(json.dumps(head)), **arrays)  # type: ignore[arg-type]
-
-    write_aside(path, write)
+    write_saved(path, lambda file: np.savez(file, head=np.array(json.dumps(head)), **arrays))  # type: ignore[arg-type]
 
 
 def load(path: Path) -> tuple[dict[str, Variable], float]:
     """A result, and the seconds that the run took.
 
-    Raises DamageError if it is missing, or damaged in any bit.
+    Raises DamageError if it is missing, or damaged in any bit; ReadError if the system does not read it.
     """
     try:
-        if not path.is_file():  # a pipe would be waited for
+        with system_errors(path):
+            regular = stat.S_ISREG(path.stat().st_mode)
+        if not regular:  # a pipe would be waited for
             raise ValueError("it is no file")
-        with zipfile.ZipFile(path) as stored:
+        with system_errors(path), zipfile.ZipFile(path) as stored:
             # `save` compresses nothing: a part that is larger than the file could fill the memory.
             if large := next((one for one in stored.infolist() if one.file_size > path.stat().st_size), None):
                 raise ValueError(f"{large.filename} has {large.file_size} bytes, more than the file")
@@ -364,6 +362,8 @@ def load(path: Path) -> tuple[dict[str, Variable], float]:
                 if len(found[name].dims) != found[name].values.ndim:
                     raise ValueError(f"{name} has {found[name].values.ndim} axes, and {len(dims)} have names")
         return found, float(head["seconds"])
+    except ReadError:
+        raise
     except (*FAULTS, EOFError, zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError) as error:
         raise DamageError(
             f"{path} is not a complete result of a study ({str(error) or type(error).__name__})"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import json
 import os
 import platform
@@ -13,6 +14,7 @@ import stat
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 from ..errors import InputError, cut, option_name, printable, refuse
 from . import text_file
@@ -33,6 +35,14 @@ NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
 STATUS = ".status.json"
 """Ending of the file with the live state of a run, next to its trajectory."""
 MOST_STATUS = 1 << 20  # bytes of a status file at most
+_REMEDIES = {
+    errno.ENOSPC: "free some space there, or write to another disk",
+    errno.EDQUOT: "delete some of your files there, or write to another disk",
+    errno.EFBIG: "allow larger files (`ulimit -f`), or write to another disk",
+    errno.EIO: "the drive or its connection has failed; write to another disk",
+    **dict.fromkeys((errno.EROFS, errno.EACCES, errno.EPERM), "write into another folder"),
+}
+"""What helps when the system does not write a file."""
 
 # Device and inode of each file that this process has locked to write it.
 _locked: set[tuple[int, int]] = set()
@@ -178,6 +188,22 @@ def writable_by_others(folder: Path) -> str | None:
     return None
 
 
+def reason(error: BaseException) -> str:
+    """Reason why a file could not be written, as the system or a library names it."""
+    return (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
+
+
+def remedy(error: BaseException) -> str:
+    """Clause of a message on what helps then; an empty text if that is unknown."""
+    known = isinstance(error, OSError) and error.errno in _REMEDIES
+    return f"; {_REMEDIES[error.errno]}" if known else ""  # type: ignore[attr-defined]  # an OSError
+
+
+def cause(error: BaseException) -> str:
+    """Reason why a file could not be written, and what helps."""
+    return f"{reason(error)}{remedy(error)}"
+
+
 def create(path: Path) -> Path:
     """Create an empty file next to a path, under a name that no file or link has; returns its path.
 
@@ -190,8 +216,11 @@ def create(path: Path) -> Path:
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, *, synced: bool = True) -> Iterator[Path]:
     """A new file to be filled, which takes its place at the end; after an exception nothing is left of it.
+
+    It is on the disk before it takes the place, unless `synced` is false: a file system may say only then that it has
+    no room, and after a power failure the place holds the old file or the new one.
 
     Raises BlockingIOError if a process writes the file that is there.
     """
@@ -200,6 +229,9 @@ def replacing(path: Path) -> Iterator[Path]:
     new = create(path)
     try:
         yield new
+        if synced:
+            with open(new, "rb") as written:
+                os.fsync(written.fileno())
         if use := being_written(path):  # a run may have started meanwhile
             raise _in_use(use)
         os.replace(new, path)
@@ -255,12 +287,14 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str | None = N
             try:  # asking for permissions would be wrong for root, and on read-only file systems
                 tempfile.TemporaryFile(dir=folder, prefix=".ifrdem-").close()
             except OSError as error:
-                problems.append(f"output folder {folder}: cannot be written to: {error.strerror}")
+                problems.append(f"output folder {folder}: cannot be written to: {cause(error)}")
     refuse(problems)
 
 
 def write_aside(path: Path, write: Callable[[Path], object]) -> None:
     """Let `write` write a temporary file next to `path`, and rename it: the file appears whole or not at all.
+
+    For files that may be larger than the memory; `write_bytes` for others.
 
     Raises InputError if the place is a folder, a device or a pipe, which nothing must take the place of, or cannot be
     written.
@@ -271,7 +305,22 @@ def write_aside(path: Path, write: Callable[[Path], object]) -> None:
         with replacing(path) as new:
             write(new)
     except OSError as error:
-        raise InputError(f"output {path}: cannot be written: {error.strerror or error}") from error
+        raise InputError(f"output {path}: cannot be written: {cause(error)}") from error
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write bytes, whole or not at all; InputError as `write_aside`."""
+    write_aside(path, lambda aside: aside.write_bytes(content))
+
+
+def write_saved(path: Path, save: Callable[[BinaryIO], object]) -> None:
+    """Let a library save into memory, and write that, whole or not at all; InputError as `write_aside`.
+
+    Many libraries do not end well when they write to a full disk themselves.
+    """
+    held = io.BytesIO()
+    save(held)
+    write_bytes(path, held.getvalue())
 
 
 def write_text(path: Path, text: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import itertools
 import os
 import re
@@ -13,13 +14,20 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DamageError, InputError
+from ..errors import DamageError, InputError, ReadError
 
 FAULTS = (
     OSError, RuntimeError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError,
 )  # fmt: skip
 """Exceptions of HDF5, NumPy, JSON and Python about content that is not what it should be."""
 HINT = "; `ifrdem repair` keeps what is whole"
+SYSTEM = frozenset(
+    (
+        errno.EACCES, errno.EPERM, errno.EROFS, errno.EIO, errno.ENOSPC, errno.EDQUOT, errno.ESTALE, errno.ETIMEDOUT,
+        errno.EMFILE, errno.ENFILE, errno.ENODEV, errno.ENXIO, errno.EBUSY, errno.ENOTCONN, errno.EINTR, errno.EBADF,
+    )
+)  # fmt: skip
+"""Errors of the system, its drives and networks, in reading; all others can come of what a file holds."""
 ZSTD = 32015  # number of the filter, https://github.com/HDFGroup/hdf5_plugins
 # Numbers of bytes made of one, at most: zlib's technical details; a block of Zstandard, RFC 8878: 128 KiB of 4 bytes.
 EXPANSION: dict[str | None, int] = {None: 1, "gzip": 1032, "zstd": 2**15}
@@ -31,19 +39,52 @@ HEAPS = 1 << 24
 def as_damage_error(path: str | os.PathLike[str], part: str, hint: str = HINT) -> Iterator[None]:
     """Turn every HDF5 error inside the `with` block into a DamageError that names the file and its part.
 
-    Only for what reads and checks; faults of a computation are not the file's.
+    Where the system could not read, it is a ReadError. Only for what reads and checks; faults of a computation are not
+    the file's.
     """
     try:
         yield
+    except ReadError:
+        raise
     except InputError as error:
         if os.fspath(path) in str(error):
             raise
         raise DamageError(f"{os.fspath(path)} is damaged: {part}: {error}{hint}") from error
     except FAULTS as error:
+        check_system(error, path)
         reason = f"{error.args[0]} is missing" if type(error) is KeyError and error.args else str(error)
         raise DamageError(
             f"{os.fspath(path)} is damaged: {part} cannot be read ({reason or type(error).__name__}){hint}"
         ) from error
+
+
+@contextlib.contextmanager
+def system_errors(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Turn errors inside the `with` block into a ReadError where the system failed to read a file."""
+    try:
+        yield
+    except InputError:
+        raise
+    except FAULTS as error:
+        check_system(error, path)
+        raise
+
+
+def check_system(error: BaseException, path: str | os.PathLike[str]) -> None:
+    """Raise ReadError if the system failed to read a file: an error of Python, or of HDF5, which names its number."""
+    number = error.errno if isinstance(error, OSError) else None
+    if number is None and (named := re.search(r"\berrno = (\d+)", str(error))):
+        number = int(named[1])
+    if number in SYSTEM:
+        raise ReadError(
+            f"{os.fspath(path)} cannot be read: {os.strerror(number)}; this says nothing of what it holds"
+        ) from error
+
+
+def check_readable(path: str | os.PathLike[str]) -> None:
+    """Raise ReadError if the system does not read a file; `h5py.is_hdf5` then says that it is none of HDF5."""
+    with system_errors(path), open(path, "rb") as file:
+        file.read(1)
 
 
 def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
@@ -235,6 +276,7 @@ def _lacks_chunk(dataset: h5py.Dataset, chosen: list[range], value: NDArray) -> 
         if not block[tuple(part for _, part in corner)].any():
             try:  # much quicker than to ask where it is
                 dataset.id.read_direct_chunk(tuple(first for first, _ in corner))
-            except (OSError, RuntimeError):
+            except (OSError, RuntimeError) as error:
+                check_system(error, dataset.file.filename)
                 return True
     return False

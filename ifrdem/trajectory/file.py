@@ -5,9 +5,13 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import signal
+import threading
 import weakref
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import h5py
 
@@ -21,6 +25,84 @@ ALIGNED = 2096
 """Bytes from which on a piece begins on a page: nodes of the index of a dataset's chunks have 2096 to 3136."""
 ON_PAGES = {"alignment_threshold": ALIGNED, "alignment_interval": PAGE}
 """That, as `h5py.File` takes it."""
+
+
+@contextlib.contextmanager
+def signals_postponed() -> Iterator[Callable[[], None]]:
+    """Postpone the handlers of signals (Ctrl-C) to the end; the function that it gives calls those that wait, at once.
+
+    HDF5 crashes if a handler raises while it calls an `OrderedFile`. Handlers run in the main thread only.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: None
+        return
+    handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
+    waiting: list[int] = []  # numbers of signals
+    postponed = True
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if postponed:
+            waiting.append(number)
+        else:  # the handlers are being put back
+            handlers[number](number, frame)
+
+    def call() -> None:
+        while waiting:
+            first = waiting.pop(0)
+            handlers[first](first, None)
+
+    try:
+        for each in signal.valid_signals():
+            if callable(handler := signal.getsignal(each)):
+                handlers[each] = handler
+                signal.signal(each, handle)
+        yield call
+    finally:
+        postponed = False
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        call()
+
+
+@contextlib.contextmanager
+def new_file(path: Path, **options: Any) -> Iterator[NewFile]:
+    """An HDF5 file to be filled, in the place of an empty one; of any size, since none of it waits in memory.
+
+    HDF5 can crash if it writes a file itself and the disk is full. Signals wait for the end, or for `NewFile.check`.
+
+    Raises OSError if it cannot be written.
+    """
+    with signals_postponed() as call:
+        raw = OrderedFile(path)
+        try:
+            with NewFile(raw, "w", **options) as file:
+                file.raw, file.call = raw, call
+                try:
+                    yield file
+                except BaseException:
+                    raw.dropping = True  # nobody needs what HDF5 writes when it closes the file
+                    raise
+        except Exception as error:
+            if raw.error is None or raw.error is error:
+                raise
+            raise raw.error from error  # of which the other one is a consequence
+        finally:
+            raw.close()
+        if raw.error is not None:
+            raise raw.error
+
+
+class NewFile(h5py.File):  # type: ignore[misc]  # h5py has no types
+    """A file of `new_file`; `check` may be called in the midst of a long work on it."""
+
+    raw: OrderedFile
+    call: Callable[[], None]
+
+    def check(self) -> None:
+        """Raise OSError if something could not be written so far; call the handlers of signals."""
+        self.call()
+        if self.raw.error is not None:
+            raise self.raw.error
 
 
 class OrderedFile:
@@ -38,13 +120,15 @@ class OrderedFile:
     but for one header in 2,000 of those that are added after compressed frames.
 
     The file exists, and is locked until `close`. The first failure (`error`) is not raised, because HDF5 cannot handle
-    it in the middle of its work: nothing is written any more, and the writer checks it after each flush.
+    it in the middle of its work: nothing is written any more (`dropping`), and the writer checks it after each flush.
+    For the same reason signals wait while HDF5 may use the file (`signals_postponed`).
 
     Raises BlockingIOError that names the process if one has locked the file.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.error: OSError | None = None
+        self.dropping: bool = False  # nothing is written any more
         self._raw = open(path, "r+b", buffering=0)  # noqa: SIM115 closed by `close`
         try:
             files.lock(self.fileno(), path)
@@ -95,7 +179,8 @@ class OrderedFile:
         view = memoryview(buffer).cast("B")
         old = max(0, min(len(view), self._in_use - self._at))
         if old:
-            self._defer(self._at, bytes(view[:old]))
+            with self._noting():
+                self._defer(self._at, bytes(view[:old]))
         if old < len(view):
             self._write(view[old:], self._at + old)
         self._at += len(view)
@@ -140,23 +225,25 @@ class OrderedFile:
 
     def _write(self, view: memoryview, position: int) -> None:
         with self._noting():
-            if self.error is None:
+            if not self.dropping:
                 self._raw.seek(position)
                 while len(view):
                     view = view[self._raw.write(view) :]
 
     def _cut(self) -> None:
         with self._noting():
-            if self.error is None:
+            if not self.dropping:
                 self._raw.truncate(self._size)
 
     @contextlib.contextmanager
     def _noting(self) -> Iterator[None]:
         try:
             yield
-        except OSError as error:
+        except (OSError, MemoryError) as error:
+            known = error if isinstance(error, OSError) else OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
             # Without its traceback: the frames there hold memory of HDF5 that has to be let go of.
-            self.error = self.error or error.with_traceback(None)
+            self.error = self.error or known.with_traceback(None)
+            self.dropping = True
 
 
 def _order(data: bytes) -> tuple[int, int]:
@@ -225,23 +312,34 @@ class OutputFile:
             present = files.create(path)
         except OSError as error:
             _close(held)
-            raise InputError(f"{name} cannot be created: {error.strerror}") from error
-        file, raw = None, None
+            raise InputError(f"{name} cannot be created: {files.cause(error)}") from error
+        file, raw, output = None, None, None
         try:
-            raw = OrderedFile(present)
-            # The default libver: files written with "latest" do not open after a kill.
-            file = h5py.File(raw, "w", **ON_PAGES)
-            fill(file)
-            output = cls(file, raw, path, present, replaces=replaces, new=True, held=held)
-            output.flush()
-            if not replaces:  # else the old file keeps the place until the first commit
-                if force:
-                    remove_views(path)
-                output.publish()
-        except (OSError, RuntimeError, ValueError, TypeError) as error:
-            _close(file, raw, held)
-            present.unlink(missing_ok=True)
-            raise InputError(f"{name} cannot be written: {_reason(error)}") from error
+            with signals_postponed():
+                raw = OrderedFile(present)
+                # The default libver: files written with "latest" do not open after a kill.
+                file = h5py.File(raw, "w", **ON_PAGES)
+                fill(file)
+                output = cls(file, raw, path, present, replaces=replaces, new=True, held=held)
+                output.flush()
+                if not replaces:  # else the old file keeps the place until the first commit
+                    if force:
+                        remove_views(path)
+                    output.publish()
+        except BaseException as error:
+            failure = raw.error if raw is not None else None
+            with signals_postponed():
+                if raw is not None:
+                    raw.dropping = True
+                if output is not None:
+                    output.failed = True
+                    output.close(lambda: None, keep=False)
+                else:
+                    _close(file, raw, held)
+                    present.unlink(missing_ok=True)
+            if failure is None and not isinstance(error, OSError | RuntimeError | ValueError | TypeError):
+                raise
+            raise InputError(f"{name} cannot be written: {files.cause(failure or error)}") from error
         return output
 
     @classmethod
@@ -254,13 +352,14 @@ class OutputFile:
         if not os.path.isfile(path):
             raise InputError(f"{name}: there is no such file to continue")
         try:
-            raw = OrderedFile(path)
-            file = h5py.File(raw, "r+", **ON_PAGES)
+            with signals_postponed():
+                raw = OrderedFile(path)
+                file = h5py.File(raw, "r+", **ON_PAGES)
         except BlockingIOError as error:
             raise InputError(f"{name} is open elsewhere: {error.strerror}") from error
         except (OSError, RuntimeError) as error:
             _close(raw)
-            raise InputError(f"{name} cannot be appended to: {_reason(error)}") from error
+            raise InputError(f"{name} cannot be appended to: {files.cause(error)}") from error
         return cls(file, raw, path, path, replaces=False, new=False)
 
     @property
@@ -308,11 +407,15 @@ class OutputFile:
         try:
             if reason := self.replaced_or_removed:
                 raise FileNotFoundError(reason)
-            yield
+            with signals_postponed():
+                yield
         except TrajectoryError as error:
             self.failed = True
             raise TrajectoryError(f"{self.path}: {error}") from error
-        except (OSError, RuntimeError) as error:
+        except Exception as error:
+            failure = self._raw.error or error  # of which the other one is a consequence
+            if not isinstance(failure, OSError | RuntimeError):
+                raise
             self.failed = True
             if self.replaced_or_removed:
                 left = "its frames are no longer there"
@@ -321,7 +424,7 @@ class OutputFile:
             else:
                 left = kept()
             raise TrajectoryError(
-                f"{self.path}: {what} could not be written ({_reason(error)}); {left}"
+                f"{self.path}: {what} could not be written ({files.reason(failure)}); {left}{files.remedy(failure)}"
             ) from error
 
     def flush(self) -> None:
@@ -341,24 +444,25 @@ class OutputFile:
         if not self.file:
             return
         keep = keep or not self._removable
-        try:
-            if not self.failed:
-                drop()
-                self.flush()
-            self.file.close()
-            self._raw.close()
-            if self._raw.error is not None and not self.failed:
-                raise self._raw.error
-            if keep and not self.failed:
-                self.publish()
-        except (OSError, RuntimeError) as error:
-            if not self.failed:  # otherwise the write that failed has said it
-                self.failed = True
-                raise TrajectoryError(f"{self.path} could not be closed: {error}") from error
-        finally:
-            self._at_exit()
-            if not keep or self._present != self.path:
-                self._present.unlink(missing_ok=True)
+        with signals_postponed():
+            try:
+                if not self.failed:
+                    drop()
+                    self.flush()
+                self.file.close()
+                self._raw.close()
+                if self._raw.error is not None and not self.failed:
+                    raise self._raw.error
+                if keep and not self.failed:
+                    self.publish()
+            except (OSError, RuntimeError) as error:
+                if not self.failed:  # otherwise the write that failed has said it
+                    self.failed = True
+                    raise TrajectoryError(f"{self.path} could not be closed: {files.cause(error)}") from error
+            finally:
+                self._at_exit()
+                if not keep or self._present != self.path:
+                    self._present.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
@@ -411,10 +515,6 @@ def remove_views(trajectory: str | os.PathLike[str]) -> None:
     """Remove the views of a trajectory that is replaced: they would show the new data at old times."""
     for view in views_of(trajectory):
         view.unlink()
-
-
-def _reason(error: Exception) -> str:
-    return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
 def _close(*each: h5py.File | OrderedFile | files.Hold | None) -> None:

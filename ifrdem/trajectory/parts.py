@@ -175,11 +175,13 @@ class Parts:
             except OSError:  # its rank writes it, or HDF5 has opened it so for a virtual dataset
                 file = h5py.File(part_path, "r", locking=False)
         except OSError as error:
+            damage.check_system(error, part_path)
             raise MissingPart(f"{what} cannot be opened: {error}{SEE}") from error
         try:
             found = Part.of(file)
         except (InputError, *damage.FAULTS) as error:
             file.close()
+            damage.check_system(error, part_path)
             raise MissingPart(f"{what} does not say which part it is: {error}{SEE}") from error
         if found != self.part(number):
             file.close()

@@ -18,13 +18,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DamageError, InputError, option_name
+from ..errors import DamageError, InputError, ReadError, option_name
 from ..model.state import Disks
 from ..tools import files
 from ..tools.files import check_apart, checkpoint_of, not_a_file
 from . import damage, history, layout
 from . import parts as part_files
-from .file import ON_PAGES
+from .file import ON_PAGES, NewFile, new_file
 from .parts import Parts
 from .reader import Trajectory, check_file
 from .reader import _box as box_of
@@ -57,30 +57,34 @@ def repair(path: Path, output: Path, *, log: Callable[[str], object] = print) ->
         check_apart(output, path)
     if special := not_a_file(output):
         raise InputError(special)
-    with _openable(path, log) as (source, whole), h5py.File(source, "r") as file:
+    with _openable(path, output, log) as (source, whole), h5py.File(source, "r") as file:
         if output == path and part_files.GROUP in file:
             how = option_name("--in-place cannot merge them; use -o to", "output must be another file, to")
             raise InputError(f"{path} is in parts: {how} write one file")
         try:
             with damage.as_damage_error(path, "its bookkeeping"):
                 kept = _Salvage(file, path, whole, log)
-        except DamageError as error:
+        except DamageError as error:  # no ReadError: the drive may read it again
             raise _unrepairable(path, error) from error
         if not kept.damaged and whole is None:
             try:
                 _read_through(path)
                 return False
+            except ReadError:
+                raise
             except InputError as error:
                 log(f"  {error}")
         try:
             with files.replacing(output) as new:
-                with h5py.File(new, "w", **ON_PAGES) as copy:
+                with new_file(new, **ON_PAGES) as copy:
                     kept.write(copy)
                 _read_through(new)
+        except ReadError:
+            raise
         except InputError as error:
             raise _unrepairable(path, error, new) from error
         except OSError as error:
-            raise InputError(f"output {output}: cannot be written: {error.strerror or error}") from error
+            raise InputError(f"output {output}: cannot be written: {files.cause(error)}") from error
     log(f"  {len(kept.frames)} of {kept.committed} frames are kept")
     return True
 
@@ -92,7 +96,7 @@ def write_whole(trajectory: Trajectory, output: Path, frames: Iterable[int]) -> 
     """
     kept = _Salvage(trajectory.file, trajectory.path, None, lambda _: None)
     kept.frames = kept.frames[np.isin(kept.frames, list(frames))]
-    with h5py.File(output, "w", **ON_PAGES) as new:
+    with new_file(output, **ON_PAGES) as new:
         kept.write(new, part=False)
 
 
@@ -208,7 +212,7 @@ class _Salvage:
                 cut |= {"committed/events": commits, "committed/time": commits}
                 self._cut[history.GROUP] = cut
 
-    def write(self, new: h5py.File, *, part: bool = True) -> None:
+    def write(self, new: NewFile, *, part: bool = True) -> None:
         """Write a new trajectory with what is kept; of a part another such `part`, if not a plain file."""
         old = self._file
         within = part_files.Part.of(old) if part and part_files.PART in old else None
@@ -224,20 +228,21 @@ class _Salvage:
         )  # fmt: skip
         clock = new[layout.clock(new)]
         for name in ("step", "time"):
-            _append(clock[name], old[f"{layout.clock(old)}/{name}"], self.frames)
+            _append(new, clock[name], old[f"{layout.clock(old)}/{name}"], self.frames)
         if "value" in clock:  # older layouts had other edges
             clock["value"].resize(len(self.frames), axis=0)
             clock["value"][:] = np.stack([self._box.cell(time) for time in clock["time"][()].tolist()])
         for own, one in part_files.data_files(old, self._parts, self._path, self._n):
             for name in self._fields:
                 field = layout.field_dataset(one, name)
-                _append(layout.field_dataset(new, name), field, self.frames, (own,))
+                _append(new, layout.field_dataset(new, name), field, self.frames, (own,))
         for name, dataset in self._observables.items():
             sample = np.empty(dataset.shape[1:], dataset.dtype)
-            _append(layout.add_observable(new, name, sample), dataset, self.frames)
+            _append(new, layout.add_observable(new, name, sample), dataset, self.frames)
         for name, cut in self._cut.items():
             with damage.as_damage_error(self._path, name):
                 old.copy(name, new)
+            new.check()
             for dataset, rows in cut.items():
                 held = new[name][dataset]
                 if held.chunks is not None:
@@ -352,20 +357,31 @@ class _Salvage:
 
 
 def _append(
-    new: h5py.Dataset, old: h5py.Dataset, rows: NDArray[np.intp], columns: tuple[slice, ...] = ()
+    file: NewFile,
+    new: h5py.Dataset,
+    old: h5py.Dataset,
+    rows: NDArray[np.intp],
+    columns: tuple[slice, ...] = (),
 ) -> None:
-    """Copy rows to a dataset that has none, or none in these columns, some megabytes at a time."""
+    """Copy rows to a dataset of a file that has none, or none in these columns, some megabytes at a time."""
     new.resize(len(rows), axis=0)
     block, first = max(1, BLOCK // max(1, int(np.prod(old.shape[1:])))), 0
     for run in np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1):
         for some in np.split(run, range(block, len(run), block)):
-            new[(slice(first, first + len(some)), *columns)] = old[int(some[0]) : int(some[-1]) + 1]
+            with damage.as_damage_error(old.file.filename, str(old.name)):
+                values = old[int(some[0]) : int(some[-1]) + 1]
+            new[(slice(first, first + len(some)), *columns)] = values
+            del values  # before the next ones are there
             first += len(some)
+            file.check()
 
 
 @contextmanager
-def _openable(path: Path, log: Callable[[str], object]) -> Iterator[tuple[Path, int | None]]:
-    """A file that HDF5 opens: the given one, or a copy whose missing end is filled up; and how much of it is real."""
+def _openable(path: Path, output: Path, log: Callable[[str], object]) -> Iterator[tuple[Path, int | None]]:
+    """A file that HDF5 opens, and how much of it is real: the given one, or a copy whose missing end is filled up.
+
+    The copy is next to the output, and is removed in the end.
+    """
     try:
         with h5py.File(path, "r"):
             sizes = None
@@ -390,20 +406,29 @@ def _openable(path: Path, log: Callable[[str], object]) -> Iterator[tuple[Path, 
         return
     present, meant = int(sizes[1]), int(sizes[2])
     log(f"  its end is missing: {present} of {meant} bytes are there")
-    filled = files.create(path)
+    filled = None
     try:
         try:
+            filled = files.create(output)
             shutil.copyfile(path, filled)
             os.truncate(filled, meant)
+        except OSError as error:
+            raise InputError(
+                f"output {output}: a copy of {path} with its {meant} bytes, which has to be there for a while, "
+                f"cannot be written: {files.cause(error)}"
+            ) from error
+        try:
             h5py.File(filled, "r", locking=False).close()
         except OSError as error:
+            damage.check_system(error, filled)
             raise InputError(
                 f"{path}: HDF5 cannot open it, even with its end filled up ({error}): nothing can be kept"
                 f"{_alternatives(path)}"
             ) from error
         yield filled, present
     finally:
-        filled.unlink(missing_ok=True)
+        if filled is not None:
+            filled.unlink(missing_ok=True)
 
 
 def _numbers(frames: NDArray[np.intp]) -> str:

@@ -32,7 +32,7 @@ from ..tools import files
 from ..tools.files import NO_VALUES, VIEWS, check_apart, check_files
 from . import layout as layouts
 from .descriptions import CONSTANTS, REDUCED, unit_of
-from .file import check_views
+from .file import check_views, new_file
 from .parts import SEE, as_source, nothing
 from .reader import Trajectory, check_file
 
@@ -88,11 +88,10 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
 def _write(view_path: Path, trajectory: Trajectory, fill: Callable[[h5py.File, Trajectory], None]) -> None:
     try:
         # netCDF-4 wants the order of creation to be kept.
-        with files.replacing(view_path) as new, h5py.File(new, "w", track_order=True) as file:
+        with files.replacing(view_path) as new, new_file(new, track_order=True) as file:
             fill(file, trajectory)
     except (OSError, RuntimeError) as error:
-        reason = isinstance(error, OSError) and error.strerror
-        raise InputError(f"view {view_path} cannot be written: {reason or error}") from error
+        raise InputError(f"view {view_path} cannot be written: {files.cause(error)}") from error
 
 
 def _view(

@@ -22,10 +22,11 @@ from ..model.walls.wall import Wall, to_json
 from ..quantities import FIELDS
 from ..tools import checked
 from ..tools.checked import validated
+from ..tools.files import cause
 from ..tools.read_only import ReadOnlyAttributes
 from . import damage, layout
 from . import parts as part_files
-from .file import OutputFile
+from .file import OutputFile, signals_postponed
 from .parts import Part, Parts
 from .rows import CommitLog, HistoryWriter, SeriesWriter, check_name, samples, stored
 from .rows import checked as checked_row
@@ -142,7 +143,15 @@ class TrajectoryWriter(ReadOnlyAttributes):
             layout.create, disks=disks, box=box, fields=fields, precision=precision, compression=compression,
             parameters=parameters, units=units, within=within,
         )  # fmt: skip
-        self._begin(OutputFile.create(path, fill, force=force), disks.n, box)
+        output = None
+        try:
+            with signals_postponed():
+                output = OutputFile.create(path, fill, force=force)
+                self._begin(output, disks.n, box)
+        except BaseException:
+            if output is not None:
+                output.close(lambda: None, keep=False)
+            raise
 
     @classmethod
     def resume(
@@ -175,19 +184,20 @@ class TrajectoryWriter(ReadOnlyAttributes):
                 raise InputError(f"{name} = {value!r}: must be an integer, 0 or more")
         output, file_name = OutputFile.reopen(path), os.fspath(path)
         try:
-            layout.check_layout(output.file, file_name)
-            fields = [fields] if isinstance(fields, str) else fields
-            text = to_json(walls) if walls else None
-            _check_resumable(output.file, file_name, disks, box, fields, precision, compression, text)
-            writer = cls.__new__(cls)
-            writer._begin(output, disks.n, box, **expected)
-            writer._drop_uncommitted()
-            layout.record_runtime(output.file)
-            output.flush()
+            with signals_postponed():
+                layout.check_layout(output.file, file_name)
+                fields = [fields] if isinstance(fields, str) else fields
+                text = to_json(walls) if walls else None
+                _check_resumable(output.file, file_name, disks, box, fields, precision, compression, text)
+                writer = cls.__new__(cls)
+                writer._begin(output, disks.n, box, **expected)
+                writer._drop_uncommitted()
+                layout.record_runtime(output.file)
+                output.flush()
         except BaseException as error:
             output.close(lambda: None, keep=True)
             if isinstance(error, OSError | RuntimeError):
-                raise InputError(f"{file_name} cannot be resumed: {error}") from error
+                raise InputError(f"{file_name} cannot be resumed: {cause(error)}") from error
             raise
         return writer
 

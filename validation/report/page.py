@@ -12,7 +12,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from ...errors import InputError
+from ...tools.files import write_bytes, write_text
 from .registry import Drawing, Picture, Table, Verdict, group_of
 from .terminal import number
 
@@ -25,13 +25,10 @@ def write(place: Path, outcomes: Sequence[Verdict], record: Mapping[str, str]) -
 
     Raises InputError if one of the files cannot be written.
     """
-    try:
-        for drawing in (each for outcome in outcomes for each in outcome.drawings):
-            for ending in ("png", "pdf"):
-                (place / f"{drawing.name}.{ending}").write_bytes(drawing.files[ending])
-        (place / "report.html").write_text(page(outcomes, record), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{error.filename or place}: cannot be written: {error.strerror}") from error
+    for drawing in (each for outcome in outcomes for each in outcome.drawings):
+        for ending in ("png", "pdf"):
+            write_bytes(place / f"{drawing.name}.{ending}", drawing.files[ending])
+    write_text(place / "report.html", page(outcomes, record))
 
 
 def page(outcomes: Sequence[Verdict], record: Mapping[str, str]) -> str:

@@ -28,6 +28,7 @@ from ...mpi import current
 from ...tools import files
 from ...tools.versions import package_versions
 from ...trajectory import damage
+from ...trajectory.file import new_file
 
 FORMAT = 11
 OF_DISKS = (
@@ -79,7 +80,7 @@ def write_parts(
         try:
             parts_of(target).mkdir(exist_ok=True)
         except OSError as error:
-            raise InputError(f"checkpoint {parts_of(target)} cannot be made: {error.strerror}") from error
+            raise InputError(f"checkpoint {parts_of(target)} cannot be made: {files.cause(error)}") from error
         return target, secrets.token_hex(8)
 
     target, mark = comm.root_result(begin)
@@ -114,22 +115,18 @@ def _write(target: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str
         left.unlink(missing_ok=True)
     text = json.dumps({**record, "versions": package_versions()})
     try:
-        with files.replacing(target) as new:
-            with h5py.File(new, "w") as file:
-                # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
-                file.attrs["kind"] = np.bytes_(_KIND)
-                file.attrs["format"] = FORMAT
-                file.attrs["digest"] = np.bytes_(_digest(arrays, text))
-                file["record"] = np.frombuffer(text.encode(), dtype=np.uint8)
-                file.create_group("arrays")
-                for name, array in arrays.items():
-                    same = array.ndim == 1 and len(array) > MANY and bool(np.all(array == array[0]))
-                    file.create_dataset(f"arrays/{name}", data=array, compression="gzip" if same else None)
-            with open(new, "rb") as written:
-                os.fsync(written.fileno())
+        with files.replacing(target) as new, new_file(new) as file:
+            # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
+            file.attrs["kind"] = np.bytes_(_KIND)
+            file.attrs["format"] = FORMAT
+            file.attrs["digest"] = np.bytes_(_digest(arrays, text))
+            file["record"] = np.frombuffer(text.encode(), dtype=np.uint8)
+            file.create_group("arrays")
+            for name, array in arrays.items():
+                same = array.ndim == 1 and len(array) > MANY and bool(np.all(array == array[0]))
+                file.create_dataset(f"arrays/{name}", data=array, compression="gzip" if same else None)
     except (OSError, RuntimeError) as error:
-        reason = isinstance(error, OSError) and error.strerror
-        raise InputError(f"checkpoint {target} cannot be written: {reason or error}") from error
+        raise InputError(f"checkpoint {target} cannot be written: {files.cause(error)}") from error
 
 
 def parts_of(path: str | os.PathLike[str]) -> Path:
@@ -262,6 +259,7 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[s
     """The arrays and the record of a file."""
     if not os.path.isfile(path):
         raise InputError(f"{path}: there is no such file")
+    damage.check_readable(path)
     if not h5py.is_hdf5(path):
         raise InputError(f"{path} is damaged, or no checkpoint of ifrdem: it is not an HDF5 file")
     with as_damage_error(path), h5py.File(path, "r") as file:
