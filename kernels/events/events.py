@@ -42,7 +42,7 @@ EMPTY = -1  # of bins and cells
 SEPARATING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
 RING = 16  # places for slots to come, of up to 9 cells; a power of two
 LEAST_ID = -(2**31)
-NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
+NOT_QUEUED = -1  # as `event_info.previous`; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
 # Of a gas in one tile: a second's work at most, between two looks at the clock.
 MOST_EVENTS_OF_A_LAUNCH = 1_000_000
@@ -152,6 +152,12 @@ def stays(i, horizon, region: ti.template(), gas: ti.template()):
 
 
 @ti.func
+def step_over(side):
+    """Columns and rows of cells that a disk moves by over a side of its cell: 1 left, 2 right, 3 below, 4 above."""
+    return ti.select(side <= 2, 2 * side - 3, 0), ti.select(side <= 2, 0, 2 * side - 7)
+
+
+@ti.func
 def leave(i, side, region: ti.template(), gas: ti.template()):
     """Move the disk in slot i into the next cell over a side; round the box where that is periodic."""
     info, motion, image = gas.event_info[i], gas.motion[i], gas.image_info[i]
@@ -166,24 +172,21 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
         while gas.event_info[k].next_in_cell != i:
             k = gas.event_info[k].next_in_cell
         gas.event_info[k].next_in_cell = info.next_in_cell
-    if side <= 2:
-        step = 2 * side - 3
-        cx += step
-        if cx < 0 or cx >= nx:
-            cx -= step * nx
-            motion.x = motion.x - step * gas.scale.length_x
-            image.lap_x = image.lap_x + step
-            if ti.static(gas.uses.walled):
-                other_image(i, step, 0, gas)
-    else:
-        step = 2 * side - 7
-        cy += step
-        if cy < 0 or cy >= ny:
-            cy -= step * ny
-            motion.y = motion.y - step * gas.scale.length_y
-            image.lap_y = image.lap_y + step
-            if ti.static(gas.uses.walled):
-                other_image(i, 0, step, gas)
+    step_x, step_y = step_over(side)
+    cx += step_x
+    cy += step_y
+    if cx < 0 or cx >= nx:
+        cx -= step_x * nx
+        motion.x = motion.x - step_x * gas.scale.length_x
+        image.lap_x = image.lap_x + step_x
+        if ti.static(gas.uses.walled):
+            other_image(i, step_x, 0, gas)
+    if cy < 0 or cy >= ny:
+        cy -= step_y * ny
+        motion.y = motion.y - step_y * gas.scale.length_y
+        image.lap_y = image.lap_y + step_y
+        if ti.static(gas.uses.walled):
+            other_image(i, 0, step_y, gas)
     info.cell = (cx << 16) + cy
     cell = head_at(cx, cy, layer, region, gas)
     info.next_in_cell = gas.head[cell]
@@ -724,342 +727,310 @@ def predict(
 
 
 @ti.func
-def earliest_event(
-    i: ti.template(), t: ti.template(), present: ti.template(), bins: ti.template(), last: ti.template(),
-    gas: ti.template(),
-):  # fmt: skip
+def earliest_event(turn: ti.template(), run: ti.template(), gas: ti.template()):
     """Set i to the slot of the disk whose event comes next, and t to its time; i stays EMPTY if no bin before `last`
     has one."""
-    while i < 0 and present < last:
-        i = gas.bin[bins + present]
-        if i < 0:
-            present += 1
-    if i >= 0:
-        t = next_event(i, gas)
-        k = gas.event_info[i].next
+    while turn.i < 0 and run.present < run.last:
+        turn.i = gas.bin[run.bins + run.present]
+        if turn.i < 0:
+            run.present += 1
+    if turn.i >= 0:
+        turn.t = next_event(turn.i, gas)
+        k = gas.event_info[turn.i].next
         while k >= 0:
             t_k = next_event(k, gas)
-            if t_k < t:
-                i, t = k, t_k
-            elif t_k == t:
-                if precedes(k, i, gas):
-                    i, t = k, t_k
+            if t_k < turn.t:
+                turn.i, turn.t = k, t_k
+            elif t_k == turn.t:
+                if precedes(k, turn.i, gas):
+                    turn.i, turn.t = k, t_k
             k = gas.event_info[k].next
 
 
 @ti.func
-def check_moment(
-    i: ti.template(), t: ti.template(), moment: ti.template(), written: ti.template(), writing: ti.template(),
-    active: ti.template(), pausing: ti.template(), pauses: ti.template(), gas: ti.template(),
-):  # fmt: skip
+def check_moment(turn: ti.template(), run: ti.template(), gas: ti.template()):
     """Set `writing` to the time of the tally that is due before the event of the disk in slot i at t, if one is."""
-    if moment < FAR and (i < 0 or t > moment):
-        writing = AT_MOMENT + written
-        written += 1
-        moment = gas.scale.moment[written]
-        if pausing == 1:
-            gas.counter.paused = pauses
-            active = 0
-    elif i < 0:
-        writing, active = AT_END, 0
+    if run.moment < FAR and (turn.i < 0 or turn.t > run.moment):
+        turn.writing = AT_MOMENT + run.written
+        run.written += 1
+        run.moment = gas.scale.moment[run.written]
+        if run.pausing == 1:
+            gas.counter.paused = run.pauses
+            run.active = 0
+    elif turn.i < 0:
+        turn.writing, run.active = AT_END, 0
 
 
 @ti.func
-def write_here(
-    n: ti.template(), tile: ti.template(), writing: ti.template(), region: ti.template(), gas: ti.template(),
-):  # fmt: skip
+def write_here(turn: ti.template(), run: ti.template(), region: ti.template(), gas: ti.template()):
     """Write the own disks of a tile, by one thread; at the end of a window on a CPU only."""
     if ti.static(on_gpu()):
-        if writing != AT_END:
-            write(n, tile, writing, 0, 1, region, gas)
+        if turn.writing != AT_END:
+            write(run.n, run.tile, turn.writing, 0, 1, region, gas)
     else:
         fastest, squares, event_squares, excursion, farthest, overhang = write(
-            n, tile, writing, 0, 1, region, gas
+            run.n, run.tile, turn.writing, 0, 1, region, gas
         )
-        if writing == AT_END:
-            note_extremes(tile, fastest, squares, event_squares, excursion, farthest, overhang, gas)
+        if turn.writing == AT_END:
+            note_extremes(run.tile, fastest, squares, event_squares, excursion, farthest, overhang, gas)
 
 
 @ti.func
-def cross_side(
-    i: ti.template(), keeps: ti.template(), x_low: ti.template(), x_high: ti.template(), y_low: ti.template(),
-    y_high: ti.template(), region: ti.template(), gas: ti.template(),
-):  # fmt: skip
+def cross_side(turn: ti.template(), region: ti.template(), gas: ti.template()):
     """Move the disk in slot i into the next cell, and have it look at the cells that become adjacent."""
-    side = gas.event_info[i].direction
-    leave(i, side, region, gas)
-    keeps = 1
+    side = gas.event_info[turn.i].direction
+    leave(turn.i, side, region, gas)
+    step_x, step_y = step_over(side)
+    turn.keeps = 1
     if side <= 2:
-        x_low, x_high = 2 * side - 3, 2 * side - 3
+        turn.x_low, turn.x_high = step_x, step_x
     else:
-        y_low, y_high = 2 * side - 7, 2 * side - 7
+        turn.y_low, turn.y_high = step_y, step_y
 
 
 @ti.func
-def pause_after(
-    t: ti.template(), tile: ti.template(), moment: ti.template(), written: ti.template(), pausing: ti.template(),
-    pauses: ti.template(), gas: ti.template(),
-):  # fmt: skip
+def pause_after(turn: ti.template(), run: ti.template(), gas: ti.template()):
     """Pause at t if the collision there was the last one requested."""
-    if pausing == 1 and pauses == 1:
-        if gas.sums.collisions + gas.tally[tile, AT_END].collisions >= gas.clock.wanted:
-            moment, written, pauses = t, 0, BY_COUNT
-            gas.scale.moment[0] = t
+    if run.pausing == 1 and run.pauses == 1:
+        if gas.sums.collisions + gas.tally[run.tile, AT_END].collisions >= gas.clock.wanted:
+            run.moment, run.written, run.pauses = turn.t, 0, BY_COUNT
+            gas.scale.moment[0] = turn.t
 
 
 @ti.func
 def meet_wall(
-    i: ti.template(), partner: ti.template(), t: ti.template(), n: ti.template(), tile: ti.template(),
-    n_searching: ti.template(), all_search: ti.template(), region: ti.template(), gas: ti.template(),
+    turn: ti.template(), run: ti.template(), partner: ti.template(), region: ti.template(),
+    gas: ti.template(),
 ):  # fmt: skip
     """Collide the disk in slot i with its wall. After one with a piston all disks look for theirs again."""
-    since = gas.motion[i].tau
+    since = gas.motion[turn.i].tau
     if ti.static(gas.uses.pistons):
-        if meets_piston(i, gas) == 1:
-            n_searching, all_search = n, 1
-    regime = hit_wall(i, t, tile, region, gas)
+        if meets_piston(turn.i, gas) == 1:
+            turn.n_searching, turn.all_search = run.n, 1
+    regime = hit_wall(turn.i, turn.t, run.tile, region, gas)
     if ti.static(gas.uses.rests):
         if regime >= ELASTIC and is_support(wall_of(from_partner(partner)), gas):
-            count_hit(i, t, since, gas)
-            fall_asleep(i, t, tile, gas)
+            count_hit(turn.i, turn.t, since, gas)
+            fall_asleep(turn.i, turn.t, run.tile, gas)
 
 
 @ti.func
-def check_progress(
-    n: ti.template(), tile: ti.template(), offset: ti.template(), t: ti.template(), window: ti.template(),
-    events: ti.template(), checked: ti.template(), checked_at: ti.template(), written: ti.template(),
-    pauses: ti.template(), active: ti.template(), last: ti.template(), acts: ti.template(), region: ti.template(),
-    gas: ti.template(),
-):  # fmt: skip
+def check_progress(turn: ti.template(), run: ti.template(), region: ti.template(), gas: ti.template()):
     """End the events if time has not advanced since `checked_at`: so many events without progress have no end.
 
     It may advance, and come to no end all the same. So a gas in one tile pauses after a long launch (BY_WORK), where
     the host looks how far it has come and takes note of Ctrl-C, and goes on. A tile of many cannot pause: it skips
     the rest of its events, and is marked, so that one thread runs the whole box, with pauses.
     """
-    stuck = t - checked_at < 1e-9 * window
+    stuck = turn.t - run.checked_at < 1e-9 * run.window
     alone = gas.grid.single_tile == 1
-    most = LONG + LONG_OF_A_DISK * n
+    most = LONG + LONG_OF_A_DISK * run.n
     if ti.static(on_gpu()):  # where nothing pauses, and a thread is slower
-        most = LONG // 10 + LONG_OF_A_DISK * n
-        stuck = stuck or (alone and events > most and t * most < LEAST_ADVANCE * window * events)
+        most = LONG // 10 + LONG_OF_A_DISK * run.n
+        stuck = stuck or (
+            alone and run.events > most and turn.t * most < LEAST_ADVANCE * run.window * run.events
+        )
     if stuck:
         stalled = 1
-        for m in range(offset, offset + n):
-            if not (largest_speed(m, gas) * window <= TOO_FAR * (region.nx * region.side_x)):
+        for m in range(run.offset, run.offset + run.n):
+            if not (largest_speed(m, gas) * run.window <= TOO_FAR * (region.nx * region.side_x)):
                 stalled = 2  # also of a speed that is no number
         ti.atomic_max(gas.counter.stalled, stalled)
-        active = 0
-    elif alone and events > MOST_EVENTS_OF_A_LAUNCH and pauses == 1:
+        run.active = 0
+    elif alone and run.events > MOST_EVENTS_OF_A_LAUNCH and run.pauses == 1:
         if ti.static(not on_gpu()):
-            gas.counter.paused, gas.counter.written, gas.clock.reached = BY_WORK, written, ti.cast(t, ti.f64)
-            active = 0
-    elif not alone and (events > most or gas.counter.stuck > 0):
-        gas.tile[tile].mark = TOO_LONG
+            gas.counter.paused, gas.counter.written, gas.clock.reached = (
+                BY_WORK,
+                run.written,
+                ti.cast(turn.t, ti.f64),
+            )
+            run.active = 0
+    elif not alone and (run.events > most or gas.counter.stuck > 0):
+        gas.tile[run.tile].mark = TOO_LONG
         ti.atomic_add(gas.counter.stuck, 1)  # other tiles need not go on
-        last, acts = 0, FAR + 0.0 * window
-    checked, checked_at = events, t
+        run.last, run.acts = 0, FAR + 0.0 * run.window
+    run.checked, run.checked_at = run.events, turn.t
 
 
 @ti.func
-def look_for_pistons(
-    i: ti.template(), q: ti.template(), offset: ti.template(), bins: ti.template(), all_search: ti.template(),
-    x_low: ti.template(), x_high: ti.template(), keeps: ti.template(), gas: ti.template(),
-):  # fmt: skip
+def look_for_pistons(turn: ti.template(), run: ti.template(), q: ti.template(), gas: ti.template()):
     """After an event of a piston, have disk number q look at walls, and at disks too if it is to meet a piston."""
-    if all_search == 1:
-        i = offset + q
-        remove_event(i, bins, gas)
-        x_low, x_high, keeps = 1, 0, 1  # at no disk, but at walls
-        if meets_piston(i, gas) == 1:
-            x_low, x_high, keeps = -1, 1, 0
+    if turn.all_search == 1:
+        turn.i = run.offset + q
+        remove_event(turn.i, run.bins, gas)
+        turn.x_low, turn.x_high, turn.keeps = 1, 0, 1  # at no disk, but at walls
+        if meets_piston(turn.i, gas) == 1:
+            turn.x_low, turn.x_high, turn.keeps = -1, 1, 0
 
 
 @ti.func
-def begin_queue(
-    n: ti.template(), n_bins: ti.template(), offset: ti.template(), bins: ti.template(), rate: ti.template(),
-    fresh: ti.template(), resuming: ti.template(), gas: ti.template(),
-):  # fmt: skip
+def begin_queue(run: ti.template(), gas: ti.template()):
     """Empty the bins, unless a window is resumed. On a GPU a team has predicted first events: put them into bins."""
-    if resuming == 0:
-        fresh = 0
-        for b in range(n_bins):
-            gas.bin[bins + b] = EMPTY
+    if run.resuming == 0:
+        run.fresh = 0
+        for b in range(run.n_bins):
+            gas.bin[run.bins + b] = EMPTY
     if ti.static(on_gpu()):
-        fresh = n
-        for i in range(offset, offset + n):
+        run.fresh = run.n
+        for i in range(run.offset, run.offset + run.n):
             t = next_event(i, gas)
             if ti.static(gas.uses.forced):
                 if t <= first_horizon(gas):
-                    insert_event(i, t, 0, bins, n_bins, rate, gas)
+                    insert_event(i, t, 0, run.bins, run.n_bins, run.rate, gas)
             else:
-                insert_event(i, t, 0, bins, n_bins, rate, gas)
+                insert_event(i, t, 0, run.bins, run.n_bins, run.rate, gas)
 
 
 @ti.func
-def first_force(row: ti.template(), resuming: ti.template(), gas: ti.template()):
+def first_force(run: ti.template(), gas: ti.template()):
     """Set `row` to that of `kicks` which acts first in a window, or in the rest of it."""
-    row = ti.cast(gas.clock.acted, ti.i32)
-    if resuming == 1:
-        row = ti.cast(gas.clock.next_kick, ti.i32)
+    run.row = ti.cast(gas.clock.acted, ti.i32)
+    if run.resuming == 1:
+        run.row = ti.cast(gas.clock.next_kick, ti.i32)
 
 
 @ti.func
-def expect_forces(
-    row: ti.template(), acts: ti.template(), horizon: ti.template(), last: ti.template(), rate: ti.template(),
-    n_bins: ti.template(), window: ti.template(), gas: ti.template(),
-):  # fmt: skip
+def expect_forces(run: ti.template(), gas: ti.template()):
     """Set when forces act next, by row `row` of `kicks`: nothing is predicted beyond that `horizon`, or binned."""
-    acts = kick_time(row, gas)
-    horizon = ti.min(acts, window)
-    last = ti.min(ti.cast(horizon * rate, ti.i32) + 1, n_bins)
+    run.acts = kick_time(run.row, gas)
+    run.horizon = ti.min(run.acts, run.window)
+    run.last = ti.min(ti.cast(run.horizon * run.rate, ti.i32) + 1, run.n_bins)
 
 
 @ti.func
-def apply_forces(
-    i: ti.template(), t: ti.template(), n: ti.template(), tile: ti.template(), row: ti.template(), acts: ti.template(),
-    horizon: ti.template(), last: ti.template(), present: ti.template(), fresh: ti.template(), kicked: ti.template(),
-    moment: ti.template(), rate: ti.template(), n_bins: ti.template(), window: ti.template(), region: ti.template(),
-    gas: ti.template(),
-):  # fmt: skip
+def apply_forces(turn: ti.template(), run: ti.template(), region: ti.template(), gas: ti.template()):
     """Have forces act on all disks if that comes before the event of disk i at t: then all look around again."""
-    if acts <= window and (i < 0 or t > acts) and acts <= moment:
-        kicked = 1
-        end = row + 1
-        while kick_time(end, gas) == acts:
+    if run.acts <= run.window and (turn.i < 0 or turn.t > run.acts) and run.acts <= run.moment:
+        turn.kicked = 1
+        end = run.row + 1
+        while kick_time(end, gas) == run.acts:
             end += 1
-        act_on_all(n, row, end, acts, 0, 1, tile, region, gas)
-        if acts < window:
-            present, fresh = ti.min(ti.cast(acts * rate, ti.i32), n_bins - 1), 0
-        row = end
-        expect_forces(row, acts, horizon, last, rate, n_bins, window, gas)
+        act_on_all(run.n, run.row, end, run.acts, 0, 1, run.tile, region, gas)
+        if run.acts < run.window:
+            run.present, run.fresh = ti.min(ti.cast(run.acts * run.rate, ti.i32), run.n_bins - 1), 0
+        run.row = end
+        expect_forces(run, gas)
 
 
 @ti.func
-def earliest_stop(
-    i: ti.template(), t: ti.template(), stop: ti.template(), stopped: ti.template(), offset: ti.template(),
-    gas: ti.template(),
-):  # fmt: skip
+def earliest_stop(turn: ti.template(), run: ti.template(), gas: ti.template()):
     """Set `stopped` to the piston that meets a stop before t, and t to that time; -1 if none does."""
-    stop, stopped = next_stop(gas)
-    if stop < t:
-        i, t = offset, stop
+    turn.stop, turn.stopped = next_stop(gas)
+    if turn.stop < turn.t:
+        turn.i, turn.t = run.offset, turn.stop
     else:
-        stopped = -1
+        turn.stopped = -1
 
 
 @ti.func
-def run_event(
-    i: ti.template(), t: ti.template(), n: ti.template(), tile: ti.template(), bins: ti.template(),
-    second: ti.template(), n_searching: ti.template(), all_search: ti.template(), keeps: ti.template(),
-    x_low: ti.template(), x_high: ti.template(), y_low: ti.template(), y_high: ti.template(), moment: ti.template(),
-    written: ti.template(), pausing: ti.template(), pauses: ti.template(), region: ti.template(), gas: ti.template(),
-):  # fmt: skip
+def run_event(turn: ti.template(), run: ti.template(), region: ti.template(), gas: ti.template()):
     """The event of the disk in slot i at time t: it crosses into the next cell, or collides with a disk or a wall."""
-    remove_event(i, bins, gas)
-    partner = gas.event_info[i].partner
-    if gas.motion[i].t_leave < gas.motion[i].t_hit:
-        cross_side(i, keeps, x_low, x_high, y_low, y_high, region, gas)
+    remove_event(turn.i, run.bins, gas)
+    partner = gas.event_info[turn.i].partner
+    if gas.motion[turn.i].t_leave < gas.motion[turn.i].t_hit:
+        cross_side(turn, region, gas)
     elif partner >= 0:
-        if gas.event_info[partner].number == gas.event_info[i].partner_number:
-            remove_event(partner, bins, gas)
-            collide(i, partner, t, tile, region, gas)
-            second, n_searching = partner, 2
-            pause_after(t, tile, moment, written, pausing, pauses, gas)
+        if gas.event_info[partner].number == gas.event_info[turn.i].partner_number:
+            remove_event(partner, run.bins, gas)
+            collide(turn.i, partner, turn.t, run.tile, region, gas)
+            turn.second, turn.n_searching = partner, 2
+            pause_after(turn, run, gas)
     else:
         is_action = False
         if ti.static(gas.uses.actions):
             is_action = partner == OWN_ACTION
             if is_action:
-                act_alone(i, t, tile, region, gas)
+                act_alone(turn.i, turn.t, run.tile, region, gas)
         if ti.static(gas.uses.walled):
             if not is_action:
-                meet_wall(i, partner, t, n, tile, n_searching, all_search, region, gas)
+                meet_wall(turn, run, partner, region, gas)
 
 
 @ti.func
 def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
-    """All events of a window in a region of n disks at places from `places` on, which are prepared.
+    """All events of a window in a region of n disks in the slots of its lane, which are prepared.
 
     Own disks are written at requested moments, and, on a CPU, at the end; on a GPU a team does this, which has
     predicted their first events too. A gas in one tile may pause at a moment, or after the last of so many collisions,
     and continues when `resuming`.
+
+    `run` and `turn` are records: the functions above read and change them, and nothing else of this function.
     """
-    offset, bins = region.lane * gas.grid.lane_slots, region.lane * gas.grid.bins
     window = gas.scale.window
-    present, fresh, written, active = 0, n, gas.counter.written, 1
-    moment = gas.scale.moment[written]
-    pausing = gas.counter.pausing
-    pauses = 1
-    events, checked, checked_at = 0, 0, 0.0 * window
-    patience = MANY_EVENTS + 20 * n
-    rate = n_bins / window
-    begin_queue(n, n_bins, offset, bins, rate, fresh, resuming, gas)
-    row, acts, horizon, last_bin = 0, FAR + 0.0 * window, window, n_bins
+    run = ti.Struct(
+        n=n, n_bins=n_bins, tile=tile, resuming=resuming,
+        # first slot, and first bin, of the lane; bins in a unit of time
+        offset=region.lane * gas.grid.lane_slots, bins=region.lane * gas.grid.bins, rate=n_bins / window,
+        window=window,
+        present=0,  # the bin that is emptied
+        fresh=n,  # disks that have looked around themselves since the last flights of all began
+        active=1,
+        # the next one to be written, and how many are: some where a gas in one tile goes on after a long launch
+        moment=gas.scale.moment[gas.counter.written], written=gas.counter.written,
+        pausing=gas.counter.pausing, pauses=1,  # 1, or BY_COUNT
+        # the next row of `kicks`, when it acts, until when anything is predicted, and the bin behind that time
+        row=0, acts=FAR + 0.0 * window, horizon=window, last=n_bins,
+        events=0, checked=0, checked_at=0.0 * window, patience=MANY_EVENTS + 20 * n,  # `check_progress`
+    )  # fmt: skip
+    begin_queue(run, gas)
     if ti.static(gas.uses.forced):
-        first_force(row, resuming, gas)
-        expect_forces(row, acts, horizon, last_bin, rate, n_bins, window, gas)
-    while active == 1:
+        first_force(run, gas)
+        expect_forces(run, gas)
+    while run.active == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
-        n_searching, first, second, half = 0, 0, 0, 0
-        all_search, stop, stopped = 0, window, -1  # for a piston, after an event of it
-        x_low, x_high, y_low, y_high = -1, 1, -1, 1
-        keeps = 0
-        if fresh < n:
-            first, n_searching, half, x_low = offset + fresh, 1, 1, 0
-            fresh += 1
+        turn = ti.Struct(
+            i=EMPTY, t=window,  # the disk whose event comes, and when
+            n_searching=0, first=0, second=0, half=0, keeps=0, x_low=-1, x_high=1, y_low=-1, y_high=1,  # `predict`
+            all_search=0, stop=window, stopped=-1,  # for a piston, after an event of it
+            writing=-1, kicked=0,
+        )  # fmt: skip
+        if run.fresh < run.n:
+            turn.first, turn.n_searching, turn.half, turn.x_low = run.offset + run.fresh, 1, 1, 0
+            run.fresh += 1
         else:
-            i = EMPTY
-            t = window
-            earliest_event(i, t, present, bins, last_bin, gas)
+            earliest_event(turn, run, gas)
             if ti.static(gas.uses.cut):
-                if t > gas.scale.stored_at:
-                    i = EMPTY
+                if turn.t > gas.scale.stored_at:
+                    turn.i = EMPTY
             if ti.static(gas.uses.pistons):
-                earliest_stop(i, t, stop, stopped, offset, gas)
-            writing, kicked = -1, 0
+                earliest_stop(turn, run, gas)
             if ti.static(gas.uses.forced):
-                apply_forces(
-                    i, t, n, tile, row, acts, horizon, last_bin, present, fresh, kicked, moment, rate, n_bins, window,
-                    region, gas,
-                )  # fmt: skip
-            if kicked == 0:
-                check_moment(i, t, moment, written, writing, active, pausing, pauses, gas)
-            if kicked == 1:
+                apply_forces(turn, run, region, gas)
+            if turn.kicked == 0:
+                check_moment(turn, run, gas)
+            if turn.kicked == 1:
                 pass
-            elif writing >= 0:
-                write_here(n, tile, writing, region, gas)
-            elif stopped >= 0:
-                events += 1
+            elif turn.writing >= 0:
+                write_here(turn, run, region, gas)
+            elif turn.stopped >= 0:
+                run.events += 1
                 if ti.static(gas.uses.pistons):
-                    bounce(stopped, t, gas)
-                n_searching, all_search = n, 1
-                present = ti.min(present, n_bins - 1)  # for disks that meet it later in this window
+                    bounce(turn.stopped, turn.t, gas)
+                turn.n_searching, turn.all_search = run.n, 1
+                # For disks that meet it later in this window.
+                run.present = ti.min(run.present, run.n_bins - 1)
             else:
-                events += 1
-                first, n_searching = i, 1
-                run_event(
-                    i, t, n, tile, bins, second, n_searching, all_search, keeps, x_low, x_high, y_low, y_high, moment,
-                    written, pausing, pauses, region, gas,
-                )  # fmt: skip
-                if events - checked > patience:
-                    check_progress(
-                        n, tile, offset, t, window, events, checked, checked_at, written, pauses, active, last_bin,
-                        acts, region, gas,
-                    )  # fmt: skip
-        for q in range(n_searching):
-            i = first
+                run.events += 1
+                turn.first, turn.n_searching = turn.i, 1
+                run_event(turn, run, region, gas)
+                if run.events - run.checked > run.patience:
+                    check_progress(turn, run, region, gas)
+        for q in range(turn.n_searching):
+            turn.i = turn.first
             if q == 1:
-                i = second
+                turn.i = turn.second
             if ti.static(gas.uses.pistons):
-                look_for_pistons(i, q, offset, bins, all_search, x_low, x_high, keeps, gas)
-            t = predict(i, x_low, x_high, y_low, y_high, half, keeps, horizon, region, gas)
+                look_for_pistons(turn, run, q, gas)
+            turn.t = predict(
+                turn.i, turn.x_low, turn.x_high, turn.y_low, turn.y_high, turn.half, turn.keeps, run.horizon, region,
+                gas,
+            )  # fmt: skip
             if ti.static(gas.uses.forced):
-                if t <= horizon:
-                    insert_event(i, t, present, bins, n_bins, rate, gas)
+                if turn.t <= run.horizon:
+                    insert_event(turn.i, turn.t, run.present, run.bins, run.n_bins, run.rate, gas)
             else:
-                insert_event(i, t, present, bins, n_bins, rate, gas)
+                insert_event(turn.i, turn.t, run.present, run.bins, run.n_bins, run.rate, gas)
     if ti.static(gas.uses.forced):
         if gas.grid.single_tile == 1:
-            gas.clock.next_kick = ti.cast(row, ti.f64)
-    ti.atomic_add(gas.counter.n_events, events)
+            gas.clock.next_kick = ti.cast(run.row, ti.f64)
+    ti.atomic_add(gas.counter.n_events, run.events)

@@ -13,6 +13,7 @@ from typing import Any
 from ..columns import FORCE_VALUES, LEVELS, TALLY
 from ..disks.flights import on_grid
 from ..compiler.language import ti
+from ..tiles.grid import place_of
 from ..layout import BY_LAW, KICKED, NOT_FINITE, NOT_FINITE_ALONE
 from ..disks.particle import add, fly_to, kind_of, note_speed, void_latest_partner, watched_row, write_motion
 from ..random import DRAWS, normals
@@ -77,8 +78,7 @@ def position_in_box(i, t, tile, gas: ti.template()):
 
     The drop under gravity is rounded to the grid, so that all sums are exact. Not of a sheared box.
     """
-    tx = tile // gas.grid.tiles_y
-    ty = tile - tx * gas.grid.tiles_y
+    tx, ty = place_of(tile, gas)
     x = gas.edge_x[tx] + ti.cast(gas.motion[i].x + on_grid(0.5 * gas.scale.gx * t * t, gas), ti.f64)
     y = gas.edge_y[ty] + ti.cast(gas.motion[i].y + on_grid(0.5 * gas.scale.gy * t * t, gas), ti.f64)
     if gas.grid.periodic_x == 1:

@@ -24,7 +24,8 @@ OF_DISKS = "uses grid scale clock disk kind kinds meta tile edge_x edge_y when c
 def particle_view(s, tile, time, gas: ti.template()):
     """Quantities of a listed disk at `time`, as forces get them; velocities are relative to the mean flow."""
     disk = gas.disk[s]
-    x, y, _boxes_x, _boxes_y, _frame, flow = placed(s, tile, time, gas)
+    here = placed(s, tile, time, gas)
+    x, y, flow = here.x, here.y, here.flow
     kind = listed_kind(s, gas)
     mass = 1.0 / gas.kinds[kind].inverse_mass
     radius = gas.kinds[kind].radius

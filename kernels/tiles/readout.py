@@ -6,6 +6,7 @@ Also copies of small arrays, and of rows of others, between host and GPU.
 from ...quantities import FRAME
 from ..columns import MECHANISM, READOUT, SMALL, first_word
 from ..compiler.language import Rows, Table, has_numbers, spread_of_loops, ti, width
+from .grid import place_of
 from ..compiler.records import NamedVector
 from ..layout import ASLEEP, ASLEEP_UNVERIFIED, SNAPSHOT
 from ..disks.particle import listed_kind, round_products
@@ -59,8 +60,7 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
 def placed(s, tile, time, gas: ti.template()):
     """Place in the box of a listed disk, boxes that it is away from there, velocities of its frame and the flow."""
     disk = gas.disk[s]
-    tx = tile // gas.grid.tiles_y
-    ty = tile - tx * gas.grid.tiles_y
+    tx, ty = place_of(tile, gas)
     x = gas.edge_x[tx] + ti.cast(disk.x, ti.f64)
     y = gas.edge_y[ty] + ti.cast(disk.y, ti.f64)
     boxes_x, boxes_y = 0, 0
@@ -84,7 +84,7 @@ def placed(s, tile, time, gas: ti.template()):
         if x < 0.0 or x >= length:
             boxes_x = ti.floor(x / length, ti.i32)
             x -= boxes_x * length
-    return x, y, boxes_x, boxes_y, frame, flow
+    return ti.Struct(x=x, y=y, boxes_x=boxes_x, boxes_y=boxes_y, frame=frame, flow=flow)
 
 
 def is_single(words):
@@ -133,8 +133,9 @@ def read_out(
             total = ti.Vector([0.0] * READOUT.width, ti.f64)
             for s in range(first, last):
                 meta_row, listed_disk = gas.meta[s], gas.disk[s]
-                x, y, boxes_x, boxes_y, frame, flow = placed(s, k, time, gas)
-                count_in(s, x, y, flow, total, gas)
+                here = placed(s, k, time, gas)
+                x, y, boxes_x, boxes_y, frame = here.x, here.y, here.boxes_x, here.boxes_y, here.frame
+                count_in(s, x, y, here.flow, total, gas)
                 if filled == 1:
                     i = meta_row.id
                     if ti.static(gas.uses.shared):

@@ -27,6 +27,7 @@ from ..columns import GHOST_STEP, HELD, MECHANISM, TALLY
 from ..disks.flights import on_grid
 from ..disks.force_times import begin_actions
 from ..compiler.language import on_gpu, ti
+from .grid import place_of
 from ..layout import (
     ASLEEP,
     AT_END,
@@ -70,8 +71,7 @@ def wrap_index(index, count, periodic):
 @ti.func
 def sides_of(tile, gas: ti.template()):
     """Width and height of a tile."""
-    tx = tile // gas.grid.tiles_y
-    ty = tile - tx * gas.grid.tiles_y
+    tx, ty = place_of(tile, gas)
     return (
         ti.cast(gas.edge_x[tx + 1] - gas.edge_x[tx], float),
         ti.cast(gas.edge_y[ty + 1] - gas.edge_y[ty], float),
@@ -81,8 +81,7 @@ def sides_of(tile, gas: ti.template()):
 @ti.func
 def bounds_of(margin, tile, gas: ti.template()):
     """Lowest and highest x, then y (from the tile's corner), of a tile and a margin around it; ends have no end."""
-    tx = tile // gas.grid.tiles_y
-    ty = tile - tx * gas.grid.tiles_y
+    tx, ty = place_of(tile, gas)
     width, height = sides_of(tile, gas)
     x_low, x_high, y_low, y_high = -margin, width + margin, -margin, height + margin
     if gas.grid.periodic_x == 0:
@@ -167,8 +166,7 @@ def region_of(tile, lane, gas: ti.template()):
         coarse = gas.grid.coarse
     nx = coarse * ti.max(ti.cast(width / (coarse * gas.scale.cell_side), ti.i32), 1)
     ny = coarse * ti.max(ti.cast(height / (coarse * gas.scale.cell_side), ti.i32), 1)
-    tx = tile // gas.grid.tiles_y
-    ty = tile - tx * gas.grid.tiles_y
+    tx, ty = place_of(tile, gas)
     return ti.Struct(
         x=-halo, y=-halo, nx=nx, ny=ny, side_x=width / nx, side_y=height / ny, wrap_x=wrap_x, wrap_y=wrap_y,
         cells=lane * gas.grid.cells, lane=lane, coarse=coarse,
@@ -178,13 +176,12 @@ def region_of(tile, lane, gas: ti.template()):
 
 @ti.func
 def neighbor_tile(tile, step_x, step_y, gas: ti.template()):
-    """The tile so many columns and rows away, or -1; how far its corner is; how many boxes it is away.
+    """The `tile` so many columns and rows away, or -1; how far its corner is (`shift`); how many `boxes` it is away.
 
     Exact: corners and lengths are on the grid. In a sheared gas all tiles are alike, and rows above have moved on by
     `tiles_aside` tiles (and by `aside`, which is not in this).
     """
-    tx = tile // gas.grid.tiles_y
-    ty = tile - tx * gas.grid.tiles_y
+    tx, ty = place_of(tile, gas)
     ax = tx + step_x
     if ti.static(gas.uses.sheared):
         ax -= step_y * gas.grid.tiles_aside
@@ -201,44 +198,45 @@ def neighbor_tile(tile, step_x, step_y, gas: ti.template()):
         shift_x, shift_y = ti.cast(far_x, float), ti.cast(far_y, float)
     if ti.static(gas.uses.sheared):
         boxes_x -= step_y * gas.grid.boxes_aside
-    return other, shift_x, shift_y, boxes_x, boxes_y
+    return ti.Struct(
+        tile=other, step_y=step_y, shift_x=shift_x, shift_y=shift_y, boxes_x=boxes_x, boxes_y=boxes_y
+    )
 
 
 @ti.func
 def gather_tile(tile, step, gas: ti.template()):
-    """One of the tiles that a tile gathers from, with the results of `neighbor_tile`, and how many rows up it is.
+    """One of the tiles that a tile gathers from, as `neighbor_tile` describes it.
 
     The nine around it, or all where one region is the whole box.
     """
-    other, step_y, boxes_x, boxes_y = step, 0, 0, 0
-    shift_x, shift_y = 0.0 * gas.scale.window, 0.0 * gas.scale.window
+    origin = 0.0 * gas.scale.window
+    near = ti.Struct(tile=step, step_y=0, shift_x=origin, shift_y=origin, boxes_x=0, boxes_y=0)
     if gas.grid.single_tile == 1:
-        shift_x = ti.cast(gas.edge_x[step // gas.grid.tiles_y] - gas.edge_x[0], float)
-        shift_y = ti.cast(gas.edge_y[step % gas.grid.tiles_y] - gas.edge_y[0], float)
+        near.shift_x = ti.cast(gas.edge_x[step // gas.grid.tiles_y] - gas.edge_x[0], float)
+        near.shift_y = ti.cast(gas.edge_y[step % gas.grid.tiles_y] - gas.edge_y[0], float)
     else:
-        step_y = step % 3 - 1
-        other, shift_x, shift_y, boxes_x, boxes_y = neighbor_tile(tile, step // 3 - 1, step_y, gas)
-    return other, step_y, shift_x, shift_y, boxes_x, boxes_y
+        near = neighbor_tile(tile, step // 3 - 1, step % 3 - 1, gas)
+    return near
 
 
 @ti.func
-def position_from(s, step_y, shift_x, shift_y, gas: ti.template()):
-    """Position of a listed disk from the corner of the tile that gathers, and its row of tiles."""
+def position_from(s, near, gas: ti.template()):
+    """Position of a disk that a tile `near` lists, from the corner of the tile that gathers, and its row of tiles."""
     disk = gas.disk[s]
-    x, y = disk.x + shift_x, disk.y + shift_y
+    x, y = disk.x + near.shift_x, disk.y + near.shift_y
     row = 0
     if ti.static(gas.uses.sheared):
-        x += step_y * gas.scale.aside
+        x += near.step_y * gas.scale.aside
         height = ti.cast(gas.edge_y[1], float)
-        row = step_y + ti.cast(ti.floor((disk.y) / height), ti.i32)
+        row = near.step_y + ti.cast(ti.floor((disk.y) / height), ti.i32)
     return x, y, row
 
 
 @ti.func
-def position_in_tile(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
+def position_in_tile(s, near, region: ti.template(), gas: ti.template()):
     """Position of a listed disk as by `position_from`, wrapped into the box if one region is the box; and box lengths
     by which it was wrapped."""
-    x, y, row = position_from(s, step_y, shift_x, shift_y, gas)
+    x, y, row = position_from(s, near, gas)
     lap_x, lap_y = 0, 0
     if region.wrap_x == 1:
         if x < 0.0:
@@ -254,7 +252,7 @@ def position_in_tile(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti
         elif y >= gas.scale.length_y:
             y -= gas.scale.length_y
             lap_y = 1
-    return x, y, lap_x, lap_y, row
+    return ti.Struct(x=x, y=y, lap_x=lap_x, lap_y=lap_y, row=row)
 
 
 def team_of(uses: Uses) -> int:
@@ -312,12 +310,12 @@ def gather(tile, thread, region: ti.template(), gas: ti.template()):
     if alone:
         steps = gas.grid.tiles_x * gas.grid.tiles_y
     for step in range(steps):
-        other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = gather_tile(tile, step, gas)
-        if other >= 0:
-            first = part * gas.grid.room + gas.tile[other].start[part]
-            s, end = first + thread, first + gas.tile[other].count[part]
+        near = gather_tile(tile, step, gas)
+        if near.tile >= 0:
+            first = part * gas.grid.room + gas.tile[near.tile].start[part]
+            s, end = first + thread, first + gas.tile[near.tile].count[part]
             while s < end:
-                x, y, _row = position_from(s, step_y, shift_x, shift_y, gas)
+                x, y, _row = position_from(s, near, gas)
                 if alone or lies_in(x, y, x_low, x_high, y_low, y_high):
                     own = alone or lies_in(x, y, own_x_low, own_x_high, own_y_low, own_y_high)
                     if ti.static(team > 1):
@@ -327,10 +325,8 @@ def gather(tile, thread, region: ti.template(), gas: ti.template()):
                         else:
                             own_disks = n - ti.atomic_add(gas.tile[tile].n_ghosts, 1)
                     if n < room:
-                        x, y, _lap_x, _lap_y, _row = position_in_tile(
-                            s, step_y, shift_x, shift_y, region, gas
-                        )
-                        c = cell_at(x, y, region)
+                        here = position_in_tile(s, near, region, gas)
+                        c = cell_at(here.x, here.y, region)
                         gas.candidates[offset + n].slot = s
                         gas.candidates[offset + n].cell = c
                         gas.candidates[offset + n].own_rank = ti.select(own, own_disks + 1, own_disks - n - 1)
@@ -423,29 +419,27 @@ def slot_of(m, region: ti.template(), gas: ti.template()):
 def load(m, i, tile, region: ti.template(), gas: ti.template()):
     """Load candidate m into slot i."""
     step = gas.candidates[region.lane * gas.grid.lane_slots + m].step
-    _other, step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, step, gas)
-    load_from(step_y, shift_x, shift_y, boxes_x, boxes_y, m, i, tile, region, gas)
+    load_from(gather_tile(tile, step, gas), m, i, tile, region, gas)
 
 
 @ti.func
-def load_from(
-    step_y, shift_x, shift_y, boxes_x, boxes_y, m, i, tile, region: ti.template(), gas: ti.template()
-):  # fmt: skip
-    """Load candidate m into slot i, from a tile for which `gather_tile` returns these numbers.
+def load_from(near, m, i, tile, region: ti.template(), gas: ti.template()):
+    """Load candidate m into slot i, from the tile that `gather_tile` describes so.
 
     Everything is read before the first number is written, as in `events.collide`.
     """
     part = gas.grid.part
     chosen = gas.candidates[region.lane * gas.grid.lane_slots + m]
     s, c, rank, step = chosen.slot, chosen.cell, chosen.own_rank, chosen.step
-    x, y, lap_x, lap_y, row = position_in_tile(s, step_y, shift_x, shift_y, region, gas)
+    here = position_in_tile(s, near, region, gas)
+    x, y, row = here.x, here.y, here.row
     vx, vy, spin = gas.disk[s].vx, gas.disk[s].vy, gas.disk[s].spin
     disk_id, events, kind = gas.meta[s].id, gas.meta[s].events, listed_kind(s, gas)
     slot, cx = s - part * gas.grid.room, c // region.ny
     info, motion, image = gas.event_info[i], gas.motion[i], gas.image_info[i]
     image.step, image.slot = step, slot
     info.id, info.own_rank, info.shear_row = disk_id, rank, row
-    image.lap_x, image.lap_y = lap_x - boxes_x, lap_y - boxes_y
+    image.lap_x, image.lap_y = here.lap_x - near.boxes_x, here.lap_y - near.boxes_y
     image.wall_collisions, image.events_before = 0, events
     if ti.static(gas.uses.mixed):
         info.kind = kind
@@ -462,7 +456,7 @@ def load_from(
             gas.cached_force[i][column] = gas.held[s][column]
     if ti.static(gas.uses.sheared):
         # Into the frame of the row that it is in now.
-        crossed = row - step_y
+        crossed = row - near.step_y
         if crossed != 0:
             faster = crossed * gas.scale.drift
             if rank > 0:
@@ -515,8 +509,7 @@ def link_cells_of_layers(n, region: ti.template(), gas: ti.template()):
 @ti.func
 def inside(x, y, tile, gas: ti.template()):
     """Distance of a position from the sides of its tile; negative outside. Open ends of the box are no sides."""
-    tx = tile // gas.grid.tiles_y
-    ty = tile - tx * gas.grid.tiles_y
+    tx, ty = place_of(tile, gas)
     width, height = sides_of(tile, gas)
     left, right, below, above = x, width - x, y, height - y
     if gas.grid.periodic_x == 0:
@@ -545,7 +538,7 @@ def last_hit(i, gas: ti.template()):
         x -= ti.cast(gas.edge_x[listed // gas.grid.tiles_y] - gas.edge_x[0], float)
         y -= ti.cast(gas.edge_y[listed % gas.grid.tiles_y] - gas.edge_y[0], float)
         lap_x, lap_y = 0, 0
-    return slot, x, y, lap_x, lap_y
+    return ti.Struct(slot=slot, x=x, y=y, lap_x=lap_x, lap_y=lap_y)
 
 
 @ti.func
@@ -624,7 +617,8 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
         rank, hash_1, hash_2, upper = info.own_rank, info.hash_1, info.hash_2, info.max_speed_sq
         slot_before, step = image.slot, image.step
         if rank > 0:
-            slot, x, y, lap_x, lap_y = last_hit(i, gas)
+            hit = last_hit(i, gas)
+            slot = hit.slot
             if not in_place:
                 slot += base
             if ti.static(gas.uses.rests):
@@ -632,9 +626,9 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 if gas.rest[i].asleep == ASLEEP:
                     fall_x, fall_y = 0.0 * time, 0.0 * time
             dt = time - motion.tau
-            x, y, vx, vy = fly(x, y, motion.vx, motion.vy, dt, time, fall_x, fall_y, gas)
+            x, y, vx, vy = fly(hit.x, hit.y, motion.vx, motion.vy, dt, time, fall_x, fall_y, gas)
             row = part * gas.grid.room + slot
-            store(i, row, dt, x, y, vx, vy, lap_x, lap_y, gas)
+            store(i, row, dt, x, y, vx, vy, hit.lap_x, hit.lap_y, gas)
             if when == AT_END:
                 gas.history_hash[slot_before].hash_1, gas.history_hash[slot_before].hash_2 = hash_1, hash_2
                 gas.displacement[slot_before] = ti.cast(1.000001 * displacement / gas.scale.widest, ti.f32)
@@ -697,8 +691,7 @@ def may_touch(g, tile, gas: ti.template()):
     with its displacement as the radius.
     """
     slot, step = slot_of_ghost(g, gas), gas.ghost[g].place >> GHOST_STEP
-    _other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = gather_tile(tile, step, gas)
-    x, y, row = position_from(gas.grid.part * gas.grid.room + slot, step_y, shift_x, shift_y, gas)
+    x, y, row = position_from(gas.grid.part * gas.grid.room + slot, gather_tile(tile, step, gas), gas)
     speed = ti.cast(ti.sqrt(square_of(gas.ghost[g].max_speed_sq)), float)
     if ti.static(gas.uses.sheared):
         speed += ti.abs(row * gas.scale.drift)
@@ -727,7 +720,7 @@ def is_too_narrow(tile, gas: ti.template()):
     max_displacement = 0.0 * gas.scale.window
     for step_x in range(-1, 2):
         for step_y in range(-1, 2):
-            other, _x, _y, _bx, _by = neighbor_tile(tile, step_x, step_y, gas)
+            other = neighbor_tile(tile, step_x, step_y, gas).tile
             if other >= 0 and (step_x != 0 or step_y != 0):
                 max_displacement = ti.max(max_displacement, gas.reach[other].max_displacement)
     if ti.static(gas.uses.sheared):

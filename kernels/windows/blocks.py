@@ -38,6 +38,7 @@ from ..disks.force_times import action_time
 from ..events.events import collide, compare, precedes, separation
 from ..forces.force_events import act_alone, act_on_all, first_horizon, horizon_of, kick_time
 from ..compiler.language import is_single_precision, shared, ti
+from ..tiles.grid import place_of
 from ..layout import (
     AT_END,
     AT_MOMENT,
@@ -175,8 +176,7 @@ def region_around(tile, halo, reach, gas: ti.template()):
     most = ti.static(int(gas.slots**0.5))
     nx = ti.min(ti.max(ti.cast(width / reach, ti.i32), 1), most)
     ny = ti.min(ti.max(ti.cast(height / reach, ti.i32), 1), most)
-    tx = tile // gas.grid.tiles_y
-    ty = tile - tx * gas.grid.tiles_y
+    tx, ty = place_of(tile, gas)
     return ti.Struct(
         x=-halo, y=-halo, nx=nx, ny=ny, side_x=width / nx, side_y=height / ny, wrap_x=0, wrap_y=0, cells=0, lane=0,
         coarse=1, corner_x=ti.cast(gas.edge_x[tx], float), corner_y=ti.cast(gas.edge_y[ty], float),
@@ -187,21 +187,24 @@ def region_around(tile, halo, reach, gas: ti.template()):
 def note_tiles(tile, me, block: ti.template()):
     """Note what `gather_tile` returns for the nine tiles around, and where their lists are: one thread per tile."""
     if me < 9:
-        other, _step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, me, block)
-        block.shift[2 * me], block.shift[2 * me + 1] = shift_x, shift_y
-        block.note.boxes[me] = (boxes_x << 16) | (boxes_y & 0xFFFF)
+        near = gather_tile(tile, me, block)
+        block.shift[2 * me], block.shift[2 * me + 1] = near.shift_x, near.shift_y
+        block.note.boxes[me] = (near.boxes_x << 16) | (near.boxes_y & 0xFFFF)
         block.note.list_begin[me], block.note.list_length[me] = 0, 0
-        if other >= 0:
+        if near.tile >= 0:
             part = block.grid.part
-            block.note.list_begin[me] = part * block.grid.room + block.tile[other].start[part]
-            block.note.list_length[me] = block.tile[other].count[part]
+            block.note.list_begin[me] = part * block.grid.room + block.tile[near.tile].start[part]
+            block.note.list_length[me] = block.tile[near.tile].count[part]
 
 
 @ti.func
 def noted_tile(step, block: ti.template()):
-    """For one of the nine tiles around: rows up, shift of its positions (x, y), boxes away (x, y)."""
+    """One of the nine tiles around, as `neighbor_tile` describes it; its number is not noted."""
     boxes = block.note.boxes[step]
-    return step % 3 - 1, block.shift[2 * step], block.shift[2 * step + 1], boxes >> 16, (boxes << 16) >> 16
+    return ti.Struct(
+        tile=-1, step_y=step % 3 - 1, shift_x=block.shift[2 * step], shift_y=block.shift[2 * step + 1],
+        boxes_x=boxes >> 16, boxes_y=(boxes << 16) >> 16,
+    )  # fmt: skip
 
 
 @ti.func
@@ -214,11 +217,12 @@ def choose_disks(tile, halo, me, region: ti.template(), block: ti.template()):
     own_left, own_right, own_below, own_above = bounds_of(0.0 * halo, tile, block)
     fastest, k = 0, me
     for step in range(9):
-        step_y, shift_x, shift_y, _boxes_x, _boxes_y = noted_tile(step, block)
+        near = noted_tile(step, block)
         first, many = block.note.list_begin[step], block.note.list_length[step]
         while k < many:
             s = first + k
-            x, y, _lap_x, _lap_y, _row = position_in_tile(s, step_y, shift_x, shift_y, region, block)
+            here = position_in_tile(s, near, region, block)
+            x, y = here.x, here.y
             square = speed_square(block.disk[s].vx, block.disk[s].vy)
             if lies_in(x, y, left, right, below, above):
                 rank = 0
@@ -568,8 +572,7 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     i = me
     while i < n:
         m = block.order[i]
-        step_y, shift_x, shift_y, boxes_x, boxes_y = noted_tile(block.candidates[m].step, block)
-        load_from(step_y, shift_x, shift_y, boxes_x, boxes_y, m, i, tile, region, block)
+        load_from(noted_tile(block.candidates[m].step, block), m, i, tile, region, block)
         if ti.static(block.uses.walled):
             x = block.motion[i].x - (region.x + 0.5 * region.nx * region.side_x)
             y = block.motion[i].y - (region.y + 0.5 * region.ny * region.side_y)

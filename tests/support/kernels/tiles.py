@@ -21,20 +21,21 @@ def note(velocity: Table, out: Rows, gas: Arrays("motion event_info")):
 
 @kernel
 def neighbors(out: Table, gas: Arrays("uses grid scale edge_x edge_y")):
-    """Results of `neighbor_tile` for all steps from -3 to 3 from each tile, in order; columns as returned."""
+    """Tile, shift and boxes of `neighbor_tile` for all steps from -3 to 3 from each tile, in order."""
     for k in range(out.shape[0]):
         tile, step = k // 49, k % 49
-        other, x, y, boxes_x, boxes_y = neighbor_tile(tile, step // 7 - 3, step % 7 - 3, gas)
-        out[k, 0], out[k, 1], out[k, 2] = ti.cast(other, float), x, y
-        out[k, 3], out[k, 4] = ti.cast(boxes_x, float), ti.cast(boxes_y, float)
+        near = neighbor_tile(tile, step // 7 - 3, step % 7 - 3, gas)
+        out[k, 0], out[k, 1], out[k, 2] = ti.cast(near.tile, float), near.shift_x, near.shift_y
+        out[k, 3], out[k, 4] = ti.cast(near.boxes_x, float), ti.cast(near.boxes_y, float)
 
 
 @kernel
 def place(tile: ti.i32, time: ti.f64, out: Table, gas: Arrays("uses grid scale edge_x edge_y disk")):
     """Results of `placed` for the disks that a tile lists."""
     for s in range(out.shape[0]):
-        x, y, boxes_x, boxes_y, frame, _flow = placed(s, tile, time, gas)
-        out[s, 0], out[s, 1], out[s, 2], out[s, 3], out[s, 4] = x, y, boxes_x, boxes_y, frame
+        here = placed(s, tile, time, gas)
+        out[s, 0], out[s, 1] = here.x, here.y
+        out[s, 2], out[s, 3], out[s, 4] = here.boxes_x, here.boxes_y, here.frame
 
 
 @kernel
@@ -86,6 +87,7 @@ def carry(
     for _ in range(1):
         region = region_of(0, 0, gas)
         zero = 0.0 * gas.scale.window
-        load_from(0, zero, zero, 0, 0, 0, 1, 0, region, gas)
+        itself = ti.Struct(tile=0, step_y=0, shift_x=zero, shift_y=zero, boxes_x=0, boxes_y=0)
+        load_from(itself, 0, 1, 0, region, gas)
         m = gas.motion[1]
         store(1, 2, zero, m.x, m.y, m.vx, m.vy, 0, 0, gas)
