@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.checked import Array, Positive, validated
+from ..tools.intervals import of_intensity
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import BoxLike, Positions, Times, cells_of
@@ -42,7 +43,11 @@ class VelocityCorrelation(Brief, ResultPlot):
     across_error: Array
     """r, along, across: middles of the bins [length]; <(v_i . e)(v_j . e)> / (<v^2> / 2) with e along r_j - r_i, and
     across it; 0 for independent velocities, 1 for equal ones; and their standard errors from the scatter between 25
-    cells of the box. Frames count as fully correlated: more of them do not reduce the errors. Shape (bins,)."""
+    cells of the box, nan where only one has pairs. Frames count as fully correlated: more of them do not reduce the
+    errors. Shape (bins,)."""
+    n_eff: Array
+    """Cells with pairs, the fewest in any frame: intervals are Student's t with n_eff - 1 degrees of freedom. Shape
+    (bins,)."""
     pairs: Array
     """Number of pairs over all frames, shape (bins,)."""
     frames: int
@@ -111,9 +116,10 @@ def velocity_correlation(
         with np.errstate(divide="ignore", invalid="ignore"):
             mean = totals[:2] / totals[2]
             own = parts[:2] - mean[:, None] * parts[2]
-            error = np.sqrt(np.sum(own**2, axis=1) * (SIDE**2 / (SIDE**2 - 1))) / totals[2]
+            cells = np.count_nonzero(parts[2], axis=0).astype(float)
+            error = np.sqrt(np.sum(own**2, axis=1) * (cells / (cells - 1.0))) / totals[2]
         r = 0.5 * (edges[1:] + edges[:-1])
-        found.append(VelocityCorrelation(r, mean[0], error[0], mean[1], error[1], totals[2], 1))
+        found.append(VelocityCorrelation(r, mean[0], error[0], mean[1], error[1], cells, totals[2], 1))
     if not found:
         raise InputError("position has no frames: must have one or more")
     return mean_correlation(found)
@@ -133,7 +139,9 @@ def mean_correlation(found: Sequence[VelocityCorrelation]) -> VelocityCorrelatio
     along, along_error, across, across_error = map(
         over_frames, ("along", "along_error", "across", "across_error")
     )
-    return VelocityCorrelation(found[0].r, along, along_error, across, across_error, pairs, len(found))
+    cells = np.min([np.where(one.pairs > 0.0, one.n_eff, np.inf) for one in found], axis=0)
+    cells = np.where(pairs > 0.0, cells, 0.0)
+    return VelocityCorrelation(found[0].r, along, along_error, across, across_error, cells, pairs, len(found))
 
 
 def _frames(position: Positions, velocity: Positions, time: Times) -> Iterator[tuple[Array, Array, float]]:
@@ -189,6 +197,16 @@ class VelocitySpectrum(Brief, ResultPlot):
     modes: NDArray[np.int64]
     """Number of modes in a frame, counting one of k and -k, shape (rings,)."""
     frames: int
+
+    @property
+    def across_ends(self) -> tuple[Array, Array]:
+        """Ends of the 95 % interval across k, (rings,) each, as `StructureFactor.ends`."""
+        return of_intensity(self.across, (self.across / self.across_error) ** 2)
+
+    @property
+    def along_ends(self) -> tuple[Array, Array]:
+        """Ends of the 95 % interval along k, (rings,) each, as `StructureFactor.ends`."""
+        return of_intensity(self.along, (self.along / self.along_error) ** 2)
 
     @property
     def vorticity(self) -> Array:

@@ -23,6 +23,7 @@ from ..tools.checked import (
     column,
     validated,
 )
+from ..tools.intervals import of_count, of_intensity, student_t
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import BoxLike, Positions, Times, cells_of, freud_frame, load, neighbours
@@ -51,6 +52,20 @@ class PairCorrelation(Brief, ResultPlot):
     counted, each once, over all frames; shape (bins,)."""
     frames: int
 
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Ends of the 95 % interval of g, of shape (bins,) each.
+
+        They are those of a number of independent events with this relative error (`tools.intervals.of_count`). Of bins
+        without pairs only the error of one pair is known, which counts from both ends or from one: it is taken from
+        both.
+        """
+        some = self.pairs > 0.0
+        g = np.where(some, self.g, 1.0)
+        low, high = of_count(np.where(some, (self.g / self.g_error) ** 2, 0.0))
+        scale = np.where(some, self.g_error**2 / g, 2.0**0.5 * self.g_error)
+        return low * scale, high * scale
+
 
 @dataclass(frozen=True)
 class ContactValue:
@@ -69,6 +84,12 @@ class ContactValue:
     chi_square: float
     degrees: int
     """chi_square, degrees: of the fit: far more than its degrees of freedom means that the form does not fit."""
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Ends of the 95 % interval: ln g is what is fitted, with errors that are known from counting."""
+        factor = float(np.exp(student_t(np.inf) * self.error / self.g))
+        return self.g / factor, self.g * factor
 
     @property
     def describes(self) -> bool:
@@ -197,7 +218,7 @@ def _count_pairs(
     # A pair across two cells is counted once in each, and their covariance is missing: a half of its variance.
     return _Counted(
         edges, count, count / ends, ideal, independent, scatter / np.sqrt(0.5 + 0.5 * same) / ideal, frames
-    )
+    )  # fmt: skip
 
 
 @validated
@@ -270,6 +291,14 @@ class StructureFactor(Brief, ResultPlot):
     modes: NDArray[np.int64]
     frames: int
     """modes, frames: modes counted in a frame, of k and -k one; how many frames there were; shape (rings,)."""
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Ends of the 95 % interval of S, of shape (rings,) each, which lie far apart and unevenly for few modes.
+
+        They are those of as many independent intensities as have this error (`tools.intervals.of_intensity`).
+        """
+        return of_intensity(self.S, (self.S / self.S_error) ** 2)
 
 
 def mode_intensities(

@@ -450,6 +450,14 @@ def _haff(axes: Axes, trajectory: Trajectory | None, haff: analysis.HaffFit, end
 def _approach(axes: Axes, ratio: analysis.RatioFit, first: float, last: float) -> None:
     """Draw the fitted exponential from the start of the fit."""
     end = _with_error(ratio.theta_end, ratio.theta_end_error)
+    if not np.isfinite(ratio.lag):
+        if np.isfinite(ratio.theta_end):
+            axes.axhline(
+                ratio.theta_end, ls="--", color=RATIO, lw=1.5, label=f"no relaxation seen, mean {end}"
+            )
+        else:
+            axes.plot([], [], " ", label="these data do not show an asymptote")
+        return
     text = f"exponential, relaxation {_with_error(ratio.lag, ratio.lag_error)},\nasymptote {end}"
     if not ratio.describes:
         text = f"best fit (poor): {text}"
