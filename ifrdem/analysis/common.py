@@ -161,6 +161,13 @@ def cells_of(position: Array, box: Box, side: int) -> NDArray[np.intp]:
     return cell[:, 0] * side + cell[:, 1]
 
 
+def share_in_cell(r: Array, sides: Array) -> Array:
+    """Share of the pairs of points at a distance r [length] that lie in one cell with these sides [length]."""
+    a, b = sides
+    share: Array = 1.0 - 2.0 * r / np.pi * (1.0 / a + 1.0 / b) + r**2 / (np.pi * a * b)
+    return np.where(r < min(a, b), np.maximum(share, 0.0), 0.0)
+
+
 Series = Annotated[ArrayLike, Numbers(("n",), least=1)]
 
 

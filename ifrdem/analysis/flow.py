@@ -19,7 +19,7 @@ from ..tools.checked import Array, Positive, validated
 from ..tools.intervals import of_intensity
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
-from .common import BoxLike, Positions, Times, cells_of
+from .common import BoxLike, Positions, Times, cells_of, share_in_cell
 from .structure import Bins, mode_amplitudes, ring_edges
 
 MOST_PAIRS = 4_000_000
@@ -111,7 +111,7 @@ def velocity_correlation(
     edges = np.linspace(0.0, r_max, bins + 1)
     found = []
     for x, v, when in _frames(position, velocity, time):
-        parts = _pair_sums(x, v, box, r_max, bins, when)  # (3, cells, bins)
+        parts, of_centres = _pair_sums(x, v, box, r_max, bins, when)  # (3, cells, bins)
         totals = parts.sum(axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             mean = totals[:2] / totals[2]
@@ -119,6 +119,9 @@ def velocity_correlation(
             cells = np.count_nonzero(parts[2], axis=0).astype(float)
             error = np.sqrt(np.sum(own**2, axis=1) * (cells / (cells - 1.0))) / totals[2]
         r = 0.5 * (edges[1:] + edges[:-1])
+        # A pair across two cells of two centres is counted once in each, and the covariance of the cells is missing.
+        same = share_in_cell(r, (np.ptp(x, axis=0) if box.is_open else np.array(box.lengths)) / SIDE)
+        error *= np.sqrt((1.0 + of_centres) / (1.0 + of_centres * same))
         found.append(VelocityCorrelation(r, mean[0], error[0], mean[1], error[1], cells, totals[2], 1))
     if not found:
         raise InputError("position has no frames: must have one or more")
@@ -157,8 +160,11 @@ def _frames(position: Positions, velocity: Positions, time: Times) -> Iterator[t
         yield x, own / np.sqrt(square), next(times)
 
 
-def _pair_sums(x: Array, v: Array, box: Box, r_max: float, bins: int, time: float) -> Array:
-    """Sums over pairs of both products and of 1, by cell of the first centre and bin of r, shape (3, cells, bins)."""
+def _pair_sums(x: Array, v: Array, box: Box, r_max: float, bins: int, time: float) -> tuple[Array, float]:
+    """Sums over pairs of both products and of 1, by cell of the first centre and bin of r, shape (3, cells, bins).
+
+    And the share of all disks that are first ones.
+    """
     n = len(x)
     centres: NDArray[np.intp] = np.arange(n)
     if n * n > MOST_PAIRS:
@@ -179,7 +185,7 @@ def _pair_sums(x: Array, v: Array, box: Box, r_max: float, bins: int, time: floa
         at = cell[i[row]] * bins + np.minimum((r[near] * (bins / r_max)).astype(np.intp), bins - 1)
         for k, weight in enumerate((along, across, None)):
             found[k] += np.bincount(at, weight, minlength=SIDE**2 * bins)
-    return found.reshape(3, SIDE**2, bins)
+    return found.reshape(3, SIDE**2, bins), len(centres) / n
 
 
 @dataclass(frozen=True, eq=False, repr=False)

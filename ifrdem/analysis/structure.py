@@ -26,13 +26,15 @@ from ..tools.checked import (
 from ..tools.intervals import of_count, of_intensity, student_t
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
-from .common import BoxLike, Positions, Times, cells_of, freud_frame, load, neighbours
+from .common import BoxLike, Positions, Times, cells_of, freud_frame, load, neighbours, share_in_cell
 from .cooling import CHANCE
 
 CONTACT_RANGE = 0.25  # of the diameter, in which the contact value is fitted
 CONTACT_BINS = 25
 MOST_MODES = 1024
 """Modes along an axis that one transform computes; beyond, only every p-th k that the box allows is taken."""
+ONE_THREAD = 100_000
+"""Disks up to which a transform takes one thread: more of them wait for each other for longer than they compute."""
 LEAST_MODES = 32
 """Modes by whose scatter the error of S(k) is found: rings that hold fewer take those of the next rings too."""
 CELLS, DISKS_OF_CELL = (5, 10), 40
@@ -207,8 +209,7 @@ def _count_pairs(
     ends = 2.0 if others is None else 1.0
     independent = np.sqrt(ends * np.maximum(count, 1.0)) / ideal
     r = 0.5 * (edges[1:] + edges[:-1])
-    a, b = np.array(box.lengths) / side
-    same = np.maximum(1.0 - 2.0 * r / np.pi * (1.0 / a + 1.0 / b) + r**2 / (np.pi * a * b), 0.0)
+    same = share_in_cell(r, np.array(box.lengths) / side)
     # Contributions of cells to the sum without those of their numbers of centres, which have a fixed sum. Pairs within
     # a cell go with the square of that number, pairs across two cells with the number in each.
     positive = centres > 0.0
@@ -335,6 +336,7 @@ def mode_amplitudes(
         (2 * a + 1, 2 * b + 1),
         isign=-1,
         eps=1e-9,
+        nthreads=0 if len(position) > ONE_THREAD else 1,
     )
     i, j = np.meshgrid(np.arange(-a, a + 1), np.arange(-b, b + 1), indexing="ij")
     k_x = 2.0 * np.pi * stride / width * i

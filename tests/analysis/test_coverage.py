@@ -95,7 +95,7 @@ def test_mean_stress(rho: float) -> None:
     rng = np.random.default_rng(4)
     t = np.concatenate(([0.0], np.cumsum(rng.uniform(0.8, 1.2, size=200))))
     held = []
-    for _ in range(250):
+    for _ in range(150):
         rows = np.array([4.0, -1.0, -1.0, 2.0]) + 0.3 * correlated(rng, 200, rho, 4)
         found = analysis.mean_stress(t, rows, rows - 1.0)
         mean = found.stress
@@ -169,10 +169,10 @@ def sonine(n: int, rho: float, trials: int) -> Iterator[tuple[str, bool]]:
 def test_coefficients_and_tails(n: int, rho: float) -> None:
     """To first order: higher moments of few disks are skewed, and hold less often. Tails of 0 have an error."""
     held: dict[str, list[bool]] = {}
-    for name, one in sonine(n, rho, 200):
+    for name, one in sonine(n, rho, 150):
         held.setdefault(name, []).append(one)
     share = {name: np.mean(one) for name, one in held.items()}
-    least = {"a20": 0.88, "a02": 0.84, "a11": 0.88, "a30": 0.75, "tail 2": 0.9, "tail 3": 0.9}
+    least = {"a20": 0.83, "a02": 0.8, "a11": 0.87, "a30": 0.85, "tail 2": 0.9, "tail 3": 0.9}
     assert all(share[name] >= low for name, low in least.items()), share
 
 
@@ -182,15 +182,20 @@ def test_a_density_of_speeds_counts_disks_and_not_frames() -> None:
     from scipy.special import erf
 
     exact = np.diff(0.5 * erf(edges)) / np.diff(edges)
+    errors = []
     for rho in (1.0 - 1e-12, 0.0):
-        square = []
-        for _ in range(100):
+        square, error = [], []
+        for _ in range(60):
             frames = correlated(rng, 10, rho, 300, 3)
             found = analysis.velocity_distribution(list(frames[..., :2]), list(frames[..., 2]), bins=9)
             square.append(((found.density - exact) / found.density_error) ** 2)
+            error.append(found.density_error[4])
             assert found.density_error.min() > 0.0
-        assert 0.5 < np.mean(square, axis=0)[4] < 1.5  # in the middle; scaled speeds scatter a little less
-        assert np.mean(square, axis=0)[3] < 1.5
+        # Speeds over their own root mean square scatter less than independent ones.
+        assert np.all(np.mean(square, axis=0) < 1.4)
+        assert np.mean(square, axis=0)[3:6].min() > 0.25
+        errors.append(np.mean(error))
+    assert errors[0] / errors[1] == pytest.approx(10.0**0.5, rel=0.1)
 
 
 @pytest.mark.parametrize("disks", [3, 10, 100])
@@ -228,7 +233,7 @@ def test_autocorrelation_of_velocities() -> None:
 
 
 def test_counts_shares_and_intensities() -> None:
-    """Averaged over probabilities from 0.01 to 0.5, numbers from 1 to 30, and 1 to 20 modes; chance of none included."""
+    """Averaged over probabilities from 0.01 to 0.5, and numbers from 1 to 30; 1 to 20 modes."""
     rng = np.random.default_rng(10)
     p = 10.0 ** rng.uniform(-2.0, np.log10(0.5), 4000)
     low, high = of_share(rng.binomial(50, p), 50)
@@ -248,7 +253,6 @@ def test_regimes_and_angles() -> None:
         b, sliding = rng.random(60), rng.random(60) < 0.03
         found = analysis.impacts(np.arcsin(b), np.where(sliding, 1, 2), bins=9)
         assert all(error > 0.0 for _, error in found.regimes.values())
-        exact = (1.0 - np.sin(found.psi[-1] - 0.25 * np.pi / 9.0 * 1.0)) / (0.5 * np.pi / 9.0)
         low, high = found.density_ends
         exact = (1.0 - np.sin(0.5 * np.pi * 8.0 / 9.0)) / (0.5 * np.pi / 9.0)
         held.append(
@@ -274,15 +278,14 @@ def gases(trials: int, n: int, frames: int, *, same: bool) -> Iterator[tuple[lis
 @pytest.mark.parametrize("same", [True, False])
 def test_structure_factor(same: bool) -> None:
     """S = 1 of an ideal gas at every k. The first ring has 2 modes: S +- 1.96 errors hold in 78 % there."""
-    held, low_error = [], []
-    for x, _ in gases(250, 100, 4, same=same):
+    held = []
+    for x, _ in gases(200, 100, 4, same=same):
         found = analysis.structure_factor(x, (1.0, 1.0), k_max=20.0)
         held.append(within(found.ends, 1.0))
-        low_error.append(found.S_error[0] / found.S[0])
         assert found.modes[0] == 2
     share = np.mean(held, axis=0)
     assert np.all(share > 0.9), share
-    assert np.mean(low_error) > (0.65 if same else 0.3)
+    assert np.all(share < 0.99), share
 
 
 @pytest.mark.parametrize("same", [True, False])
@@ -300,9 +303,12 @@ def test_spectrum_of_velocities(same: bool) -> None:
 
 @pytest.mark.parametrize("same", [True, False])
 def test_correlation_of_velocities(same: bool) -> None:
-    """-1 / (n - 1) of independent velocities, relative to their mean. Errors come from 25 cells of the box."""
-    n, held = 300, []
-    for x, v in gases(100, n, 3, same=same):
+    """-1 / (n - 1) of independent velocities, relative to their mean. Errors come from 25 cells of the box.
+
+    Beyond a cell's side of 0.2 every pair is counted in two cells: without that, 84 % hold.
+    """
+    n, held = 120, []
+    for x, v in gases(100, n, 2, same=same):
         found = analysis.velocity_correlation(x, v, (1.0, 1.0), r_max=0.3, bins=6)
         for value, error in ((found.along, found.along_error), (found.across, found.across_error)):
             held.append(holds(value, error, found.n_eff, -1.0 / (n - 1.0)))
@@ -316,7 +322,7 @@ def test_correlation_of_velocities(same: bool) -> None:
 def test_pair_correlation_and_contact_value(same: bool) -> None:
     """g = 1 of an ideal gas, in bins with 0.3 to 40 pairs; at contact the parabola is exact. Two ways of chance."""
     held, at_contact, poor = [], [], 0
-    for x, _ in gases(60, 300, 3, same=same):
+    for x, _ in gases(50, 300, 2, same=same):
         found = analysis.pair_correlation(x, (1.0, 1.0), r_max=0.1, bins=12)
         assert found.g_error.min() > 0.0
         held.append(within(found.ends, 1.0))
@@ -336,7 +342,7 @@ def test_pair_correlation_and_contact_value(same: bool) -> None:
 @pytest.mark.parametrize(("n", "rho"), [(60, 0.0), (60, 0.8)])
 def test_haffs_law(n: int, rho: float) -> None:
     t, held = np.linspace(0.0, 20.0, n), []
-    for noise in correlated(np.random.default_rng(13), n, rho, 100).T:
+    for noise in correlated(np.random.default_rng(13), n, rho, 60).T:
         found = analysis.haff_fit(t, 3.0 * (1.0 + t / 5.0) ** -2 * np.exp(0.02 * noise))
         if found.describes:
             held.append(
@@ -345,14 +351,14 @@ def test_haffs_law(n: int, rho: float) -> None:
                     holds(found.T0, found.T0_error, found.n_eff, 3.0),
                 ]
             )
-    assert len(held) >= 97  # a mark by chance has a probability below 1e-3; rho of 60 points is known poorly
+    assert len(held) >= 58  # a mark by chance has a probability below 1e-3; rho of 60 points is known poorly
     assert np.all(np.mean(held, axis=0) > 0.86)
 
 
 @pytest.mark.parametrize(("lag", "rho"), [(3.0, 0.5), (15.0, 0.5)])
 def test_ratio_of_temperatures(lag: float, rho: float) -> None:
-    x, held = np.linspace(0.0, 40.0, 100), []
-    for noise in correlated(np.random.default_rng(14), 100, rho, 60).T:
+    x, held = np.linspace(0.0, 40.0, 60), []
+    for noise in correlated(np.random.default_rng(14), 60, rho, 50).T:
         found = analysis.ratio_fit(x, 0.6 - 0.6 * np.exp(-x / lag) + 0.01 * noise)
         if found.describes:
             held.append(
@@ -361,7 +367,7 @@ def test_ratio_of_temperatures(lag: float, rho: float) -> None:
                     holds(found.lag, found.lag_error, found.n_eff, lag),
                 ]
             )
-    assert len(held) >= 58
+    assert len(held) >= 48
     assert np.all(np.mean(held, axis=0) > 0.86)
 
 
@@ -372,8 +378,8 @@ def test_data_that_show_no_end_have_none(slope: float, rho: float) -> None:
     With an unbounded lag and its degenerate directions dropped, 13 of 70 were off by more than half, one at
     81.588 +- 0.0056. Where theta changes by 0.08 in the data, they show a change and not its end.
     """
-    x, finite, held = np.linspace(20.0, 60.0, 100), 0, []
-    for noise in correlated(np.random.default_rng(15), 100, rho, 60).T:
+    x, finite, held = np.linspace(20.0, 60.0, 60), 0, []
+    for noise in correlated(np.random.default_rng(15), 60, rho, 30).T:
         found = analysis.ratio_fit(x, 0.57 + slope * (x - 40.0) + 0.01 * noise)
         if np.isfinite(found.theta_end_error):
             assert abs(found.theta_end - 0.57) < 0.1
@@ -381,10 +387,10 @@ def test_data_that_show_no_end_have_none(slope: float, rho: float) -> None:
             finite += 1
         assert np.isfinite(found.theta_end) == np.isfinite(found.theta_end_error) or not found.describes
     if slope < 0.001:
-        assert finite > 45
-        assert np.mean(held) > 0.85
+        assert finite >= 20
+        assert np.mean(held) > 0.8
     else:
-        assert finite < 10
+        assert finite <= 5
 
 
 # -- marks -------------------------------------------------------------------------------------------------
@@ -393,16 +399,19 @@ def test_data_that_show_no_end_have_none(slope: float, rho: float) -> None:
 @pytest.mark.parametrize(("n", "rho", "most"), [(100, 0.0, 0.02), (100, 0.9, 0.12), (400, 0.9, 0.05)])
 def test_marks_of_steady_temperatures(n: int, rho: float, most: float) -> None:
     """Taken for independent rows, 41 % were marked at rho = 0.9."""
-    x = 1.0 + 0.1 * correlated(np.random.default_rng(16), n, rho, 250)
+    x = 1.0 + 0.1 * correlated(np.random.default_rng(16), n, rho, 150)
     assert np.mean([not steadiness.is_stationary(one) for one in x.T]) <= most
 
 
-@pytest.mark.parametrize(("rho", "size"), [(0.0, 1.0), (0.9, 4.0)])
-def test_marks_of_temperatures_that_relax(rho: float, size: float) -> None:
-    """A relaxation by 10 and 40 standard deviations of the noise, with a lag of a tenth of the rows."""
+@pytest.mark.parametrize(("rho", "size", "least"), [(0.0, 1.0, 0.98), (0.5, 1.0, 0.9), (0.9, 4.0, 0.65)])
+def test_marks_of_temperatures_that_relax(rho: float, size: float, least: float) -> None:
+    """A relaxation by 10 and 40 standard deviations of the noise, with a lag of a tenth of the rows.
+
+    At rho = 0.9 there are 2.6 independent values in the quieter half, which now and then look like a random walk.
+    """
     x = 1.0 + 0.1 * correlated(np.random.default_rng(17), 100, rho, 100)
     x += size * np.exp(-np.linspace(0.0, 10.0, 100))[:, None]
-    assert np.mean([not steadiness.is_stationary(one) for one in x.T]) >= 0.9
+    assert np.mean([not steadiness.is_stationary(one) for one in x.T]) >= least
 
 
 @pytest.mark.parametrize(("n", "rho"), [(20, 0.0), (50, 0.9), (200, 0.97)])
@@ -422,7 +431,7 @@ def test_marks_of_ratios_of_species(n: int, rho: float) -> None:
 def test_marks_of_coefficients_of_velocities(n: int, rho: float) -> None:
     """Halves of 10 frames of a Gaussian gas, compared in seven coefficients as `analyse velocity` does."""
     rng, marks = np.random.default_rng(19), 0
-    for _ in range(100):
+    for _ in range(60):
         frames = correlated(rng, 10, rho, n, 3)
         changes = []
         parts = [
