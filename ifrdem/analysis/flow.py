@@ -24,6 +24,8 @@ from .structure import Bins, mode_amplitudes, ring_edges
 
 MOST_PAIRS = 4_000_000
 """Most pairs of a frame that are counted (about 1 s). In larger gases centres are drawn at random."""
+MOST_WAVES = 20_000_000
+"""Waves of a spectrum (some 2 GB of memory)."""
 BLOCK = 2_000_000
 """Number of pairs that are computed at a time."""
 SIDE = 5
@@ -238,7 +240,8 @@ def velocity_spectrum(
 ) -> VelocitySpectrum:
     """Spectrum of the velocity field of one or several frames, by finufft, at the k that a periodic box allows.
 
-    InputError as `velocity_correlation`; if the box is not periodic, k_max is below 2 pi / L, or finufft is missing.
+    InputError as `velocity_correlation`; if the box is not periodic, k_max is below 2 pi / L or so high that there are
+    more than `MOST_WAVES` waves, or finufft is missing.
 
     Parameters
     ----------
@@ -259,22 +262,27 @@ def velocity_spectrum(
     """
     edges = ring_edges(box, k_max, rings)
     lengths, count = np.array(box.lengths), len(edges) - 1
-    modes = np.ceil(k_max * lengths / (2.0 * np.pi)).astype(int)
+    modes = np.ceil(k_max * lengths / (2.0 * np.pi))
     if box.shear_rate:  # the skew moves k_y by up to k_x / 2 Lx / Ly
-        modes[1] += int(np.ceil(0.5 * modes[0])) + 1
+        modes[1] += np.ceil(0.5 * modes[0]) + 1.0
+    if float(np.prod(2.0 * modes + 1.0)) > MOST_WAVES:
+        most = np.pi * np.sqrt(MOST_WAVES / (lengths[0] * lengths[1]))
+        raise InputError(
+            f"k_max = {k_max:g}: must be at most about {most:.3g}, up to which this box allows {MOST_WAVES:,} waves"
+        )
     number, sum_k, sums, squares = (
         np.zeros(count),
         np.zeros(count),
         np.zeros((2, count)),
         np.zeros((2, count)),
     )
-    frames = 0
+    frames, (a, b) = 0, modes.astype(int).tolist()
     for x, v, when in _frames(position, velocity, time):
-        k, v_k = mode_amplitudes(x, v.T, box, (int(modes[0]), int(modes[1])), time=when)
+        k, v_k = mode_amplitudes(x, v.T, box, (a, b), time=when)
         size = np.hypot(k[..., 0], k[..., 1])
         half = np.zeros(size.shape, dtype=bool)
-        half[modes[0] + 1 :] = True
-        half[modes[0], modes[1] + 1 :] = True
+        half[a + 1 :] = True
+        half[a, b + 1 :] = True
         chosen = half & (size > edges[0]) & (size <= k_max)
         e, amplitude = k[chosen] / size[chosen][:, None], v_k[:, chosen]
         parts = (

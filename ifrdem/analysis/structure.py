@@ -177,6 +177,9 @@ def _count_pairs(
     for points, second, when in zip(position, seconds, time, strict=False):
         if second is None and len(points) < 2:
             raise InputError(f"position has a frame of {len(points)} disks: must have 2 or more")
+        if second is not None and not (len(points) and len(second)):
+            empty = "others" if len(points) else "position"
+            raise InputError(f"{empty} has a frame of 0 disks: must have 1 or more")
         frame = freud_frame(points, box, r_max, when, "g(r)")
         aim = frame if second is None else freud_frame(second, box, r_max, when, "g(r)")
         inside = np.ones(len(points), dtype=bool)
@@ -378,7 +381,7 @@ def structure_factor(
     """S(k) of one or several frames at the k that a periodic box allows, from 2 pi / L to `k_max` [1/length].
 
     All of them while there are not more than `MOST_MODES` along an axis; above that, every p-th. InputError if the
-    box is not periodic, k_max is below 2 pi / L, or finufft is missing.
+    box is not periodic, a frame has no disks, k_max is below 2 pi / L, or finufft is missing.
 
     Modes are independent of each other, frames need not be: a long wave lives long. The standard error of a ring of M
     modes is S sqrt(q / M), with q the variance of modes that are averaged over the frames, relative to S^2. In a
@@ -410,6 +413,8 @@ def structure_factor(
     by_mode: list[Array] = []  # sums over frames
     rings_of: list[NDArray[np.intp]] = []
     for points, when in zip(position, time, strict=False):
+        if not len(points):
+            raise InputError("position has a frame of 0 disks: must have 1 or more")
         begin = 0.0
         for i, (stride, end) in enumerate(_passes(lengths, k_max)):
             modes = np.minimum(np.ceil(end * lengths / (2.0 * np.pi * stride)), MOST_MODES // 2).astype(int)
