@@ -10,7 +10,8 @@ u = sum m v / sum m over all of these frames:
 N is the number of disks summed over the frames, each in the bin of its centre, and t the duration. In a collision c a
 disk transfers the momentum p and the energy e along the line l from its centre to the contact; the fraction s of this
 line lies in the bin (J. H. Irving and J. G. Kirkwood, J. Chem. Phys. 18, 817 (1950), doi:10.1063/1.1747782). Momentum
-thus goes from centre to centre, and dissipated energy is lost at the contact. Collisions are read from histories.
+thus goes from centre to centre, and dissipated energy is lost at the contact. Collisions are read from histories. In
+the work u.p of a bin without centres, u is that of the whole gas in the first frame.
 Kinetic stresses have the factor N / (N - 1) too, so that they equal n T.
 
 Errors are estimated by the jackknife over blocks of frames. Every formula is evaluated with one block left out at a

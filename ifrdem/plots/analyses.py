@@ -189,7 +189,9 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
         t, value = found.lag[later], found.value[later] / unit
         lowest, highest = min(lowest, value.min()), max(highest, value.max())
         style = POINTS if alone else POINTS | {"color": KINDS[i % len(KINDS)]}
-        axes.errorbar(t, value, found.error[later] / unit, ms=3.5, label="disks" if alone else name, **style)
+        half = student_t(found.disks) * found.error[later] / unit
+        text = f"{'disks' if alone else name}, {PERCENT} intervals" if not i else name
+        axes.errorbar(t, value, half, ms=3.5, label=text, **style)
         if alone:
             axes.plot(t, value[0] * (t / t[0]) ** 2, ":", color=RATIO, lw=1.2, label="free flight, $t^2$")
         if fit is None:
@@ -234,7 +236,8 @@ def vacf(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> N
         style = (
             POINTS | {"fmt": "o-"} | ({} if len(evaluation.result) == 1 else {"color": KINDS[i % len(KINDS)]})
         )
-        axes.errorbar(t, value / found.value[0], error / found.value[0], ms=3.5, label=name, **style)
+        half = student_t(found.disks) * error / found.value[0]
+        axes.errorbar(t, value / found.value[0], half, ms=3.5, label=name, **style)
         if logarithmic:
             axes.set_xscale("log")
             few_labels(axes)
