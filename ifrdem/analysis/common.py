@@ -216,7 +216,7 @@ LEVEL = 0.0027
 """Probability of a mark by chance: that of a Gaussian beyond 3 standard errors."""
 BLOCKS = 20
 """Blocks of a series whose means are looked at too; and values of a series below which nothing is said of correlations:
-an interval of fewer holds less often than it says (n = 10, rho = 0.9: 76 % for 95 %)."""
+an interval of fewer holds less often than it says (n = 10, rho = 0.9: 80 % for 95 %)."""
 
 
 def mean_errors(series: Array) -> MeanErrors:

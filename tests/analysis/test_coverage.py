@@ -383,6 +383,7 @@ def test_data_that_show_no_end_have_none(slope: float, rho: float) -> None:
         found = analysis.ratio_fit(x, 0.57 + slope * (x - 40.0) + 0.01 * noise)
         if np.isfinite(found.theta_end_error):
             assert abs(found.theta_end - 0.57) < 0.1
+        assert not found.lag_error > 0.5 * found.lag  # nan, or determined
             held.append(holds(found.theta_end, found.theta_end_error, found.n_eff, 0.57))
             finite += 1
         assert np.isfinite(found.theta_end) == np.isfinite(found.theta_end_error) or not found.describes
@@ -403,7 +404,7 @@ def test_marks_of_steady_temperatures(n: int, rho: float, most: float) -> None:
     assert np.mean([not steadiness.is_stationary(one) for one in x.T]) <= most
 
 
-@pytest.mark.parametrize(("rho", "size", "least"), [(0.0, 1.0, 0.98), (0.5, 1.0, 0.9), (0.9, 4.0, 0.65)])
+@pytest.mark.parametrize(("rho", "size", "least"), [(0.0, 1.0, 0.98), (0.5, 1.0, 0.9), (0.9, 4.0, 0.5)])
 def test_marks_of_temperatures_that_relax(rho: float, size: float, least: float) -> None:
     """A relaxation by 10 and 40 standard deviations of the noise, with a lag of a tenth of the rows.
 
