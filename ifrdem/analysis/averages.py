@@ -10,7 +10,8 @@ u = sum m v / sum m over all of these frames:
 N is the number of disks summed over the frames, each in the bin of its centre, and t the duration. In a collision c a
 disk transfers the momentum p and the energy e along the line l from its centre to the contact; the fraction s of this
 line lies in the bin (J. H. Irving and J. G. Kirkwood, J. Chem. Phys. 18, 817 (1950), doi:10.1063/1.1747782). Momentum
-thus goes from centre to centre, and dissipated energy is lost at the contact. Collisions are read from histories.
+thus goes from centre to centre, and dissipated energy is lost at the contact. Collisions are read from histories. In
+the work u.p of a bin without centres, u is that of the whole gas in the first frame.
 Kinetic stresses have the factor N / (N - 1) too, so that they equal n T.
 
 Errors are estimated by the jackknife over blocks of frames. Every formula is evaluated with one block left out at a
@@ -39,7 +40,7 @@ from ..trajectory.reader import Frame, Trajectory
 from ..trajectory.tables import optional_import
 from . import result as stored
 from .bins import Bins, Grid, Rings, Strips
-from .common import standard_errors
+from .common import BLOCKS, mean_errors
 from .window import steady_frames
 
 if TYPE_CHECKING:
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
 
 AXES = ("x", "y", "r")
 MOST_BINS, MOST_CELLS = 10_000, 300
-BLOCKS = 20
 MOST_WORK = 20_000_000
 """Disks times frames above which fewer frames are taken by default (some ten seconds)."""
 EVENTS = 1_000_000
@@ -112,7 +112,10 @@ class BinAverages(Brief, ResultPlot):
     """Number of disks in each bin, summed over the frames."""
     mean: Local
     error: Local
-    """mean, error: the averages and their standard errors; errors are nan with fewer than two frames."""
+    n_eff: Local
+    """mean, error, n_eff: the averages, their standard errors, and the number of independent blocks with that error;
+    the latter two are nan with fewer than two frames. Intervals are Student's t with n_eff - 1 degrees of freedom, 1 at
+    least."""
     species: dict[str, BinAverages]
     """Averages of each species by name, with only the kinetic part of stress and heat flux; empty for one species."""
     times: tuple[float, float]
@@ -133,7 +136,7 @@ class BinAverages(Brief, ResultPlot):
         return bool(np.isfinite(self.mean.stress).any())
 
     def columns(self) -> dict[str, Array]:
-        """Columns by name, with a row for each bin: middles, every component with its error, then those of species.
+        """Columns by name, with a row for each bin: middles, every component with its error and n_eff, then species.
 
         Without histories the kinetic parts of stress and heat flux are the only ones.
         """
@@ -146,12 +149,12 @@ class BinAverages(Brief, ResultPlot):
                 if each.name in ("stress", "heat_flux") and not one.has_collisions:
                     continue
                 for key, at in _components(each.name, self.directions):
-                    for kind, values in (("", one.mean), (" error", one.error)):
+                    for kind, values in (("", one.mean), (" error", one.error), (" n_eff", one.n_eff)):
                         found[f"{key}{label}{kind}"] = getattr(values, each.name)[at].ravel()
         return found
 
     def to_xarray(self) -> xarray.Dataset:
-        """Dataset of every quantity and of its error, `NAME_error`; those of species are `species_NAME`.
+        """Dataset of every quantity, its error, `NAME_error`, and `NAME_n_eff`; those of species are `species_NAME`.
 
         Vectors have the dimension `component`, the stress `component` (of momentum) and `normal`, species `species`.
         InputError if xarray is not installed.
@@ -161,12 +164,12 @@ class BinAverages(Brief, ResultPlot):
         coordinates |= {"component": list(self.directions), "normal": list(self.directions)}
         coordinates |= {"species": list(self.species)} if self.species else {}
         data: dict[str, Any] = {"disks": (self.axes, self.disks)}
-        for kind in ("mean", "error"):
-            ending = "_error" if kind == "error" else ""
+        for kind, ending in (("mean", ""), ("error", "_error"), ("n_eff", "_n_eff")):
             for each in dataclasses.fields(Local):
                 values = getattr(getattr(self, kind), each.name)
                 dims = (*self.axes, *("component", "normal")[: values.ndim - len(self.axes)])
-                of_unit = {"units": self.units[each.name]} if each.name in self.units else {}
+                known = each.name in self.units and kind != "n_eff"
+                of_unit = {"units": self.units[each.name]} if known else {}
                 data[f"{each.name}{ending}"] = (dims, values, of_unit)
                 if self.species:
                     of_species = [getattr(getattr(one, kind), each.name) for one in self.species.values()]
@@ -417,11 +420,11 @@ def _averages(trajectory: Trajectory, bins: Bins, used: Sequence[int], collision
 
     def made(sums: Array, of_bins: Sums, species: dict[str, BinAverages]) -> BinAverages:
         total = dict(zip(_OF_DISKS, sums, strict=True)) | of_bins
-        mean, error = _with_errors(total, lambda one: _quantities(one, flow, bins.shape, turning=turning))
+        found = _with_errors(total, lambda one: _quantities(one, flow, bins.shape, turning=turning))
         span = (float(times.min()), float(times.max()))
         disks = total["count"].sum(axis=0).reshape(bins.shape)
         return BinAverages(
-            bins.axes, bins.edges, bins.directions, disks, mean, error, species, span, len(used), units
+            bins.axes, bins.edges, bins.directions, disks, *found, species, span, len(used), units
         )
 
     own = of_bins | {name: np.full_like(of_bins[name], np.nan) for name in ("virial", "carried")}
@@ -544,16 +547,16 @@ def _carried(trajectory: Trajectory, event: Mapping[str, Any]) -> tuple[Any, Arr
 # -- from sums to quantities ------------------------------------------------------------------------------
 
 
-def _with_errors(sums: Sums, formula: Callable[[Mapping[str, Array]], Local]) -> tuple[Local, Local]:
-    """Quantities from sums of blocks, and their standard errors by the jackknife."""
+def _with_errors(sums: Sums, formula: Callable[[Mapping[str, Array]], Local]) -> tuple[Local, Local, Local]:
+    """Quantities from sums of blocks, their standard errors by the jackknife, and n_eff of each."""
     total = {name: value.sum(axis=0) for name, value in sums.items()}
     mean, blocks = formula(total), len(sums["count"])
     without = [formula({name: total[name] - value[b] for name, value in sums.items()}) for b in range(blocks)]
-    errors = {}
+    errors, effective = {}, {}
     for name, value in vars(mean).items():
         pseudo = np.stack([blocks * value - (blocks - 1) * getattr(one, name) for one in without])
-        errors[name] = standard_errors(pseudo)
-    return mean, Local(**errors)
+        errors[name], effective[name] = mean_errors(pseudo)
+    return mean, Local(**errors), Local(**effective)
 
 
 def _quantities(sums: Mapping[str, Array], flow: Array, shape: tuple[int, ...], *, turning: bool) -> Local:

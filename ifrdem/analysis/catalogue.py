@@ -17,6 +17,7 @@ from ..model.laws.walton import Walton
 from ..quantities import STRESS_SERIES
 from ..theory.sonine import cooling_sonine
 from ..tools.checked import Array
+from ..tools.intervals import PERCENT, of_count
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 from . import (
@@ -71,8 +72,9 @@ def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         mass, inertia = disks.mass[which], disks.inertia[which]
         return velocities.velocity_distribution(values[0], values[1], mass=mass, inertia=inertia, bins=bins)
 
-    def coefficient(found: velocities.VelocityDistribution, label: str) -> tuple[float, float]:
-        return getattr(found.sonine, label), getattr(found.sonine, f"{label}_error")
+    def coefficient(found: velocities.VelocityDistribution, label: str) -> common.MeanValue:
+        values = getattr(found.sonine, label), getattr(found.sonine, f"{label}_error")
+        return common.MeanValue(*values, found.sonine.disks)
 
     for name, which in kinds(trajectory).items():
         of, mark = ("", "") if len(which) == disks.n else (f" of {name}", f" [{name}]")
@@ -82,10 +84,17 @@ def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
             left_out.append(f"no distribution{of}: {error}" if of else str(error))
             continue
         rows += [
-            Reading(f"{label}{of}", *coefficient(found, label), key=f"{label}{mark}") for label in SONINE
+            Reading.of(f"{label}{of}", coefficient(found, label), key=f"{label}{mark}") for label in SONINE
         ]
         rows += [
-            Reading(f"disks with |c| > {c:g} relative to a Gaussian{of}", *part, key=f"tail_{c:g}{mark}")
+            Reading(
+                f"disks with |c| > {c:g} relative to a Gaussian{of}",
+                part.value,
+                part.error,
+                "",
+                f"tail_{c:g}{mark}",
+                ends=part.ends,
+            )
             for c, part in found.tail.items()
         ]
         by_frame |= _sonine_over_frames([distribution(which, [i], 1) for i in used], mark)
@@ -93,7 +102,7 @@ def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
             early, late = (distribution(which, half, 1) for half in steadiness.halves(used))
             for label in SONINE:
                 then, now = coefficient(early, label), coefficient(late, label)
-                changes.append(steadiness.between(f"{label}{of}", then, now, len(which) - 1))
+                changes.append(steadiness.between(f"{label}{of}", then, now))
         columns = {"c": "speed", "P(c)": "density", "P(w)": "spin_density"}
         columns |= {f"{name} error": f"{columns[name]}_error" for name in ("P(c)", "P(w)")}
         order = ("c", "P(c)", "P(c) error", "P(w)", "P(w) error")
@@ -178,7 +187,8 @@ def of_pairs(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation
                 quality = f"chi^2 = {contact.chi_square:.1f} for {contact.degrees} degrees of freedom"
                 notes.append(f"parabola fitted to ln g{of} up to 1.25 diameters: {quality}")
                 known = contact.error if contact.describes else math.nan
-                rows.append(Reading(f"g at contact{of}", contact.g, known, key=f"g_contact{mark}"))
+                ends = contact.ends if contact.describes else (math.nan, math.nan)
+                rows.append(Reading(f"g at contact{of}", contact.g, known, key=f"g_contact{mark}", ends=ends))
                 poor += [f"g at contact{of}: {quality}"] * (not contact.describes)
         highest = float(found.r[np.argmax(found.g)])
         rows.append(
@@ -187,6 +197,7 @@ def of_pairs(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation
             )
         )
         table |= {"r": found.r, f"g{mark}": found.g, f"error{mark}": found.g_error}
+        table |= dict(zip((f"low{mark}", f"high{mark}"), found.ends, strict=True))
     warnings = stored.part_warnings(trajectory) + _neighbours_change(
         trajectory, used, min(NEAR * diameter, reach)
     )
@@ -221,17 +232,28 @@ def of_structure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evalua
     high = int(np.argmax(found.S))
     wave = unit(trajectory, "1/length")
     rows = [
-        Reading("S at the smallest k", float(found.S[0]), float(found.S_error[0]), key="S_smallest_k"),
+        _of_ring("S at the smallest k", "S_smallest_k", found, 0),
         Reading("smallest k", float(found.k[0]), unit=wave, key="smallest_k"),
-        Reading("highest S", float(found.S[high]), float(found.S_error[high]), key="S_max"),
+        _of_ring("highest S", "S_max", found, high),
         Reading("k of the highest S", float(found.k[high]), unit=wave, key="k_of_S_max"),
     ]
-    table = {"k": found.k, "S": found.S, "error": found.S_error, "modes": found.modes}
+    table = {
+        "k": found.k, "S": found.S, "error": found.S_error, "low": found.ends[0], "high": found.ends[1],
+        "modes": found.modes,
+    }  # fmt: skip
     notes = ["errors from the scatter over modes, each averaged over the frames"]
     if trajectory.box.shear_rate:
         notes = ["errors treat frames as independent"]
     warnings = stored.part_warnings(trajectory) + _modes_change(trajectory, used)
     return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
+
+
+def _of_ring(name: str, key: str, found: structure.StructureFactor, i: int) -> Reading:
+    """S of one ring, with the interval of the mean of so few modes."""
+    low, high = found.ends
+    return Reading(
+        name, float(found.S[i]), float(found.S_error[i]), key=key, ends=(float(low[i]), float(high[i]))
+    )
 
 
 def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
@@ -279,7 +301,9 @@ def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[R
     }  # fmt: skip
     for text, (name, at) in chosen.items():
         key = "stress_kinetic" if name == "stress" and not found.has_collisions else name
-        value, error = (getattr(one, key)[(..., *at)].ravel() for one in (found.mean, found.error))
+        value, error, n_eff = (
+            getattr(one, key)[(..., *at)].ravel() for one in (found.mean, found.error, found.n_eff)
+        )
         if name in PER_DISK and (filled := found.disks.ravel() >= found.frames).any():
             value = np.where(filled, value, np.nan)
         if not np.isfinite(value).any():
@@ -288,8 +312,8 @@ def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[R
         ends = ("lowest", "min", np.nanargmin(value)), ("highest", "max", np.nanargmax(value))
         for which, end, place in ends:
             of_unit = unit(trajectory, averages.UNITS.get(key, ""))
-            at_place = float(value[place]), float(error[place])
-            yield Reading(f"{which} {text}", *at_place, of_unit, key=f"{short}_{end}")
+            at_place = common.MeanValue(*(float(one[place]) for one in (value, error, n_eff)))
+            yield Reading.of(f"{which} {text}", at_place, of_unit, key=f"{short}_{end}")
 
 
 def _of_bins(trajectory: Trajectory, found: averages.BinAverages, rows: list[Reading]) -> Evaluation:
@@ -300,7 +324,8 @@ def _of_bins(trajectory: Trajectory, found: averages.BinAverages, rows: list[Rea
             "lowest and highest temperature, theta and u: of bins with at least one disk a frame on average"
         )
     if found.frames > 1:
-        notes.append(f"errors from {min(averages.BLOCKS, found.frames)} blocks of frames")
+        notes.append(f"errors from {min(common.BLOCKS, found.frames)} blocks of frames")
+    notes += stored.few_rows(found.frames, "frames")
     tracked, movable = len(trajectory.tracked), trajectory.disks.n_movable
     if found.has_collisions:
         scaled = f", scaled to all {movable}: valid if they are a random sample" if tracked < movable else ""
@@ -440,11 +465,12 @@ def of_psi6(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     found = [structure.hexatic(x, box, time=float(t)) for x, t in zip(where, when, strict=True)]
     local, whole = ([getattr(one, name) for one in found] for name in ("local", "whole"))
     rows = [
-        Reading("mean of |psi_6|", *common.mean_with_error(local), key="mean_abs"),
-        Reading("|mean of psi_6|", *common.mean_with_error(whole), key="abs_mean"),
+        Reading.of("mean of |psi_6|", common.mean_with_error(local), key="mean_abs"),
+        Reading.of("|mean of psi_6|", common.mean_with_error(whole), key="abs_mean"),
     ]
     table = {"time": when, "local": np.array(local), "whole": np.array(whole)}
     notes, warnings = ["of the six nearest neighbours"], stored.part_warnings(trajectory)
+    notes += stored.few_rows(len(used), "frames")
     if len(used) > 1:
         notes.append("errors from the scatter over frames")
         values = [np.abs(one.psi6) for one in found]
@@ -516,12 +542,19 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         )  # fmt: skip
         force = unit(trajectory, "energy/length^2")
         rows += [
-            Reading("pressure", result.total, result.error, force, key="p"),
-            Reading("kinetic part", result.kinetic, result.kinetic_error, force, key="kinetic"),
+            Reading("pressure", result.total, result.error, force, "p", result.n_eff),
             Reading(
-                "collisional part", result.collisional, result.collisional_error, force, key="collisional"
+                "kinetic part", result.kinetic, result.kinetic_error, force, "kinetic", result.kinetic_n_eff
             ),
-            Reading("Z = p A / (N T)", result.Z, result.Z_error, key="Z"),
+            Reading(
+                "collisional part",
+                result.collisional,
+                result.collisional_error,
+                force,
+                "collisional",
+                result.collisional_n_eff,
+            ),
+            Reading("Z = p A / (N T)", result.Z, result.Z_error, "", "Z", result.Z_n_eff),
         ]
         notes.append(f"impulses of {len(found.tracked)} tracked disks")
     rows += _pressure_by_rate(trajectory, when, T, count, notes)
@@ -549,19 +582,24 @@ def _pressure_by_rate(
     rate = 2.0 * collisions / disks.n / float(when[-1] - when[0])
     mass, radius = float(disks.mass[0]), float(disks.radius[0])
     chi = pressure.contact_from_rate(rate, packing_fraction=phi, temperature=mean, mass=mass, radius=radius)
+    fewest, most = (float(end) / collisions for end in of_count(collisions))
     rows = [
         Reading(
-            "g at contact, from the collision rate", chi, chi / np.sqrt(collisions), key="g_contact_from_rate"
+            "g at contact, from the collision rate", chi, chi / math.sqrt(collisions), key="g_contact_from_rate",
+            ends=(chi * fewest, chi * most),
         )
-    ]
+    ]  # fmt: skip
     if "laws" in trajectory.parameters and not trajectory.has_custom_laws:
         material = int(disks.material[0])
         law = trajectory.laws[material][material]
         if isinstance(law, IFRLaw | Walton):
             Z = pressure.compressibility(phi, chi, law.e_n)
             rows.append(
-                Reading("Z, from the collision rate", Z, (Z - 1.0) / np.sqrt(collisions), key="Z_from_rate")
-            )
+                Reading(
+                    "Z, from the collision rate", Z, (Z - 1.0) / math.sqrt(collisions), key="Z_from_rate",
+                    ends=(1.0 + (Z - 1.0) * fewest, 1.0 + (Z - 1.0) * most),
+                )
+            )  # fmt: skip
     notes.append("g at contact from the rate assumes Maxwellian, uncorrelated velocities")
     return rows
 
@@ -586,30 +624,30 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
         raise InputError(f"{trajectory.path}: a stress is a mean over time: must be two frames or more")
     found = stresses.mean_stress(when, *(rows_of[name][1:] for name in STRESS_SERIES), span=span)
     mean, force = found.stress, unit(trajectory, "energy/length^2")
-    rows = [Reading("pressure p = (P_xx + P_yy) / 2", mean.pressure, found.pressure_error, force, key="p")]
+    pressure = common.MeanValue(mean.pressure, found.pressure_error, found.pressure_n_eff)
+    rows = [Reading.of("pressure p = (P_xx + P_yy) / 2", pressure, force, "p")]
     pairs = {"xx": (0, 0), "xy": (0, 1), "yx": (1, 0), "yy": (1, 1)}
+
+    def component(at: tuple[int, int], value: Array, error: Array, n_eff: Array) -> common.MeanValue:
+        return common.MeanValue(float(value[at]), float(error[at]), float(n_eff[at]))
+
+    total = {name: component(at, mean.total, found.error, found.n_eff) for name, at in pairs.items()}
+    rows += [Reading.of(f"P_{name}", each, force) for name, each in total.items()]
     for name, at in pairs.items():
-        rows.append(Reading(f"P_{name}", float(mean.total[at]), float(found.error[at]), force))
-    for name, at in pairs.items():
-        part, error = float(mean.kinetic[at]), float(found.kinetic_error[at])
-        rows.append(Reading(f"kinetic part of P_{name}", part, error, force, key=f"P_{name}_kinetic"))
-    N_1 = mean.normal_difference, found.normal_difference_error
-    rows.append(Reading("N_1 = (P_xx - P_yy) / p", *N_1, key="N_1"))
+        part = component(at, mean.kinetic, found.kinetic_error, found.kinetic_n_eff)
+        rows.append(Reading.of(f"kinetic part of P_{name}", part, force, f"P_{name}_kinetic"))
+    N_1 = common.MeanValue(
+        mean.normal_difference, found.normal_difference_error, found.normal_difference_n_eff
+    )
+    rows.append(Reading.of("N_1 = (P_xx - P_yy) / p", N_1, key="N_1"))
     if rate := trajectory.box.shear_rate:
-        rows.append(Reading("friction -P_xy / P_yy", mean.friction, found.friction_error, key="friction"))
-        viscosity = -float(mean.total[0, 1]) / rate
-        error = float(found.error[0, 1]) / abs(rate)
-        rows.append(
-            Reading(
-                "viscosity -P_xy / shear rate",
-                viscosity,
-                error,
-                unit(trajectory, "energy time/length^2"),
-                key="viscosity",
-            )
-        )
+        friction = common.MeanValue(mean.friction, found.friction_error, found.friction_n_eff)
+        rows.append(Reading.of("friction -P_xy / P_yy", friction, key="friction"))
+        of_viscosity = unit(trajectory, "energy time/length^2")
+        viscosity = total["xy"].times(-1.0 / rate)
+        rows.append(Reading.of("viscosity -P_xy / shear rate", viscosity, of_viscosity, "viscosity"))
     notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
-    notes.append(f"errors from {len(found.time)} blocks of time")
+    notes += stored.few_rows(found.rows, "rows of the series")
     warnings = []
     inside = (series.time >= span[0]) & (series.time <= span[1])
     if "temperature" in series and not is_stationary(T := series["temperature"][inside]):
@@ -636,8 +674,8 @@ def of_cooling(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
     haff = cooling.haff_fit(when, T, disks=n)
     energy, time = unit(trajectory, "energy"), unit(trajectory, "time")
     rows = [
-        Reading("T0", haff.T0, haff.T0_error, energy),
-        Reading("t_H", haff.t_H, haff.t_H_error, time),
+        Reading("T0", haff.T0, haff.T0_error, energy, n_eff=haff.n_eff),
+        Reading("t_H", haff.t_H, haff.t_H_error, time, n_eff=haff.n_eff),
         Reading("rms residual of ln T", haff.rms, key="rms_ln_T"),
     ]
     notes, warnings = _drift_remarks(trajectory)
@@ -655,10 +693,15 @@ def of_cooling(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
         notes.append(f"no fit to theta: {error}")
     else:
         rows += [
-            Reading("theta_0", ratio.theta_0, ratio.theta_0_error),
-            Reading("theta_end", ratio.theta_end, ratio.theta_end_error),
+            Reading("theta_0", ratio.theta_0, ratio.theta_0_error, n_eff=ratio.n_eff),
+            Reading("theta_end", ratio.theta_end, ratio.theta_end_error, n_eff=ratio.n_eff),
             Reading(
-                "relaxation of theta, collisions per disk", ratio.lag, ratio.lag_error, key="theta_relaxation"
+                "relaxation of theta, collisions per disk",
+                ratio.lag,
+                ratio.lag_error,
+                "",
+                "theta_relaxation",
+                ratio.n_eff,
             ),
             Reading("rms residual of theta", ratio.rms, key="rms_theta"),
         ]
@@ -666,10 +709,13 @@ def of_cooling(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
         if not ratio.describes:
             scatter = float(np.mean(np.abs(theta[rising]))) * (3.0 / n) ** 0.5
             warnings.append(_misfit("one exponential", ratio.misfit, n, "theta", scatter))
-        elif not ratio.lag_error < ratio.lag:
+        elif not math.isfinite(ratio.theta_end):
             warnings.append(
-                "theta_end and its relaxation are undetermined: theta has hardly changed. Run longer"
+                "theta_end and its relaxation are not determined: theta changes, and these data do not show where it "
+                "ends. Run longer"
             )
+        elif not math.isfinite(ratio.lag):
+            notes.append("theta shows no relaxation in these data: theta_end is its mean")
     table = {
         "time": when, "collisions_per_disk": tau, "temperature": T, "rotational_temperature": T_rot, "theta": theta,
     }  # fmt: skip
@@ -699,11 +745,17 @@ def of_impact(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
         result = replace(result, regimes=impact.regime_shares(counts), regime_collisions=sum(counts.values()))
     rows = [
         Reading("collisions", result.collisions),
-        Reading("mean of b = sin psi", result.mean_b, result.mean_b_error, key="mean_b"),
+        Reading("mean of b = sin psi", result.mean_b, result.mean_b_error, "", "mean_b", result.collisions),
         Reading("p-value of a uniform b (Kolmogorov-Smirnov)", result.p_value, key="p_value"),
-        *(Reading(f"share of {name}", *share, key=f"share_{name}") for name, share in result.regimes.items()),
+        *(
+            Reading(f"share of {name}", *share, key=f"share_{name}", ends=result.regime_ends(name))
+            for name, share in result.regimes.items()
+        ),
     ]
-    table = {"psi": result.psi, "density": result.density, "error": result.density_error}
+    low, high = result.density_ends
+    table = {
+        "psi": result.psi, "density": result.density, "error": result.density_error, "low": low, "high": high,
+    }  # fmt: skip
     notes = [f"{of_tracked}; in molecular chaos b is uniform and psi has the density cos psi"]
     if counts is not None:
         all_of = f"of all {result.regime_collisions} collisions of two disks"
@@ -764,19 +816,26 @@ def report(name: str, title: str, evaluation: Evaluation, span: str) -> str:
 
 
 def number(row: Reading) -> str:
-    """A value with its error to two digits and its unit."""
+    """A value with its error to two digits, its unit, and n_eff, or the 95 % interval where value +- error is none."""
     unit = f" {row.unit}" if row.unit else ""
     if isinstance(row.value, numbers.Integral):
         return f"{row.value}{unit}"
     if not math.isfinite(row.value):
         return "none"
-    if not math.isfinite(row.error) or row.error <= 0.0:
+    if math.isinf(row.error):
+        return "not determined"
+    if math.isnan(row.error) or row.error <= 0.0:
         return f"{row.value:.5g}{unit}"
+    more = ""
+    if row.ends is not None:
+        more = f" ({PERCENT}: {row.ends[0]:.3g} to {row.ends[1]:.3g})"
+    elif math.isfinite(row.n_eff):
+        more = f" (n_eff {row.n_eff:.{1 if row.n_eff < 9.95 else 0}f})"
     digits = 1 - math.floor(math.log10(row.error))
     if digits <= 6 and abs(row.value) < 1e5:
-        return f"{row.value:.{max(digits, 0)}f} +- {row.error:.{max(digits, 0)}f}{unit}"
-    more = max(1, math.floor(math.log10(max(abs(row.value), row.error) / row.error)) + 1)
-    return f"{row.value:.{more}e} +- {row.error:.1e}{unit}"
+        return f"{row.value:.{max(digits, 0)}f} +- {row.error:.{max(digits, 0)}f}{unit}{more}"
+    places = max(1, math.floor(math.log10(max(abs(row.value), row.error) / row.error)) + 1)
+    return f"{row.value:.{places}e} +- {row.error:.1e}{unit}{more}"
 
 
 def json_number(value: float) -> float | None:

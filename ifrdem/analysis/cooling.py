@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..tools.checked import Array, Column, Count, Real, validated
 from ..tools.notebook import ResultPlot
-from .common import correlation_time
+from .common import correlation_time, mean_with_error
 
 MODES = 5
 """Slow waves, at most, that are looked for in what a law leaves."""
@@ -44,6 +44,9 @@ class Goodness:
     nan with too few points."""
     describes: bool
     """False where the waves are neither chance nor within the scatter that is allowed."""
+    n_eff: float
+    """Independent values as good as the points, less those that the other parameters take: a parameter's interval is
+    Student's t with n_eff - 1 degrees of freedom, 1 at least."""
 
 
 def fit(
@@ -96,7 +99,13 @@ def fit(
     rho, kept = _autoregression(left - own @ (own.T @ left), own)
     covariance = covariance_of(found.jac, rho, whole / max(kept, 1e-300))
     errors = np.sqrt(np.diag(covariance)) if describes else np.full(len(start), np.nan)
-    return found.x, errors, Goodness(float(np.sqrt(whole / n)), tau, misfit, p_value, describes)
+    n_eff = _independent(n, rho) - len(start) + 1.0
+    return found.x, errors, Goodness(float(np.sqrt(whole / n)), tau, misfit, p_value, describes, n_eff)
+
+
+def _independent(n: int, rho: float) -> float:
+    """Number of independent values that determine a smooth curve as well as n of the correlation rho^|lag|."""
+    return n * (1.0 - rho) / (1.0 + rho)
 
 
 def covariance_of(J: Array, rho: float, variance: float) -> Array:
@@ -140,7 +149,7 @@ def _p_value(left: Array, own: Array, beyond: Array) -> float:
     coefficients = beyond.T @ left
     rest = left - beyond @ coefficients
     rho, kept = _autoregression(rest, all_modes)
-    freedom = max(2.0, n * (1.0 - rho) / (1.0 + rho) - all_modes.shape[1])
+    freedom = max(2.0, _independent(n, rho) - all_modes.shape[1])
     if modes == 0 or n < FEWEST:
         return float("nan")
     variance = max(float(rest @ rest) / kept, 1e-300)
@@ -200,7 +209,7 @@ class HaffFit(Goodness, ResultPlot):
         Temperature at the first time of the fit [energy], and Haff's time [time], counted from there.
     times : tuple of two floats
         First and last time of the fit.
-    rms, correlation_time, misfit, p_value, describes
+    rms, correlation_time, misfit, p_value, describes, n_eff
         Of what is left of ln T, as in `Goodness`.
     """
 
@@ -219,7 +228,9 @@ class RatioFit(Goodness, ResultPlot):
     ----------
     theta_0, theta_end, lag, and theta_0_error, theta_end_error, lag_error : float
         Ratio T_rot / T at the begin, the one that it tends to, after which x 1/e of the way is left; and their errors.
-    rms, correlation_time, misfit, p_value, describes
+        The lag is nan where the data do not show it (`ratio_fit`), and so is theta_end, unless they show no change:
+        then it is their mean.
+    rms, correlation_time, misfit, p_value, describes, n_eff
         Of what is left of theta, as in `Goodness`.
     """
 
@@ -297,6 +308,11 @@ def ratio_fit(
 ) -> RatioFit:
     """Fit an exponential approach to the ratio of temperatures, and test whether it holds (`fit`).
 
+    Data show an end only if they contain most of the approach to it. theta_end and the lag are given where the standard
+    error of ln lag is below `DETERMINED`, the lag is shorter than the data, and three lags are longer than the first
+    step. Otherwise the lag is nan; theta_end is the mean (`mean_with_error`) if a straight line through the data
+    changes by less than 2 standard errors, else nan; theta_0 is where that line begins.
+
     InputError for fewer than 6 points, or a ratio that does not change.
 
     Parameters
@@ -336,10 +352,13 @@ def ratio_fit(
     begin_error, end_error, of_lag = errors.tolist()
     lag_error = lag * of_lag
     if goodness.describes and not (of_lag < DETERMINED and lag < along[-1] and 3.0 * lag > along[1]):
-        # The data show no approach to an end. Where they show no change either, their mean is the end.
-        lag = lag_error = end_error = float("nan")
-        mean, error, change, of_change, _ = mean_and_change(along, ratio)
-        end, end_error = (mean, error) if abs(change) < 2.0 * of_change else (float("nan"), float("nan"))
+        ends, covariance = straight_line(along, ratio)
+        begin, begin_error = float(ends[0]), float(covariance[0, 0] ** 0.5)
+        change = float(covariance[0, 0] - 2.0 * covariance[0, 1] + covariance[1, 1]) ** 0.5
+        lag = lag_error = end = end_error = float("nan")
+        if abs(ends[1] - ends[0]) < 2.0 * change:
+            end, end_error, n_eff = mean_with_error(ratio)
+            goodness = replace(goodness, n_eff=n_eff)
     return RatioFit(**vars(goodness), theta_0=begin, theta_0_error=begin_error, theta_end=end,
                     theta_end_error=end_error, lag=lag, lag_error=lag_error)  # fmt: skip
 
@@ -350,22 +369,24 @@ DETERMINED = 0.5
 
 def noise_about_parabola(y: Array) -> tuple[float, float, float]:
     """rho, variance, and number of independent values as good as these, of the noise of y (n,) about a parabola."""
-    own = _basis(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(y)), 2))
+    own = _basis(np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(y)), 2), dtype=float))
     left = y - own @ (own.T @ y)
     rho, kept = _autoregression(left, own)
-    return rho, float(left @ left) / max(kept, 1e-300), len(y) * (1.0 - rho) / (1.0 + rho)
+    return rho, float(left @ left) / max(kept, 1e-300), _independent(len(y), rho)
 
 
-def mean_and_change(x: Array, y: Array) -> tuple[float, float, float, float, float]:
-    """Mean of y (n,), its change along x by a straight line, each with its error under correlated noise, and n_eff."""
-    J: Array = np.stack((np.ones_like(x), (x - x.mean()) / np.ptp(x)), axis=1)
+def straight_line(x: Array, y: Array) -> tuple[Array, Array]:
+    """Values (2,) at both ends of the straight line of least squares through y (n,), and their covariance (2, 2).
+
+    The noise has the correlation rho^|lag|.
+    """
+    part = (x - x[0]) / (x[-1] - x[0])
+    J: Array = np.stack((1.0 - part, part), axis=1)
     own = _basis(J)
     left = y - own @ (own.T @ y)
     rho, kept = _autoregression(left, own)
     values = np.linalg.lstsq(J, y, rcond=None)[0]
-    errors = np.sqrt(np.diag(covariance_of(J, rho, float(left @ left) / max(kept, 1e-300))))
-    mean, change = values.tolist()
-    return mean, float(errors[0]), change, float(errors[1]), len(x) * (1.0 - rho) / (1.0 + rho)
+    return np.asarray(values), covariance_of(J, rho, float(left @ left) / max(kept, 1e-300))
 
 
 def _window(first: float | None, last: float | None, least: int, **columns: ArrayLike) -> tuple[Array, Array]:

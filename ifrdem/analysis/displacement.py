@@ -13,8 +13,10 @@ from ..errors import InputError
 from ..tools.checked import Array, Count, Numbers, Real, must_be, validated
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
-from .common import BoxLike
+from .common import LEVEL, BoxLike, MeanValue
 
+FAR = 0.2
+"""Difference of the exponent of a displacement from 1 above which it is no diffusion, unless it is chance."""
 EVEN = 1e-3  # of the mean interval: how far intervals may differ where all origins are used
 
 
@@ -44,10 +46,27 @@ class Diffusion:
     """D, error: slope over twice the number of directions [length^2/time], and its standard error by the spread over
     disks."""
     exponent: float
-    """Of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly, between them where the fit
-    is too early or the gas cools."""
+    exponent_error: float
+    """exponent, exponent_error: of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly,
+    between them where the fit is too early or the gas cools; and its standard error by the spread over disks."""
+    disks: int
+    """Number of disks: intervals are Student's t with one degree of freedom less."""
     lags: tuple[float, float]
     """Of the first and the last lag used [time]."""
+
+    @property
+    def mean(self) -> MeanValue:
+        """D, its error, and the number of disks."""
+        return MeanValue(self.D, self.error, self.disks)
+
+    @property
+    def no_diffusion(self) -> bool:
+        """True if the exponent is off 1 by more than `FAR`, and by more than chance (0.27 % in Student's t)."""
+        from scipy.stats import t as student
+
+        off = abs(self.exponent - 1.0)
+        beyond = student.isf(0.5 * LEVEL, max(self.disks - 1, 1)) * self.exponent_error
+        return off > FAR and not off <= beyond
 
 
 _Frames = Annotated[ArrayLike, Numbers(("frames", "n", 2))]
@@ -301,6 +320,13 @@ def diffusion_coefficient(
     weight = (t - t.mean()) / np.sum((t - t.mean()) ** 2)  # slope = weight . value
     variance = float(weight @ msd.covariance[np.ix_(used, used)] @ weight)
     factor = 2.0 * msd.components
-    exponent = float(np.polyfit(np.log(t), np.log(value), 1)[0]) if np.all(value > 0.0) else float("nan")
-    ends = (float(t[0]), float(t[-1]))
-    return Diffusion(float(weight @ value) / factor, float(np.sqrt(variance)) / factor, exponent, ends)
+    exponent = of_exponent = float("nan")
+    if np.all(value > 0.0):
+        log = np.log(t) - np.log(t).mean()
+        of_log = log / (log @ log)  # exponent = of_log . ln value
+        exponent = float(of_log @ np.log(value))
+        of_log = of_log / value
+        of_exponent = float(np.sqrt(max(of_log @ msd.covariance[np.ix_(used, used)] @ of_log, 0.0)))
+    ends, D = (float(t[0]), float(t[-1])), float(weight @ value) / factor
+    error = float(np.sqrt(max(variance, 0.0))) / factor
+    return Diffusion(D, error, exponent, of_exponent, msd.disks, ends)

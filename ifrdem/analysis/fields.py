@@ -62,7 +62,8 @@ def coarse_grain(
     sum m phi, and T = sum m |v - u|^2 phi / (2 (sum phi - sum m phi^2 / sum m phi)): the bracket makes the mean of T
     right if velocities are independent and all have one temperature. Weights as in I. Goldhirsch, Granul. Matter 12,
     239 (2010), doi:10.1007/s10035-010-0181-z. InputError if shapes do not match, cells are not positive, the width is
-    below half a cell, Gaussians are used in a sheared box, or centres lie above or below a sheared box.
+    below half a cell or above the longest side, Gaussians are used in a sheared box, centres lie above or below a
+    sheared box, or an open box has no disks.
 
     Parameters
     ----------
@@ -104,8 +105,14 @@ def coarse_grain(
         )
     x = box.wrap(x)
     if box.is_open:
+        if not n:
+            raise InputError(
+                "position has 0 disks: an open box must have one or more, whose centres are its ends"
+            )
         low, lengths = x.min(axis=0), np.maximum(np.ptp(x, axis=0), 1e-300) * (1.0 + 1e-9)
     size = lengths / cells
+    if width > lengths.max():
+        raise InputError(f"width = {width:g}: must be at most the longest side, {lengths.max():.4g}")
     if width and width < 0.5 * size.max():
         raise InputError(
             f"width = {width:g}: cells of {size.max():.4g} are too large for it; take more or a wider one"

@@ -16,13 +16,16 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.checked import Array, Positive, validated
+from ..tools.intervals import of_intensity
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
-from .common import BoxLike, Positions, Times, cells_of
+from .common import BoxLike, Positions, Times, cells_of, share_in_cell
 from .structure import Bins, mode_amplitudes, ring_edges
 
 MOST_PAIRS = 4_000_000
 """Most pairs of a frame that are counted (about 1 s). In larger gases centres are drawn at random."""
+MOST_WAVES = 20_000_000
+"""Waves of a spectrum (some 2 GB of memory)."""
 BLOCK = 2_000_000
 """Number of pairs that are computed at a time."""
 SIDE = 5
@@ -42,7 +45,11 @@ class VelocityCorrelation(Brief, ResultPlot):
     across_error: Array
     """r, along, across: middles of the bins [length]; <(v_i . e)(v_j . e)> / (<v^2> / 2) with e along r_j - r_i, and
     across it; 0 for independent velocities, 1 for equal ones; and their standard errors from the scatter between 25
-    cells of the box. Frames count as fully correlated: more of them do not reduce the errors. Shape (bins,)."""
+    cells of the box, nan where only one has pairs. Frames count as fully correlated: more of them do not reduce the
+    errors. Shape (bins,)."""
+    n_eff: Array
+    """Cells with pairs, the fewest in any frame: intervals are Student's t with n_eff - 1 degrees of freedom. Shape
+    (bins,)."""
     pairs: Array
     """Number of pairs over all frames, shape (bins,)."""
     frames: int
@@ -106,14 +113,18 @@ def velocity_correlation(
     edges = np.linspace(0.0, r_max, bins + 1)
     found = []
     for x, v, when in _frames(position, velocity, time):
-        parts = _pair_sums(x, v, box, r_max, bins, when)  # (3, cells, bins)
+        parts, of_centres = _pair_sums(x, v, box, r_max, bins, when)  # (3, cells, bins)
         totals = parts.sum(axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             mean = totals[:2] / totals[2]
             own = parts[:2] - mean[:, None] * parts[2]
-            error = np.sqrt(np.sum(own**2, axis=1) * (SIDE**2 / (SIDE**2 - 1))) / totals[2]
+            cells = np.count_nonzero(parts[2], axis=0).astype(float)
+            error = np.sqrt(np.sum(own**2, axis=1) * (cells / (cells - 1.0))) / totals[2]
         r = 0.5 * (edges[1:] + edges[:-1])
-        found.append(VelocityCorrelation(r, mean[0], error[0], mean[1], error[1], totals[2], 1))
+        # A pair across two cells of two centres is counted once in each, and the covariance of the cells is missing.
+        same = share_in_cell(r, (np.ptp(x, axis=0) if box.is_open else np.array(box.lengths)) / SIDE)
+        error *= np.sqrt((1.0 + of_centres) / (1.0 + of_centres * same))
+        found.append(VelocityCorrelation(r, mean[0], error[0], mean[1], error[1], cells, totals[2], 1))
     if not found:
         raise InputError("position has no frames: must have one or more")
     return mean_correlation(found)
@@ -133,7 +144,9 @@ def mean_correlation(found: Sequence[VelocityCorrelation]) -> VelocityCorrelatio
     along, along_error, across, across_error = map(
         over_frames, ("along", "along_error", "across", "across_error")
     )
-    return VelocityCorrelation(found[0].r, along, along_error, across, across_error, pairs, len(found))
+    cells = np.min([np.where(one.pairs > 0.0, one.n_eff, np.inf) for one in found], axis=0)
+    cells = np.where(pairs > 0.0, cells, 0.0)
+    return VelocityCorrelation(found[0].r, along, along_error, across, across_error, cells, pairs, len(found))
 
 
 def _frames(position: Positions, velocity: Positions, time: Times) -> Iterator[tuple[Array, Array, float]]:
@@ -149,8 +162,11 @@ def _frames(position: Positions, velocity: Positions, time: Times) -> Iterator[t
         yield x, own / np.sqrt(square), next(times)
 
 
-def _pair_sums(x: Array, v: Array, box: Box, r_max: float, bins: int, time: float) -> Array:
-    """Sums over pairs of both products and of 1, by cell of the first centre and bin of r, shape (3, cells, bins)."""
+def _pair_sums(x: Array, v: Array, box: Box, r_max: float, bins: int, time: float) -> tuple[Array, float]:
+    """Sums over pairs of both products and of 1, by cell of the first centre and bin of r, shape (3, cells, bins).
+
+    And the share of all disks that are first ones.
+    """
     n = len(x)
     centres: NDArray[np.intp] = np.arange(n)
     if n * n > MOST_PAIRS:
@@ -171,7 +187,7 @@ def _pair_sums(x: Array, v: Array, box: Box, r_max: float, bins: int, time: floa
         at = cell[i[row]] * bins + np.minimum((r[near] * (bins / r_max)).astype(np.intp), bins - 1)
         for k, weight in enumerate((along, across, None)):
             found[k] += np.bincount(at, weight, minlength=SIDE**2 * bins)
-    return found.reshape(3, SIDE**2, bins)
+    return found.reshape(3, SIDE**2, bins), len(centres) / n
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -189,6 +205,16 @@ class VelocitySpectrum(Brief, ResultPlot):
     modes: NDArray[np.int64]
     """Number of modes in a frame, counting one of k and -k, shape (rings,)."""
     frames: int
+
+    @property
+    def across_ends(self) -> tuple[Array, Array]:
+        """Ends of the 95 % interval across k, (rings,) each, as `StructureFactor.ends`."""
+        return of_intensity(self.across, (self.across / self.across_error) ** 2)
+
+    @property
+    def along_ends(self) -> tuple[Array, Array]:
+        """Ends of the 95 % interval along k, (rings,) each, as `StructureFactor.ends`."""
+        return of_intensity(self.along, (self.along / self.along_error) ** 2)
 
     @property
     def vorticity(self) -> Array:
@@ -214,7 +240,8 @@ def velocity_spectrum(
 ) -> VelocitySpectrum:
     """Spectrum of the velocity field of one or several frames, by finufft, at the k that a periodic box allows.
 
-    InputError as `velocity_correlation`; if the box is not periodic, k_max is below 2 pi / L, or finufft is missing.
+    InputError as `velocity_correlation`; if the box is not periodic, k_max is below 2 pi / L or so high that there are
+    more than `MOST_WAVES` waves, or finufft is missing.
 
     Parameters
     ----------
@@ -235,22 +262,27 @@ def velocity_spectrum(
     """
     edges = ring_edges(box, k_max, rings)
     lengths, count = np.array(box.lengths), len(edges) - 1
-    modes = np.ceil(k_max * lengths / (2.0 * np.pi)).astype(int)
+    modes = np.ceil(k_max * lengths / (2.0 * np.pi))
     if box.shear_rate:  # the skew moves k_y by up to k_x / 2 Lx / Ly
-        modes[1] += int(np.ceil(0.5 * modes[0])) + 1
+        modes[1] += np.ceil(0.5 * modes[0]) + 1.0
+    if float(np.prod(2.0 * modes + 1.0)) > MOST_WAVES:
+        most = np.pi * np.sqrt(MOST_WAVES / (lengths[0] * lengths[1]))
+        raise InputError(
+            f"k_max = {k_max:g}: must be at most about {most:.3g}, up to which this box allows {MOST_WAVES:,} waves"
+        )
     number, sum_k, sums, squares = (
         np.zeros(count),
         np.zeros(count),
         np.zeros((2, count)),
         np.zeros((2, count)),
     )
-    frames = 0
+    frames, (a, b) = 0, modes.astype(int).tolist()
     for x, v, when in _frames(position, velocity, time):
-        k, v_k = mode_amplitudes(x, v.T, box, (int(modes[0]), int(modes[1])), time=when)
+        k, v_k = mode_amplitudes(x, v.T, box, (a, b), time=when)
         size = np.hypot(k[..., 0], k[..., 1])
         half = np.zeros(size.shape, dtype=bool)
-        half[modes[0] + 1 :] = True
-        half[modes[0], modes[1] + 1 :] = True
+        half[a + 1 :] = True
+        half[a, b + 1 :] = True
         chosen = half & (size > edges[0]) & (size <= k_max)
         e, amplitude = k[chosen] / size[chosen][:, None], v_k[:, chosen]
         parts = (

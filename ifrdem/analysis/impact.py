@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..model.laws.ifr import Regime
 from ..tools.checked import Array, Integer, Numbers, validated
+from ..tools.intervals import error_of_share, of_share
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 
@@ -48,9 +49,7 @@ class Impacts(Brief, ResultPlot):
     density: Array
     density_error: Array
     """psi, density, density_error: middles of bins from 0 to pi / 2 [rad]; probability density [1/rad], and its
-    standard error by counting: with c of n collisions in a bin, that of a probability of which nothing else is
-    known (its posterior by Jeffreys' prior, a beta distribution with c + 1/2 and n - c + 1/2), which is not 0 for
-    empty bins; shape (bins,)."""
+    standard error by counting (`tools.intervals.error_of_share`), which is not 0 for empty bins; shape (bins,)."""
     mean_b: float
     mean_b_error: float
     p_value: float
@@ -58,10 +57,23 @@ class Impacts(Brief, ResultPlot):
     collisions would be as far from a uniform b, or farther, if it were uniform (Kolmogorov and Smirnov); not that
     it is."""
     regimes: dict[str, tuple[float, float]]
-    """Name of a regime -> share of the collisions, its standard error."""
+    """Name of a regime -> share of the collisions, its standard error (`tools.intervals.error_of_share`)."""
     collisions: int
     regime_collisions: int
     """collisions, regime_collisions: how many there were, and of how many the regimes are known."""
+
+    @property
+    def density_ends(self) -> tuple[Array, Array]:
+        """Ends of the 95 % interval of the density [1/rad], by counting (`tools.intervals.of_share`), (bins,) each."""
+        width = 0.5 * np.pi / len(self.psi)
+        low, high = of_share(self.density * width * self.collisions, self.collisions)
+        return low / width, high / width
+
+    def regime_ends(self, name: str) -> tuple[float, float]:
+        """Ends of the 95 % interval of the share of a regime, by counting (`tools.intervals.of_share`)."""
+        n = self.regime_collisions
+        low, high = of_share(self.regimes[name][0] * n, n)
+        return float(low), float(high)
 
 
 _QUARTER = 0.5 * np.pi * (1.0 + 1e-12)
@@ -96,7 +108,7 @@ def impacts(
     counts, edges = np.histogram(
         angle, int(np.clip(n // PER_BIN, *BINS)) if bins is None else bins, (0.0, _QUARTER)
     )
-    width, likely = edges[1] - edges[0], (counts + 0.5) / (n + 1.0)
+    width = edges[1] - edges[0]
     b = np.sin(angle)
     shares: dict[str, tuple[float, float]] = {}
     if regime is not None:
@@ -108,7 +120,7 @@ def impacts(
     return Impacts(
         psi=0.5 * (edges[1:] + edges[:-1]),
         density=counts / n / width,
-        density_error=np.sqrt(likely * (1.0 - likely) / (n + 2.0)) / width,
+        density_error=error_of_share(counts, n) / width,
         mean_b=float(b.mean()),
         mean_b_error=float(np.std(b, ddof=1) / np.sqrt(n)) if n > 1 else float("nan"),
         p_value=float(kstest(b, "uniform").pvalue),
@@ -121,5 +133,4 @@ def impacts(
 def regime_shares(counts: Mapping[str, int]) -> dict[str, tuple[float, float]]:
     """Share of each regime that occurs, and its standard error, from numbers of independent collisions."""
     n = sum(counts.values())
-    shares = {name: count / n for name, count in counts.items() if count}
-    return {name: (share, float(np.sqrt(share * (1.0 - share) / n))) for name, share in shares.items()}
+    return {name: (count / n, float(error_of_share(count, n))) for name, count in counts.items() if count}

@@ -25,6 +25,7 @@ from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 from . import displacement
 from . import result as stored
+from .common import MeanValue
 from .gas_theory import gas_of
 from .result import Columns, Evaluation, FramesFrom, Groups, Reading, all_frames, kinds, times, unit
 from .steadiness import is_stationary, stationarity_warning
@@ -236,21 +237,22 @@ def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
         fit = displacement.diffusion_coefficient(found)
         thermal = math.nan
         if plan.tau is None:
-            D = (math.nan, math.nan) if plan.warnings else (fit.D, fit.error)
-            rows.append(Reading(f"D{of}", *D, unit(trajectory, "length^2/time"), key=f"D{mark}"))
+            D = MeanValue(math.nan, math.nan, math.nan) if plan.warnings else fit.mean
+            rows.append(Reading.of(f"D{of}", D, unit(trajectory, "length^2/time"), f"D{mark}"))
         else:
             speed = _thermal_speeds(trajectory, used, ids, moving.velocity)
             thermal = math.nan if speed is None else thermal_path(when, plan.tau, speed)
             area = unit(trajectory, "length^2")
-            rows.append(Reading(f"D / nu{of}", fit.D, fit.error, area, key=f"D_over_nu{mark}"))
+            rows.append(Reading.of(f"D / nu{of}", fit.mean, area, f"D_over_nu{mark}"))
             if math.isfinite(thermal):
-                reduced = fit.D / thermal**2, fit.error / thermal**2
-                rows.append(Reading(f"D m nu / T{of}", *reduced, key=f"D_reduced{mark}"))
+                reduced = fit.mean.times(thermal**-2)
+                rows.append(Reading.of(f"D m nu / T{of}", reduced, key=f"D_reduced{mark}"))
             if e_n is not None:
                 theory = self_diffusion(e_n)
                 rows.append(Reading("D m nu / T by kinetic theory", theory, key="D_reduced_theory"))
-        rows.append(Reading(f"exponent{of}", fit.exponent, key=f"exponent{mark}"))
-        if not plan.warnings and abs(fit.exponent - 1.0) > 0.2:
+        exponent = fit.exponent, fit.exponent_error
+        rows.append(Reading(f"exponent{of}", *exponent, "", f"exponent{mark}", fit.disks))
+        if not plan.warnings and fit.no_diffusion:
             warnings.append(
                 f"exponent{of} = {fit.exponent:.3g}: must be 1 in diffusion; D{of} is no diffusion coefficient"
             )
@@ -322,8 +324,8 @@ def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
         lag_unit = unit(trajectory, "time") if plan.tau is None else ""
         if plan.tau is None:
             square = unit(trajectory, "length^2/time^2")
-            start = float(found.value[0]), float(found.error[0])
-            rows.append(Reading(f"<v^2>{of}", *start, square, key=f"v_squared{mark}"))
+            start = MeanValue(float(found.value[0]), float(found.error[0]), found.disks)
+            rows.append(Reading.of(f"<v^2>{of}", start, square, f"v_squared{mark}"))
         if len(below):
             lag = float(found.lag[below[0]])
             rows.append(Reading(f"first lag below 1/e{of}", lag, unit=lag_unit, key=f"decay_lag{mark}"))

@@ -35,10 +35,8 @@ from ..tools.checked import (
 )
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
-from .common import mean_with_error
+from .common import BLOCKS, MeanValue, mean_with_error
 from .steadiness import is_stationary
-
-BLOCKS = 20
 
 
 def blocks(span: tuple[float, float]) -> list[tuple[float, float]]:
@@ -63,6 +61,12 @@ class Pressure(Brief, ResultPlot):
     Z: float
     Z_error: float
     """Z, Z_error: compressibility factor p A / (N T), from blocks in which each part is that at its T."""
+    kinetic_n_eff: float
+    collisional_n_eff: float
+    n_eff: float
+    Z_n_eff: float
+    """kinetic_n_eff, collisional_n_eff, n_eff, Z_n_eff: of each error, the number of independent values with that
+    error: intervals are Student's t with n_eff - 1 degrees of freedom, 1 at least."""
     collisional_tensor: Array
     """P_ab of collisions, as in `observables.Stress`: first the component of the impulse; shape (2, 2)."""
 
@@ -138,18 +142,28 @@ def pressure_from_impulses(
     collisional = 0.5 * float(np.trace(tensor))
     total = kinetic + collisional
     Z = total / kinetic if kinetic > 0.0 else math.nan
-    at_T = mean_with_error(series / T)[1] * float(T.mean())
-    of_kinetic, of_collisional, of_total = math.nan, at_T, at_T
+    at_T = mean_with_error(series / T).times(float(T.mean()))
+    errors = [MeanValue(kinetic, math.nan, math.nan), at_T, at_T]
     if is_stationary(T):
+        T = T if np.ptp(T) > 1e-12 * T.mean() else np.full(BLOCKS, T.mean())  # rounding of a constant T
         carried = disks * T / area
-        of_kinetic, of_collisional, of_total = (
-            mean_with_error(one)[1] for one in (carried, series, carried + series)
-        )
-        of_kinetic = of_kinetic if of_kinetic > 1e-12 * kinetic else 0.0  # rounding of a constant T
+        errors = [mean_with_error(one) for one in (carried, series, carried + series)]
+    of_kinetic, of_collisional, of_total = errors
     return Pressure(
-        kinetic, collisional, total, of_kinetic, of_collisional, of_total, Z,
-        at_T / (kinetic or math.nan), tensor,
-    )  # fmt: skip
+        kinetic=kinetic,
+        collisional=collisional,
+        total=total,
+        kinetic_error=of_kinetic.error,
+        collisional_error=of_collisional.error,
+        error=of_total.error,
+        Z=Z,
+        Z_error=at_T.error / (kinetic or math.nan),
+        kinetic_n_eff=of_kinetic.n_eff,
+        collisional_n_eff=of_collisional.n_eff,
+        n_eff=of_total.n_eff,
+        Z_n_eff=at_T.n_eff,
+        collisional_tensor=tensor,
+    )
 
 
 @validated

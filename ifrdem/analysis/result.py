@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..model.observables import Measure, drift_text
 from ..tools.checked import Array
+from ..tools.intervals import student_t
 from ..tools.reprs import Brief
 from ..trajectory.export import species
 from ..trajectory.reader import Trajectory
+from .common import BLOCKS, MeanValue
 
 COLUMNS = ("time", "id", "partner", "normal", "impulse", "psi", "regime")
 
@@ -185,6 +187,23 @@ class Reading(NamedTuple):
     error: float = float("nan")
     unit: str = ""
     key: str = ""  # short and fixed; without it, the name
+    n_eff: float = float(
+        "nan"
+    )  # independent values with this error (`common.mean_errors`); nan where it is no mean
+    ends: tuple[float, float] | None = None  # of the 95 % interval where value +- error is a poor one
+
+    @classmethod
+    def of(cls, name: str, found: MeanValue, unit: str = "", key: str = "") -> Reading:
+        """A mean of a correlated series."""
+        return cls(name, found.mean, found.error, unit, key, found.n_eff)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Ends of the 95 % interval: unless given, by Student's t with n_eff - 1 degrees of freedom; nan if unknown."""
+        if self.ends is not None:
+            return self.ends
+        half = float(student_t(self.n_eff)) * self.error
+        return self.value - half, self.value + half
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -200,6 +219,16 @@ class Evaluation(Brief):
     # Why numbers do not mean what their names say: shown before them.
     warnings: list[str] = field(default_factory=list)
     frames: int = 0  # how many were used; 0 if what was used is no frames
+
+
+def few_rows(n: int, what: str) -> list[str]:
+    """A note if a mean is over so few rows or frames that nothing is known of their correlation; else empty."""
+    if not 1 < n < BLOCKS:
+        return []
+    return [
+        f"errors from {n} {what}: fewer than {BLOCKS} are too few to judge their correlation, and whether the gas is "
+        "steady"
+    ]
 
 
 def second_half(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int]:

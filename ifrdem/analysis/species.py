@@ -15,7 +15,7 @@ from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 from . import result as stored
 from . import steadiness
-from .common import mean_with_error
+from .common import FEWEST_CORRELATED, mean_with_error
 from .gas_theory import gas_of
 from .result import Columns, Evaluation, Reading, kinds, times
 from .window import steady_frames
@@ -82,11 +82,10 @@ def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
             ratio = (measured[0] / measured[1])[late]
         if not np.isfinite(ratio).all():
             return
-        readings.append(Reading(name, *mean_with_error(ratio), key=key))
-        if len(ratio) >= 4:
+        readings.append(Reading.of(name, mean_with_error(ratio), key=key))
+        if len(ratio) >= 2 * FEWEST_CORRELATED:
             early, later = np.array_split(ratio, 2)
-            parts = mean_with_error(early), mean_with_error(later)
-            changes.append(steadiness.between(name, *parts, len(ratio) // 2 - 1))
+            changes.append(steadiness.between(name, mean_with_error(early), mean_with_error(later)))
         if predicted is not None:
             value = float(np.mean((predicted[0] / predicted[1])[late]))
             readings.append(Reading(f"{name} by kinetic theory", value, key=f"{key}_theory"))
@@ -105,10 +104,7 @@ def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
     if not readings:
         raise InputError(f"{trajectory.path}: no ratio of temperatures: a species is at rest")
     notes.append(f"means over {'the second half of ' * (frames is None)}{len(rows.time)} rows")
-    if (n := len(rows.time[late])) < steadiness.FEWEST_ROWS:
-        notes.append(
-            f"too few rows ({n}, fewer than {steadiness.FEWEST_ROWS}) to judge whether the gas is steady"
-        )
+    notes += stored.few_rows(len(rows.time[late]), "rows")
     table: Columns = {"time": rows.time}
     table |= {} if rows.tau is None else {"collisions_per_disk": rows.tau}
     for values, mark in ((both, ""), (theory, " by theory")):

@@ -26,16 +26,13 @@ import numpy as np
 from ..model.box import Box
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
-from .common import cells_of
+from .common import LEVEL, MeanValue, cells_of
 from .cooling import correlated, noise_about_parabola
 from .result import NOT_STATIONARY
 
-LEVEL = 0.0027
 CELLS, DISKS = (5, 32), 40
 """Cells along a side of the box at least (24 degrees of freedom) and at most; disks that a cell has between: its side
 is some 10 diameters at packing fraction 0.3, where pairs know of each other over 2 or 3."""
-FEWEST_ROWS = 20
-"""Rows of a series below which a comparison of its halves shows no trend: their errors come from half of the rows."""
 MODES = 32
 ROUNDING = 1e-6
 """Relative change that may be rounding: g(r) and psi_6 are found in single precision, S(k) to 1e-9 of its largest."""
@@ -65,7 +62,7 @@ def is_stationary(T: Array) -> bool:
     halves_of = [noise_about_parabola(part) for part in (T[n // 2 :], T[: n - n // 2])]
     rho, variance, effective = min(halves_of, key=lambda each: each[1])
     place = np.arange(n) - 0.5 * (n - 1)
-    line: Array = place * (n - 1) / float(place @ place)
+    line = np.asarray(place * ((n - 1) / float(place @ place)), dtype=float)
     early = np.zeros(n)
     early[: max(n // 10, 1)], early[n // 2 :] = -1.0 / max(n // 10, 1), 1.0 / (n - n // 2)
     beyond = float(student.isf(0.25 * LEVEL, max(effective - 3.0, 3.0)))
@@ -94,7 +91,7 @@ class Change(NamedTuple):
     early: float
     late: float
     t: float
-    degrees: int
+    degrees: float
 
 
 def halves(used: Sequence[int]) -> tuple[list[int], list[int]]:
@@ -120,12 +117,20 @@ def warnings(changes: Sequence[Change]) -> list[str]:
     ]
 
 
-def between(what: str, early: tuple[float, float], late: tuple[float, float], degrees: int) -> Change:
-    """Two values with standard errors; where the halves are correlated, they differ by less than these say."""
-    return _change(what, early[0], late[0], float(np.hypot(early[1], late[1])), degrees)
+def between(what: str, early: MeanValue, late: MeanValue) -> Change:
+    """Two values with standard errors and n_eff; where the halves are correlated, they differ by less than these say.
+
+    The degrees of freedom of t are those of B. L. Welch, Biometrika 34, 28 (1947), doi:10.1093/biomet/34.1-2.28, from
+    n_eff - 1 of each half, 1 at least: the number of rows says nothing of them.
+    """
+    squares = np.array([early.error, late.error]) ** 2
+    own = np.maximum(np.array([early.n_eff, late.n_eff]) - 1.0, 1.0)
+    error = float(np.sqrt(squares.sum()))
+    degrees = float(squares.sum() ** 2 / np.sum(squares**2 / own)) if error > 0.0 else math.nan
+    return _change(what, early.mean, late.mean, error, degrees)
 
 
-def _change(what: str, early: float, late: float, error: float, degrees: int) -> Change:
+def _change(what: str, early: float, late: float, error: float, degrees: float) -> Change:
     """A change with its standard error; what may be rounding has t = 0."""
     change = late - early if abs(late - early) > ROUNDING * max(abs(early), abs(late)) else 0.0
     return Change(what, early, late, change / error if error > 0.0 else float("nan"), degrees)

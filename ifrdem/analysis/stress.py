@@ -13,9 +13,8 @@ from ..model.observables import Stress
 from ..tools.checked import Array, Column, Numbers, Real, validated
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
-from .common import standard_errors
+from .common import BLOCKS, mean_errors
 
-BLOCKS = 20
 Components = Annotated[ArrayLike, Numbers(("rows", 4))]
 
 
@@ -27,11 +26,20 @@ class MeanStress(Brief, ResultPlot):
     """Kinetic and collisional part."""
     error: Array
     kinetic_error: Array
-    """error, kinetic_error: standard errors of their sum and of the kinetic part, from blocks of time, shape (2, 2)."""
+    """error, kinetic_error: standard errors of their sum and of the kinetic part, shape (2, 2)."""
     pressure_error: float
     friction_error: float
     normal_difference_error: float
     """pressure_error, friction_error, normal_difference_error: of these properties of `stress`."""
+    n_eff: Array
+    kinetic_n_eff: Array
+    pressure_n_eff: float
+    friction_n_eff: float
+    normal_difference_n_eff: float
+    """n_eff, ...: of each error, the number of independent values with that error: intervals are Student's t with
+    n_eff - 1 degrees of freedom, 1 at least; shapes as of the errors."""
+    rows: int
+    """Rows of the series within the time."""
     time: Array
     """Middle of each block [time], shape (blocks,)."""
     blocks: Array
@@ -42,7 +50,9 @@ class MeanStress(Brief, ResultPlot):
 def mean_stress(
     time: Column, stress: Components, kinetic: Components, *, span: tuple[Real, Real] | None = None
 ) -> MeanStress:
-    """Mean pressure tensor over a span of time, with errors from up to `BLOCKS` equal blocks of it.
+    """Mean pressure tensor over a span of time, with errors that include the correlation of the rows.
+
+    Errors are those of `mean_with_error`: of as many equal parts of the span as it has rows, and of `BLOCKS` of them.
 
     Parameters
     ----------
@@ -80,25 +90,34 @@ def mean_stress(
         raise InputError(f"span = ({begin:g}, {end:g}): must lie within time, {t[0]:g} to {t[-1]:g}")
     inside = int(np.count_nonzero((t > begin) & (t <= end)))
     edges = np.linspace(begin, end, min(BLOCKS, max(inside, 1)) + 1)
-    whole, carried = (_block_means(t, one, edges) for one in parts)
+    fine = np.linspace(begin, end, max(inside, 1) + 1)
+    whole, carried = (_block_means(t, one, fine) for one in parts)
     mean, of_disks = whole.mean(axis=0), carried.mean(axis=0)
     found = Stress(of_disks, mean - of_disks)
-
-    def error(values: Array) -> float:
-        return float(standard_errors(values))  # nan of ratios in a gas at rest
-
-    def errors(tensors: Array) -> Array:
-        return np.array([[error(tensors[:, a, b]) for b in (0, 1)] for a in (0, 1)])
-
     xx, xy, yy = whole[:, 0, 0], whole[:, 0, 1], whole[:, 1, 1]
     pressure = 0.5 * (xx + yy)
-    # Of ratios, to first order in what blocks differ by.
+    # Of ratios, to first order in what rows differ by; nan of those in a gas at rest.
     friction = (-xy - found.friction * yy) / (yy.mean() or np.nan)
     normal = (xx - yy - found.normal_difference * pressure) / (found.pressure or np.nan)
+    total, of_kinetic, of_pressure, of_friction, of_normal = (
+        mean_errors(one) for one in (whole, carried, pressure, friction, normal)
+    )
     return MeanStress(
-        found, errors(whole), errors(carried), error(pressure), error(friction), error(normal),
-        0.5 * (edges[1:] + edges[:-1]), whole,
-    )  # fmt: skip
+        stress=found,
+        error=total.error,
+        kinetic_error=of_kinetic.error,
+        pressure_error=float(of_pressure.error),
+        friction_error=float(of_friction.error),
+        normal_difference_error=float(of_normal.error),
+        n_eff=total.effective,
+        kinetic_n_eff=of_kinetic.effective,
+        pressure_n_eff=float(of_pressure.effective),
+        friction_n_eff=float(of_friction.effective),
+        normal_difference_n_eff=float(of_normal.effective),
+        rows=inside,
+        time=0.5 * (edges[1:] + edges[:-1]),
+        blocks=_block_means(t, parts[0], edges),
+    )
 
 
 def _block_means(time: Array, values: Array, edges: Array) -> Array:

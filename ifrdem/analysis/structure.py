@@ -23,15 +23,18 @@ from ..tools.checked import (
     column,
     validated,
 )
+from ..tools.intervals import of_count, of_intensity, student_t
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
-from .common import BoxLike, Positions, Times, cells_of, freud_frame, load, neighbours
+from .common import BoxLike, Positions, Times, cells_of, freud_frame, load, neighbours, share_in_cell
 from .cooling import CHANCE
 
 CONTACT_RANGE = 0.25  # of the diameter, in which the contact value is fitted
 CONTACT_BINS = 25
 MOST_MODES = 1024
 """Modes along an axis that one transform computes; beyond, only every p-th k that the box allows is taken."""
+ONE_THREAD = 100_000
+"""Disks up to which a transform takes one thread: more of them wait for each other for longer than they compute."""
 LEAST_MODES = 32
 """Modes by whose scatter the error of S(k) is found: rings that hold fewer take those of the next rings too."""
 CELLS, DISKS_OF_CELL = (5, 10), 40
@@ -51,6 +54,20 @@ class PairCorrelation(Brief, ResultPlot):
     counted, each once, over all frames; shape (bins,)."""
     frames: int
 
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Ends of the 95 % interval of g, of shape (bins,) each.
+
+        They are those of a number of independent events with this relative error (`tools.intervals.of_count`). Of bins
+        without pairs only the error of one pair is known, which counts from both ends or from one: it is taken from
+        both.
+        """
+        some = self.pairs > 0.0
+        g = np.where(some, self.g, 1.0)
+        low, high = of_count(np.where(some, (self.g / self.g_error) ** 2, 0.0))
+        scale = np.where(some, self.g_error**2 / g, 2.0**0.5 * self.g_error)
+        return low * scale, high * scale
+
 
 @dataclass(frozen=True)
 class ContactValue:
@@ -69,6 +86,12 @@ class ContactValue:
     chi_square: float
     degrees: int
     """chi_square, degrees: of the fit: far more than its degrees of freedom means that the form does not fit."""
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Ends of the 95 % interval: ln g is what is fitted, with errors that are known from counting."""
+        factor = float(np.exp(student_t(np.inf) * self.error / self.g))
+        return self.g / factor, self.g * factor
 
     @property
     def describes(self) -> bool:
@@ -154,6 +177,9 @@ def _count_pairs(
     for points, second, when in zip(position, seconds, time, strict=False):
         if second is None and len(points) < 2:
             raise InputError(f"position has a frame of {len(points)} disks: must have 2 or more")
+        if second is not None and not (len(points) and len(second)):
+            empty = "others" if len(points) else "position"
+            raise InputError(f"{empty} has a frame of 0 disks: must have 1 or more")
         frame = freud_frame(points, box, r_max, when, "g(r)")
         aim = frame if second is None else freud_frame(second, box, r_max, when, "g(r)")
         inside = np.ones(len(points), dtype=bool)
@@ -186,8 +212,7 @@ def _count_pairs(
     ends = 2.0 if others is None else 1.0
     independent = np.sqrt(ends * np.maximum(count, 1.0)) / ideal
     r = 0.5 * (edges[1:] + edges[:-1])
-    a, b = np.array(box.lengths) / side
-    same = np.maximum(1.0 - 2.0 * r / np.pi * (1.0 / a + 1.0 / b) + r**2 / (np.pi * a * b), 0.0)
+    same = share_in_cell(r, np.array(box.lengths) / side)
     # Contributions of cells to the sum without those of their numbers of centres, which have a fixed sum. Pairs within
     # a cell go with the square of that number, pairs across two cells with the number in each.
     positive = centres > 0.0
@@ -197,7 +222,7 @@ def _count_pairs(
     # A pair across two cells is counted once in each, and their covariance is missing: a half of its variance.
     return _Counted(
         edges, count, count / ends, ideal, independent, scatter / np.sqrt(0.5 + 0.5 * same) / ideal, frames
-    )
+    )  # fmt: skip
 
 
 @validated
@@ -271,6 +296,14 @@ class StructureFactor(Brief, ResultPlot):
     frames: int
     """modes, frames: modes counted in a frame, of k and -k one; how many frames there were; shape (rings,)."""
 
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Ends of the 95 % interval of S, of shape (rings,) each, which lie far apart and unevenly for few modes.
+
+        They are those of as many independent intensities as have this error (`tools.intervals.of_intensity`).
+        """
+        return of_intensity(self.S, (self.S / self.S_error) ** 2)
+
 
 def mode_intensities(
     position: Array, box: Box, modes: tuple[int, int], *, stride: int = 1, time: float = 0.0
@@ -306,6 +339,7 @@ def mode_amplitudes(
         (2 * a + 1, 2 * b + 1),
         isign=-1,
         eps=1e-9,
+        nthreads=0 if len(position) > ONE_THREAD else 1,
     )
     i, j = np.meshgrid(np.arange(-a, a + 1), np.arange(-b, b + 1), indexing="ij")
     k_x = 2.0 * np.pi * stride / width * i
@@ -347,7 +381,7 @@ def structure_factor(
     """S(k) of one or several frames at the k that a periodic box allows, from 2 pi / L to `k_max` [1/length].
 
     All of them while there are not more than `MOST_MODES` along an axis; above that, every p-th. InputError if the
-    box is not periodic, k_max is below 2 pi / L, or finufft is missing.
+    box is not periodic, a frame has no disks, k_max is below 2 pi / L, or finufft is missing.
 
     Modes are independent of each other, frames need not be: a long wave lives long. The standard error of a ring of M
     modes is S sqrt(q / M), with q the variance of modes that are averaged over the frames, relative to S^2. In a
@@ -379,6 +413,8 @@ def structure_factor(
     by_mode: list[Array] = []  # sums over frames
     rings_of: list[NDArray[np.intp]] = []
     for points, when in zip(position, time, strict=False):
+        if not len(points):
+            raise InputError("position has a frame of 0 disks: must have 1 or more")
         begin = 0.0
         for i, (stride, end) in enumerate(_passes(lengths, k_max)):
             modes = np.minimum(np.ceil(end * lengths / (2.0 * np.pi * stride)), MOST_MODES // 2).astype(int)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
 from ..tools.checked import Array, FiniteArray, Integer, Positive, PositivePerDisk, Real, column, validated
+from ..tools.intervals import error_of_share, of_share
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import Positions, Spins
@@ -70,6 +71,17 @@ class SonineCoefficients:
     frames: int
 
 
+class Tail(NamedTuple):
+    """Fraction of disks with |c| above a speed, over exp(-c^2) of a Gaussian gas."""
+
+    value: float
+    error: float
+    ends: tuple[float, float]
+    """error, ends: standard error, and ends of the 95 % interval, of a share p of n independent trials
+    (`tools.intervals`). n is the number of disks, or more where the scatter between disks shows that they change from
+    frame to frame: p (1 - p) over the variance of the mean. The error is not 0 where no disk was counted."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class VelocityDistribution(Brief, ResultPlot):
     """Distributions of velocity components and spins over their thermal speeds."""
@@ -78,7 +90,7 @@ class VelocityDistribution(Brief, ResultPlot):
     density: Array
     density_error: Array
     """speed, density, density_error: middles of the bins of c_x and c_y, c = v / sqrt(2 T / m); probability density of
-    a component, both counted; standard error if disks and frames were independent; shape (bins,)."""
+    a component, both counted; standard error, as of `Tail`; shape (bins,)."""
     spin: Array
     spin_density: Array
     spin_density_error: Array
@@ -86,8 +98,8 @@ class VelocityDistribution(Brief, ResultPlot):
     where
     nothing spins; shape (bins,)."""
     sonine: SonineCoefficients
-    tail: dict[float, tuple[float, float]]
-    """Fraction of disks with |c| above each speed of `TAIL`, over exp(-c^2) of a Gaussian gas, and its error."""
+    tail: dict[float, Tail]
+    """Speed |c| of `TAIL` -> the disks above it."""
 
 
 @validated
@@ -155,7 +167,7 @@ def velocity_distribution(
     True
     """
     edges = np.linspace(-widest, widest, bins + 1)
-    counts, spin_counts = np.zeros(bins), np.zeros(bins)
+    counts, spin_counts = _Counts(bins, widest), _Counts(bins, widest)
     sums: Array | None = None
     frames = 0
     for v, omega in itertools.zip_longest(velocity, spin):
@@ -173,11 +185,11 @@ def velocity_distribution(
         T2, T2_rot = square.mean(), 2.0 * spin_square.mean()  # 2 T and 2 T_rot
         if T2 == 0.0:
             raise InputError("velocity: must differ between disks: without motion there is no distribution")
-        counts += np.histogram(c / np.sqrt(T2), bins, (-widest, widest))[0]
+        counts.add(c / np.sqrt(T2))
         x = square / T2
         y = np.full(len(v), np.nan)
         if T2_rot > 0.0:
-            spin_counts += np.histogram(w / np.sqrt(T2_rot), bins, (-widest, widest))[0]
+            spin_counts.add((w / np.sqrt(T2_rot))[:, None])
             y = 2.0 * spin_square / T2_rot  # mean 1, as x
         orders = (x, y, x * x, y * y, x * y, x**3, y**3, x * x * y, x * y * y)
         terms = np.stack((*orders, *(x > c**2 for c in TAIL)))
@@ -185,26 +197,64 @@ def velocity_distribution(
         frames += 1
     if sums is None:
         raise InputError("velocity and spin have no frames: must have one or more")
-    n = sums.shape[1]
-    width = edges[1] - edges[0]
-    spins = n * frames if np.all(np.isfinite(sums[1])) else 0
-    density, error = _density(counts, 2 * n * frames, width)
-    spin_density, spin_error = _density(spin_counts, spins, width)
+    density, error = counts.density()
+    turning = bool(np.all(np.isfinite(sums[1])))
+    nothing = np.full(bins, np.nan)
+    spin_density, spin_error = spin_counts.density() if turning else (nothing, nothing)
     middle = 0.5 * (edges[1:] + edges[:-1])
     means = sums / frames
     sonine = _sonine(means[: -len(TAIL)], frames)
-    tail = {
-        c: (float(part.mean()) * np.exp(c**2), float(np.std(part, ddof=1)) * np.exp(c**2) / np.sqrt(n))
-        for c, part in zip(TAIL, means[-len(TAIL) :], strict=True)
-    }
+    tail = {c: _tail(c, part) for c, part in zip(TAIL, means[-len(TAIL) :], strict=True)}
     return VelocityDistribution(middle, density, error, middle, spin_density, spin_error, sonine, tail)
 
 
-def _density(counts: Array, total: int, width: float) -> tuple[Array, Array]:
-    if total == 0:
-        return np.full(len(counts), np.nan), np.full(len(counts), np.nan)
-    share = counts / total
-    return share / width, np.sqrt(share * (1.0 - share) / total) / width
+MOST_COUNTS = 10_000_000
+"""Numbers of disks in bins that are kept to find how much frames differ; of larger gases some disks stand for all."""
+
+
+class _Counts:
+    """Histogram over frames of the components of disks, and of each of some disks."""
+
+    def __init__(self, bins: int, widest: float) -> None:
+        self.bins, self.widest = bins, widest
+        self.total = np.zeros(bins)
+        self.of_disks: Array = np.zeros((0, bins))
+        self.disks = self.values = 0
+
+    def add(self, components: Array) -> None:
+        """Count components of one frame, (n, d)."""
+        n = len(components)
+        self.total += np.histogram(components, self.bins, (-self.widest, self.widest))[0]
+        chosen = components[:: -(-n * self.bins // MOST_COUNTS)]
+        if not len(self.of_disks):
+            self.of_disks, self.disks = np.zeros((len(chosen), self.bins)), n
+        at = np.floor((chosen + self.widest) * (self.bins / (2.0 * self.widest)))
+        disk, _ = inside = np.nonzero((at >= 0) & (at < self.bins))
+        index = disk * self.bins + at[inside].astype(np.intp)
+        self.of_disks += np.bincount(index, minlength=self.of_disks.size).reshape(self.of_disks.shape)
+        self.values += components.shape[1]
+
+    def density(self) -> tuple[Array, Array]:
+        """Probability density, and its standard error."""
+        width, share = 2.0 * self.widest / self.bins, self.total / (self.disks * self.values)
+        n = _trials(share, np.var(self.of_disks / self.values, axis=0, ddof=1), self.disks)
+        return share / width, error_of_share(share * n, n) / width
+
+
+def _trials(share: Array, variance: Array, disks: int) -> Array:
+    """Independent trials as good as disks with this variance of the share of values that each has, at least disks."""
+    found = share * (1.0 - share) / np.where(variance > 0.0, variance, np.inf)
+    return disks * np.maximum(found, 1.0)
+
+
+def _tail(c: float, part: Array) -> Tail:
+    """Tail beyond c, from the share of frames that each disk is there, (n,)."""
+    share = float(part.mean())
+    n = float(_trials(np.asarray(share), np.asarray(np.var(part, ddof=1)), len(part)))
+    low, high = of_share(share * n, n)
+    scale = float(np.exp(c**2))
+    ends = float(low) * scale, float(high) * scale
+    return Tail(share * scale, float(error_of_share(share * n, n)) * scale, ends)
 
 
 def _sonine(means: Array, frames: int) -> SonineCoefficients:

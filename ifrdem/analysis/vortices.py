@@ -28,11 +28,6 @@ def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
     return (trajectory[i].position[movable] for i in used)
 
 
-def _at(values: Array, errors: Array, i: int) -> tuple[float, float]:
-    """A value and its error at one place."""
-    return float(values[i]), float(errors[i])
-
-
 def _by_frame(trajectory: Trajectory, used: Sequence[int], **columns: Sequence[float]) -> Columns:
     """Table of numbers of single frames, with their times and collisions per disk."""
     table: Columns = {"time": trajectory.times[list(used)]}
@@ -58,12 +53,16 @@ def of_correlation(trajectory: Trajectory, frames: Sequence[int] | None) -> Eval
     ]
     # The first whole bin beyond contact of the smallest disks.
     near = int(np.argmax(found.r - found.r[0] >= 2.0 * float(trajectory.disks.radius.min())))
-    along, across = _at(found.along, found.along_error, near), _at(found.across, found.across_error, near)
     rows += [
-        Reading("correlation along r at contact", *along, key="along_contact"),
-        Reading("correlation across r at contact", *across, key="across_contact"),
-    ]
-    names = ("r", "along", "along_error", "across", "across_error", "pairs")
+        Reading(
+            f"correlation {name} r at contact", float(value[near]), float(error[near]), key=f"{name}_contact",
+            n_eff=float(found.n_eff[near]),
+        )
+        for name, value, error in (
+            ("along", found.along, found.along_error), ("across", found.across, found.across_error)
+        )
+    ]  # fmt: skip
+    names = ("r", "along", "along_error", "across", "across_error", "n_eff", "pairs")
     table = {name: getattr(found, name)[near:] for name in names}
     notes = [
         "over <v^2> / 2: 0 for independent velocities, 1 for equal ones",
@@ -89,17 +88,24 @@ def of_spectrum(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
     found = _spectrum(trajectory, used) if len(used) > 1 else singles[0]
     high = int(np.argmax(found.across))
     wave, of_length = unit(trajectory, "1/length"), unit(trajectory, "length")
-    along, across = _at(found.along, found.along_error, 0), _at(found.across, found.across_error, 0)
-    highest = _at(found.across, found.across_error, high)
+
+    def of_ring(text: str, key: str, name: str, i: int) -> Reading:
+        value, error, ends = (getattr(found, f"{name}{end}") for end in ("", "_error", "_ends"))
+        return Reading(
+            text, float(value[i]), float(error[i]), key=key, ends=(float(ends[0][i]), float(ends[1][i]))
+        )
+
     rows = [
         Reading("smallest k", float(found.k[0]), unit=wave, key="smallest_k"),
-        Reading("across k, at the smallest k", *across, key="across_smallest_k"),
-        Reading("along k, at the smallest k", *along, key="along_smallest_k"),
-        Reading("highest across k", *highest, key="across_max"),
+        of_ring("across k, at the smallest k", "across_smallest_k", "across", 0),
+        of_ring("along k, at the smallest k", "along_smallest_k", "along", 0),
+        of_ring("highest across k", "across_max", "across", high),
         Reading("wavelength of the highest", found.wavelength, unit=of_length, key="wavelength"),
     ]
     names = ("k", "across", "across_error", "along", "along_error", "vorticity", "modes")
     table = {name: getattr(found, name) for name in names}
+    for name, ends in (("across", found.across_ends), ("along", found.along_ends)):
+        table |= {f"{name}_low": ends[0], f"{name}_high": ends[1]}
     notes = [
         "<|v_k|^2> across and along k over that of independent velocities; vorticity: k^2 times the part across k"
     ]

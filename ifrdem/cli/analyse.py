@@ -153,15 +153,18 @@ def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
 
     from ..analysis.catalogue import number
     from ..analysis.result import Reading
+    from ..tools.intervals import PERCENT
 
-    yield f"mean over {len(records)} files, with the standard error of the scatter between them"
+    n = len(records)
+    yield f"mean over {n} files, with the standard error of the scatter between them, and the {PERCENT} interval"
     for name in NAMES:
         values = [record["analyses"][name]["values"] for record in records if name in record["analyses"]]
         for key, found in values[0].items() if len(values) == len(records) else ():
             each = [one[key]["value"] for one in values if one.get(key, {}).get("value") is not None]
             if len(each) == len(values):
                 error = float(np.std(each, ddof=1) / len(each) ** 0.5)
-                mean = Reading(found["name"], float(np.mean(each)), error, found["unit"])
+                mean = Reading(found["name"], float(np.mean(each)), error, found["unit"], n_eff=len(each))
+                mean = mean._replace(ends=mean.interval if error > 0.0 else None)
                 yield f"  {name}: {mean.name:<40} {number(mean)}"
 
 
@@ -298,6 +301,8 @@ def _record(evaluation: Evaluation, files: list[str]) -> dict[str, Any]:
                 "name": row.name,
                 "value": json_number(row.value),
                 "error": json_number(row.error),
+                "n_eff": json_number(row.n_eff),
+                "interval_95": [json_number(end) for end in row.interval],
                 "unit": row.unit,
             }
             for row in evaluation.rows

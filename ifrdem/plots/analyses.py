@@ -12,6 +12,7 @@ from .. import analysis
 from ..analysis.motion import Displacement
 from ..analysis.result import NOT_STATIONARY, Evaluation
 from ..tools.checked import Array
+from ..tools.intervals import PERCENT, student_t
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
 from . import species, vortices
@@ -165,11 +166,16 @@ def structure(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation)
     k, text = found.k, "$k$"
     if trajectory is not None:
         k, text = k * 2.0 * float(trajectory.disks.radius.mean()), r"$k$ $\times$ mean diameter"
-    axes.errorbar(k, found.S, found.S_error, ms=3, label="disks", **POINTS)
+    axes.errorbar(k, found.S, bars(found.S, found.ends), ms=3, label=f"disks, {PERCENT} intervals", **POINTS)
     axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label="ideal gas")
     axes.set(xscale="log", yscale="log", xlabel=text, ylabel="$S(k)$")
     legend(axes)
     grid(axes)
+
+
+def bars(value: Array, ends: tuple[Array, Array]) -> Array:
+    """Lengths of error bars below and above a value, (2, n), to the ends of its interval."""
+    return np.nan_to_num(np.maximum((value - ends[0], ends[1] - value), 0.0))
 
 
 def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
@@ -186,9 +192,9 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
         t, value = found.lag[later], found.value[later] / unit
         lowest, highest = min(lowest, value.min()), max(highest, value.max())
         style = POINTS if alone else POINTS | {"color": KINDS[i % len(KINDS)]}
-        axes.errorbar(
-            t, value, found.error[later] / unit, ms=3.5, label="disks" if alone else plain(name), **style
-        )
+        half = student_t(found.disks) * found.error[later] / unit
+        text = f"{'disks' if alone else plain(name)}, {PERCENT} intervals" if not i else plain(name)
+        axes.errorbar(t, value, half, ms=3.5, label=text, **style)
         if alone:
             axes.plot(t, value[0] * (t / t[0]) ** 2, ":", color=RATIO, lw=1.2, label="free flight, $t^2$")
         if fit is None:
@@ -233,7 +239,8 @@ def vacf(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> N
         style = (
             POINTS | {"fmt": "o-"} | ({} if len(evaluation.result) == 1 else {"color": KINDS[i % len(KINDS)]})
         )
-        axes.errorbar(t, value / found.value[0], error / found.value[0], ms=3.5, label=plain(name), **style)
+        half = student_t(found.disks) * error / found.value[0]
+        axes.errorbar(t, value / found.value[0], half, ms=3.5, label=plain(name), **style)
         if logarithmic:
             axes.set_xscale("log")
             few_labels(axes)
@@ -253,17 +260,22 @@ def profiles(*axes_and_rest: Any) -> None:
     """Packing fraction, flow, temperatures; stress, heat flux, and theta or the temperatures of species."""
     *axes, trajectory, evaluation = axes_and_rest
     found = evaluation.result
-    density, flow, temperatures, stress, heat, last = axes
-    _density(density, found)
-    _components(flow, trajectory, found, "velocity", "u", "mean velocity", "length/time")
-    _temperatures(temperatures, trajectory, found)
     part = "" if found.has_collisions else "_kinetic"
     words = "" if found.has_collisions else ", kinetic part"
-    for (i, j), color, marker in zip(INDICES, COLORS, "os^x", strict=True):
-        text = f"$P_{{{found.directions[i]}{found.directions[j]}}}$"
-        _curve(stress, found, f"stress{part}", (i, j), text, color, marker)
-    stress.set_ylabel(label(trajectory, f"pressure tensor{words}", "energy/length^2"))
-    _components(heat, trajectory, found, f"heat_flux{part}", "q", f"heat flux{words}", "energy/(length time)")
+    if len(axes) == 3:  # of strips without an end, which have no area
+        flow, temperatures, last = axes
+    else:
+        density, flow, temperatures, stress, heat, last = axes
+        _density(density, found)
+        for (i, j), color, marker in zip(INDICES, COLORS, "os^x", strict=True):
+            text = f"$P_{{{found.directions[i]}{found.directions[j]}}}$"
+            _curve(stress, found, f"stress{part}", (i, j), text, color, marker)
+        stress.set_ylabel(label(trajectory, f"pressure tensor{words}", "energy/length^2"))
+        _components(
+            heat, trajectory, found, f"heat_flux{part}", "q", f"heat flux{words}", "energy/(length time)"
+        )
+    _components(flow, trajectory, found, "velocity", "u", "mean velocity", "length/time")
+    _temperatures(temperatures, trajectory, found)
     if found.species:
         for i, (name, one) in enumerate(found.species.items()):
             _curve(last, one, "temperature", (), plain(name), KINDS[i % 8], MARKERS[i % 8])
@@ -281,6 +293,10 @@ def profiles(*axes_and_rest: Any) -> None:
     grid(*axes)
 
 
+FEWEST = 20
+"""Disks of a bin, over all frames, below which their mean velocity and temperatures are not drawn."""
+OF_DISKS = ("velocity", "temperatures", "temperature", "rotational_temperature", "theta")
+"""Means over disks: in nearly empty bins those of the history of single ones."""
 TENSOR = ("xx", "yy", "xy", "yx")
 INDICES = ((0, 0), (1, 1), (0, 1), (1, 0))
 COLORS = (TRANSLATION, ROTATION, RATIO, KINDS[2])
@@ -295,10 +311,26 @@ def _curve(
     color: str,
     marker: str,
 ) -> None:
-    """A component of a quantity along the bins, with its errors."""
-    value, error = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error))
+    """A component of a quantity along the bins, with its 95 % interval.
+
+    Means over disks are not drawn of bins with fewer than `FEWEST` disks over all frames, and the axis is that of bins
+    with one disk a frame or more in the mean, if there are any.
+    """
+    value, error, n_eff = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error, found.n_eff))
+    half = np.nan_to_num(error * student_t(n_eff))
     style = OPEN | {"color": color, "marker": marker, "ms": 3.5, "lw": 0.9, "ls": "-"}
-    axes.errorbar(found.middles[0], value, np.nan_to_num(error), label=text or None, **style)
+    if name not in OF_DISKS:
+        axes.errorbar(found.middles[0], value, half, label=text or None, **style)
+        return
+    shown = np.isfinite(value) & (found.disks >= FEWEST)
+    filled = shown & (found.disks >= found.frames)
+    filled = filled if filled.any() else shown
+    drawn = np.where(filled, value, np.nan)
+    axes.errorbar(found.middles[0], drawn, half, label=text or None, **style)
+    limits = axes.dataLim.frozen()
+    rest = shown & ~filled
+    axes.errorbar(found.middles[0][rest], value[rest], half[rest], **(style | {"ls": "none"}))
+    axes.dataLim.set(limits)
 
 
 def _density(axes: Axes, found: analysis.BinAverages) -> None:
@@ -359,7 +391,10 @@ def bin_averages(left: Axes, right: Axes, found: analysis.BinAverages) -> None:
     if len(found.axes) == 2:
         fields(left, right, None, _alone(found))
         return
-    _density(left, found)
+    if np.isfinite(found.mean.packing_fraction).any():
+        _density(left, found)
+    else:  # strips without an end
+        _components(left, None, found, "velocity", "u", "mean velocity", "length/time")
     _temperatures(right, None, found)
     for axes in (left, right):
         axes.set_xlabel(f"${found.axes[0]}$")
@@ -455,6 +490,14 @@ def _haff(axes: Axes, trajectory: Trajectory | None, haff: analysis.HaffFit, end
 def _approach(axes: Axes, ratio: analysis.RatioFit, first: float, last: float) -> None:
     """Draw the fitted exponential from the start of the fit."""
     end = _with_error(ratio.theta_end, ratio.theta_end_error)
+    if not np.isfinite(ratio.lag):
+        if np.isfinite(ratio.theta_end):
+            axes.axhline(
+                ratio.theta_end, ls="--", color=RATIO, lw=1.5, label=f"no relaxation seen, mean {end}"
+            )
+        else:
+            axes.plot([], [], " ", label="these data do not show an asymptote")
+        return
     text = f"exponential, relaxation {_with_error(ratio.lag, ratio.lag_error)},\nasymptote {end}"
     if not ratio.describes:
         text = f"best fit (poor): {text}"

@@ -84,7 +84,8 @@ def figure(
     from .style import NARROW, ROTATION, fit_to_column, is_poster, plain
 
     instance("trajectory", trajectory, Trajectory)
-    layout, frames, given = _layout(trajectory, what), _numbers(trajectory, frames), size
+    layout, given = _layout(trajectory, what, options.get("axis")), size
+    frames = _numbers(trajectory, frames)
     _check_over(what, over)
     if is_poster.get():
         return _poster(trajectory, what, frames, color, make, size, dpi, options)
@@ -199,7 +200,7 @@ def panels(
 
     InputError if there are not as many as the picture has panels; a lower one may lack.
     """
-    layout = _layout(trajectory, what)
+    layout = _layout(trajectory, what, options.get("axis"))
     count = layout.get("ncols", 1) * layout.get("nrows", 1)
     given = checked_axes(f"the picture {what}", axes, count, 1 if layout is UPPER_AND_LOWER else count)
     _check_over(what, options.get("over"))
@@ -225,8 +226,8 @@ def checked_axes(what: str, axes: Any, most: int, least: int) -> list[Axes]:
     return given
 
 
-def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
-    """Arguments of `Figure.subplots`."""
+def _layout(trajectory: Trajectory, what: str, axis: str | None = None) -> dict[str, Any]:
+    """Arguments of `Figure.subplots`; `axis` is that of profiles."""
     if not isinstance(what, str) or what not in PICTURES:
         raise InputError(f"no picture is called '{what}'{there_are(str(what), tuple(PICTURES))}")
     if len(trajectory) == 0:
@@ -249,6 +250,8 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
         return LAYOUTS[what]
     from .analyses import PANELS
 
+    if what == "profiles" and trajectory.box.is_open and axis != "r":
+        return {"ncols": 3}  # strips without an end have no area, and so no density, P and q
     if what == "velocity" and not _spins(trajectory):
         return {}
     return PANELS[what].layout

@@ -1,7 +1,7 @@
 """Profiles across a gas: packing fraction, temperatures, and the mean velocity if the gas is dragged.
 
 They are `analysis.profiles` across gravity, if there is any, else from wall to wall. Temperatures and velocities of
-strips with fewer than `FEWEST` disks over all frames are not drawn.
+strips with fewer than `analyses.FEWEST` disks over all frames are not drawn.
 """
 
 from __future__ import annotations
@@ -13,13 +13,12 @@ import numpy as np
 from ..analysis.averages import BinAverages, default_axis, free_range, profiles
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
+from .analyses import FEWEST
 from .disks import HOT
 from .style import ACROSS, RATIO, ROTATION, TRANSLATION, foreground, grid, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-FEWEST = 20  # disks, over all frames, for a temperature that is drawn
 
 
 def of(trajectory: Trajectory) -> BinAverages | None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..analysis import result
 from ..errors import InputError
 from ..model.walls.motion import Turn
 from ..model.walls.wall import OF_PISTONS
 from ..tools.checked import Array
+from ..tools.intervals import PERCENT, student_t
 from ..trajectory.reader import Trajectory
 from .style import ACROSS, KINDS, RATIO, ROTATION, TRANSLATION, grid, label, legend_above, plain
 
@@ -20,7 +23,7 @@ if TYPE_CHECKING:
 
 INPUT, HEAT, DISSIPATED = "#009E73", "#CC79A7", "#E69F00"
 POINTS = 100
-"""Spans of time, at most, over which forces on walls are means."""
+"""Intervals, at most, over which forces on walls are means."""
 AXES = {"t": "time $t$", "tau": r"collisions per disk $\tau$"}
 """Axes of what changes in time."""
 
@@ -169,24 +172,67 @@ def given_by_walls(trajectory: Trajectory) -> list[str]:
     return [name for name in both if series[f"walls_{name}"].any()]
 
 
-def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, *given: Axes) -> None:
-    """Mean force and torque *on* walls between rows of the series; in `given`, the work and heat of walls until then.
+def intervals(time: Array) -> NDArray[np.intp]:
+    """Rows that divide a series into at most `POINTS` intervals of about one length.
 
-    Torques are about the centre of a wall's turn, or the origin.
+    Rows nearest to times of equal distance: rows that are close together, as at the end of a run, make no interval of
+    their own, in which a single hit would be a spike.
+    """
+    last = len(time) - 1
+    number = min(POINTS, last)
+    step = (time[last] - time[0]) / number
+    middles = 0.5 * (time[1:] + time[:-1])
+    rows = [0]
+    for row in np.searchsorted(middles, time[0] + step * np.arange(1, number)):
+        if time[row] - time[rows[-1]] > 0.5 * step:
+            rows.append(int(row))
+    if len(rows) > 1 and time[last] - time[rows[-1]] <= 0.5 * step:
+        rows.pop()
+    return np.array([*rows, last], dtype=np.intp)
+
+
+FEWEST_ROWS = 4
+"""Rows of an interval by whose scatter the error of its mean is found."""
+
+
+def means(time: Array, total: Array, rows: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Rates of a sum between some rows, and half of their 95 % intervals; nan of fewer than `FEWEST_ROWS` rows.
+
+    By the scatter of the rates of single rows, each with the weight of its time, by Student's t. Rows count as
+    independent.
+    """
+    span, gain = np.diff(time), np.diff(total)
+    mean, half = np.diff(total[rows]) / np.diff(time[rows]), np.full(len(rows) - 1, np.nan)
+    for i, (first, last) in enumerate(itertools.pairwise(rows)):
+        n = int(last - first)
+        if n >= FEWEST_ROWS:
+            off = gain[first:last] - mean[i] * span[first:last]
+            error = np.sqrt(np.sum(off**2) * n / (n - 1)) / (time[last] - time[first])
+            half[i] = student_t(n) * error
+    return mean, half
+
+
+def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, *given: Axes) -> None:
+    """Mean force and torque *on* walls in intervals of the series; in `given`, the work and heat of walls until then.
+
+    Intervals are of about one length (`intervals`), and each is drawn as long as it is, with the 95 % interval of its
+    mean where it has rows to find it by. Torques are about the centre of a wall's turn, or the origin.
     """
     sums, names, quantities = trajectory.series, _wall_names(trajectory), given_by_walls(trajectory)
-    rows = np.unique(np.linspace(0, len(sums.time) - 1, POINTS + 1).astype(int))
-    rows = rows[np.concatenate(([True], np.diff(sums.time[rows]) > 0.0))]
-    time = sums.time[rows]
-    middle = along(trajectory, 0.5 * (time[1:] + time[:-1]), over)
+    rows = intervals(sums.time)
+    steps = np.repeat(along(trajectory, sums.time[rows], over), 2)[1:-1]
 
-    def rate(quantity: str, name: str) -> Array:
-        return np.asarray(-np.diff(sums[f"walls_{quantity}/{name}"][rows]) / np.diff(time))
+    def draw(panel: Axes, quantity: str, name: str, line: str, colour: str, text: str | None = None) -> None:
+        mean, half = means(sums.time, -sums[f"walls_{quantity}/{name}"].astype(float), rows)
+        y, part = np.repeat(mean, 2), np.repeat(half, 2)
+        panel.plot(steps, y, line, color=colour, lw=1.2, label=text)
+        if np.isfinite(part).any():
+            panel.fill_between(steps, y - part, y + part, color=colour, alpha=0.2, lw=0.0)
 
     for name, colour in zip(names, KINDS, strict=False):
-        force.plot(middle, rate("momentum_y", name), "-", color=colour, lw=1.2, label=plain(name))
-        force.plot(middle, rate("momentum_x", name), ":", color=colour, lw=1.2)
-        torque.plot(middle, rate("torque", name), "-", color=colour, lw=1.2)
+        draw(force, "momentum_y", name, "-", colour, plain(name))
+        draw(force, "momentum_x", name, ":", colour)
+        draw(torque, "torque", name, "-", colour)
         for panel, quantity in zip(given, quantities, strict=True):
             values = sums[f"walls_{quantity}/{name}"]
             panel.plot(along(trajectory, sums.time, over), values, "-", color=colour, lw=1.2)
@@ -197,6 +243,8 @@ def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, *given: 
         centre = "(0, 0)" + "\n(walls that turn: its centre)" * (turning > 0)
     left_out = len(sums.columns("walls_hits")) > len(KINDS) == len(names)
     text = "along $x$ (others: $y$)" + ("; those of most hits" if left_out else "")
+    if len(sums.time) > FEWEST_ROWS * len(rows):
+        text += f"; bands: {PERCENT} intervals"
     force.plot([], [], ":", color="0.5", label=text)
     force.set_ylabel(label(trajectory, "mean force on the wall", "mass length/time^2"))
     torque.set_ylabel(label(trajectory, f"mean torque about {centre}", "mass length^2/time^2"))

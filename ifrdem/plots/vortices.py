@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 
 from ..analysis.flow import VelocityCorrelation, VelocitySpectrum
 from ..analysis.result import Columns, Evaluation
+from ..tools.intervals import PERCENT
 from ..trajectory.reader import Trajectory
 from .series import AXES
 from .style import OPEN, RATIO, ROTATION, TRANSLATION, from_zero, grid, label, legend, with_unit
@@ -41,12 +42,13 @@ def correlation(left: Axes, right: Axes, trajectory: Trajectory, evaluation: Eva
 
 def spectrum_alone(axes: Axes, trajectory: Trajectory | None, found: VelocitySpectrum) -> None:
     """The spectrum across and along k with its errors, double logarithmic."""
-    for value, error, colour, text in (
-        (found.across, found.across_error, ROTATION, "across $k$"),
-        (found.along, found.along_error, TRANSLATION, "along $k$"),
+    for value, ends, colour, text in (
+        (found.across, found.across_ends, ROTATION, "across $k$"),
+        (found.along, found.along_ends, TRANSLATION, "along $k$"),
     ):
+        error = np.nan_to_num(np.maximum((value - ends[0], ends[1] - value), 0.0))
         axes.errorbar(found.k, value, error, fmt="o", ms=3.5, lw=0.8, color=colour, mfc="none", label=text)
-    axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label="independent velocities")
+    axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label=f"independent velocities; bars: {PERCENT} intervals")
     axes.set(xscale="log", yscale="log")
     axes.set_xlabel(label(trajectory, "$k$", "1/length"))
     axes.set_ylabel(r"$\langle |v_k|^2 \rangle \,/\, (n \langle v^2 \rangle / 2)$")

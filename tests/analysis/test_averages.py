@@ -12,6 +12,7 @@ import pytest
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, Wall, analysis
 from ifrdem.analysis import averages, catalogue
+from ifrdem.analysis.bins import Strips
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 
@@ -414,6 +415,60 @@ def test_an_impulse_is_shared_along_the_line_of_centres(
     expected = np.zeros(40)
     expected[13], expected[14], expected[15] = 4.0 * 0.4, 4.0 * 0.5, 4.0 * 0.1
     np.testing.assert_allclose(momentum, expected, atol=1e-9)
+    # As much energy as momentum goes the same way, to the right, less the work u p of the mean velocity of the strip;
+    # of the gas, (1 * 3 + 2 * 0) / 3, in the strip where no centre is in any frame.
+    heat = (found.mean.heat_flux - found.mean.heat_flux_kinetic)[:, 0] * area_time
+    u = found.mean.velocity[:, 0]
+    assert abs(u[13]) > 0.1
+    assert np.isnan(u[14])
+    np.testing.assert_allclose(heat[13:16], (expected * (1.0 - np.nan_to_num(u, nan=1.0)))[13:16], atol=1e-9)
+
+
+def test_few_disks_of_a_bin_have_no_bias(tmp_path: Path) -> None:
+    """Three disks in a strip: m sum (v - u) (v - u) over N - 1, as any covariance of a sample, and P = n T."""
+    rng, strips = np.random.default_rng(2), 8
+    y = np.repeat(np.arange(strips) + 0.5, 3)
+    velocity, disks = rng.normal(size=(len(y), 2)), Disks(len(y), 2.0, 0.5)
+    with TrajectoryWriter(tmp_path / "a.h5", disks, Box((4.0, strips)), precision="f8") as file:
+        file.write(
+            State(np.column_stack((np.tile(np.arange(3) + 0.5, strips), y)), velocity, np.zeros(len(y)))
+        )
+    with Trajectory(tmp_path / "a.h5") as run:
+        found = analysis.profiles(run, "y", strips, span=(0.0, strips)).mean
+    expected = 2.0 * np.array([np.cov(one.T, ddof=1) for one in velocity.reshape(strips, 3, 2)])
+    np.testing.assert_allclose(found.temperatures, np.diagonal(expected, axis1=1, axis2=2), rtol=1e-12)
+    np.testing.assert_allclose(found.stress_kinetic, 3.0 / 4.0 * expected, rtol=1e-12)
+
+
+def test_collisions_belong_to_their_block_and_stand_for_all_disks_that_move() -> None:
+    """Frames at t = 0, 1, 3, 4 in two blocks, which meet at 2; histories of 2 of 4 disks that move, of 5 in all.
+
+    Each collision gives p = 4 along a line of 0.5: a virial of 2, and 4 for all four disks; the energy 4 as much. The
+    one at t = 2 is in the first block, one at 0 is before all of them, one of an immovable disk counts nowhere.
+    """
+    disks = Disks(5, [1.0, 1.0, 1.0, 1.0, np.inf], 0.5)
+    time = np.array([0.0, 1.9, 2.0, 2.1, 4.0, 3.0])
+    n = len(time)
+    event = {
+        "time": time, "id": np.array([0, 0, 1, 1, 0, 4]), "partner": np.full(n, 2),
+        "position": np.tile([1.2, 1.0], (n, 1)), "normal": np.tile([1.0, 0.0], (n, 1)),
+        "velocity_before": np.tile([3.0, 0.0], (n, 1)), "velocity_after": np.tile([-1.0, 0.0], (n, 1)),
+        "spin_before": np.zeros(n), "spin_after": np.zeros(n),
+    }  # fmt: skip
+    given = SimpleNamespace(
+        disks=disks, tracked=np.array([0, 1, 4]), tracked_events=(n, -1.0, 3.5),
+        read_events=lambda name, stop, start: event[name][start:stop],
+    )  # fmt: skip
+    ends = averages._block_ends(np.array([0.0, 1.0, 3.0, 4.0]), [[0, 1], [2, 3]])
+    np.testing.assert_array_equal(ends, [0.0, 2.0, 4.0])
+    bins = Strips(Box((4.0, 3.0)), ("x",), (np.linspace(0.0, 4.0, 3),))
+    sums = averages._collisions(given, bins, np.array([6.0, 6.0]), ends, wanted=True)
+    np.testing.assert_allclose(
+        sums["virial"][:, 0, 0], [2 * 4.0, 1 * 4.0], rtol=1e-12
+    )  # the last is after 3.5
+    np.testing.assert_allclose(sums["carried"][:, 0, 0], [2 * 4.0, 1 * 4.0], rtol=1e-12)
+    assert not sums["virial"][:, 1].any()
+    np.testing.assert_allclose(sums["area_time"], [[12.0, 12.0], [9.0, 9.0]])
 
 
 def test_a_bin_with_a_disk_in_some_frames_is_no_extreme_of_means_over_disks(tmp_path: Path) -> None:

@@ -118,4 +118,4 @@ def test_keys_of_numbers_are_short_and_apart_from_columns(tmp_path: Path) -> Non
         assert len(set(keys)) == len(keys) > 0
         assert not columns & set(keys)
         assert all(len(key) <= 26 for key in keys), keys
-        assert any("too few rows (3," in note for note in found.notes) == (name == "species")
+        assert any("errors from 3 rows: fewer than 20" in note for note in found.notes) == (name == "species")

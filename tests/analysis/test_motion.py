@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import beta
 from support import serial_reference
 from support.serial_reference import simulate
 
@@ -340,7 +341,10 @@ def test_gas_in_molecular_chaos_meets_at_angles_with_the_density_cos_psi(
     deviation = (found.density - np.cos(found.psi)) / found.density_error
     assert np.mean(deviation**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 45.0))
     assert found.regimes["sliding"][0] == pytest.approx(0.25)
-    assert found.regimes["sticking"][1] == pytest.approx(np.sqrt(3.0 / 16.0 / len(psi)))
+    # The standard deviation of the probability by Jeffreys' prior, 1.5 / n off sqrt(p (1 - p) / n).
+    count = 0.75 * len(psi)
+    expected = beta(count + 0.5, len(psi) - count + 0.5).std()
+    assert found.regimes["sticking"][1] == pytest.approx(expected, rel=1e-9)
 
 
 def test_few_collisions_get_few_bins_and_errors_that_cover_empty_ones() -> None:

@@ -88,13 +88,46 @@ def test_cooling_gas_diffuses_in_its_own_time(tmp_path: Path) -> None:
         for name, s in (("slow", 1.0), ("fast", 3.0)):
             row = rows[f"D / nu of {name}"]
             assert row.value == pytest.approx(0.5 * s**2, abs=4.0 * row.error)
-            reduced = rows[f"D m nu / T of {name}"].value
-            assert reduced == pytest.approx(row.value / (s * per_step) ** 2, rel=1e-6)
+            reduced = rows[f"D m nu / T of {name}"]
+            assert reduced.value == pytest.approx(row.value / (s * per_step) ** 2, rel=1e-6)
+            assert reduced.error == pytest.approx(row.error / (s * per_step) ** 2, rel=1e-6)
+            assert row.n_eff == reduced.n_eff == 300
             lengths = found.result[name].free_path / (math.sqrt(0.5 * math.pi) * s)
             assert lengths == pytest.approx(per_step, rel=1e-6)
+            table = found.tables[""]
+            over = table[f"msd [{name}]"] / table[f"msd / free path^2 [{name}]"]
+            np.testing.assert_allclose(over[1:], found.result[name].free_path ** 2, rtol=1e-12)
         vacf = motion.of_vacf(run, None).tables[""]
         assert vacf["vacf [fast]"][0] == pytest.approx(1.0, rel=1e-12)
         assert abs(vacf["vacf [fast]"][1]) < 4.0 * vacf["error [fast]"][1]
+
+
+def test_way_at_the_thermal_speed_of_a_gas_that_does_not_cool() -> None:
+    """Speed 3 over times of 1 and 4, while tau goes from 10 to 12; and half as fast for the second time.
+
+    Between speeds u and w Haff's law, v = u / (1 + a t), has the mean ln(u / w) u w / (u - w).
+    """
+    when, tau = np.array([0.0, 1.0, 5.0]), np.array([10.0, 11.5, 12.0])
+    assert motion.thermal_path(when, tau, np.full(3, 3.0)) == pytest.approx(15.0 / 2.0, rel=1e-12)
+    slower = (3.0 + 4.0 * 3.0 * 1.5 * math.log(2.0) / 1.5) / 2.0
+    assert motion.thermal_path(when, tau, np.array([3.0, 3.0, 1.5])) == pytest.approx(slower, rel=1e-12)
+
+
+@pytest.mark.parametrize("drive", motion.DRIVES)
+def test_a_gas_that_is_driven_or_does_not_collide_has_no_time_of_its_own(tmp_path: Path, drive: str) -> None:
+    disks = ifrdem.Disks(4, mass=1.0, radius=0.1)
+    for name, given in (("driven", {drive: 0.1}), ("free", {drive: 0.0}), ("still", {drive: 0.0})):
+        with ifrdem.TrajectoryWriter(tmp_path / f"{name}.h5", disks, BOX) as file:
+            for time in range(6):
+                collisions = 2 * time if name != "still" else min(2 * time, 6)
+                totals = {"temperature": 1.0, "collisions": collisions, **given}
+                file.write(ifrdem.State(np.ones((4, 2)), np.ones((4, 2)), np.zeros(4), float(time)), totals)
+        with ifrdem.Trajectory(tmp_path / f"{name}.h5") as run:
+            own = motion.own_time(run, range(6))
+        if name == "free":
+            np.testing.assert_allclose(own, np.arange(6.0))  # each collision is one of both disks
+        else:
+            assert own is None
 
 
 def test_self_diffusion_is_that_of_the_rate_of_momentum() -> None:

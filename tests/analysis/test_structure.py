@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from support.serial_reference import simulate
@@ -348,3 +350,44 @@ def test_open_and_walled_boxes_are_refused_by_name(measure: str) -> None:
     else:
         with pytest.raises(InputError, match="periodic along x and y"):
             analysis.structure_factor(ideal_gas(1, 30), Box((3.0, 2.0), periodic=(True, False)), k_max=9.0)
+
+
+NONE, SOME = np.zeros((0, 2)), np.random.default_rng(1).random((60, 2)) * 10.0
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: analysis.structure_factor([SOME, NONE], (10.0, 10.0), k_max=5.0),
+            "position has a frame of 0 disks: must have 1 or more",
+        ),
+        (
+            lambda: analysis.pair_correlation(SOME, (10.0, 10.0), r_max=2.0, others=NONE),
+            "others has a frame of 0 disks: must have 1 or more",
+        ),
+        (
+            lambda: analysis.contact_value(SOME, (10.0, 10.0), radius=0.5, others=NONE),
+            "others has a frame of 0 disks: must have 1 or more",
+        ),
+        (
+            lambda: analysis.pair_correlation(NONE, (10.0, 10.0), r_max=2.0),
+            "position has a frame of 0 disks: must have 2 or more",
+        ),
+        (
+            lambda: analysis.velocity_spectrum(SOME, SOME, (10.0, 10.0), k_max=1e10),
+            r"k_max = 1e\+10: must be at most about 1.4e\+03, up to which this box allows 20,000,000 waves",
+        ),
+        (
+            lambda: analysis.coarse_grain(SOME, SOME, box=(10.0, 8.0), cells=(9, 9), width=1e7),
+            r"width = 1e\+07: must be at most the longest side, 10",
+        ),
+        (
+            lambda: analysis.coarse_grain(NONE, NONE, box=Box.open(), cells=(9, 9)),
+            "position has 0 disks: an open box must have one or more",
+        ),
+    ],
+)
+def test_no_disks_and_endless_work_are_refused(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        call()

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from scipy.stats import beta
 from support.figures import texts
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, observables
@@ -408,7 +409,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
         "sticking + rolling": 0.1,
         "elastic (remedy)": 0.5,
     }
-    assert found.regimes["sliding"][1] == pytest.approx(np.sqrt(0.05 * 0.95 / 8000))
+    assert found.regimes["sliding"][1] == pytest.approx(beta(400.5, 7600.5).std())  # by Jeffreys' prior
     assert "of all 8000 collisions of two disks" in " ".join(outcome_.notes)
     assert "regimes of 8000 collisions" in message
     # A custom law has no regimes, and its counts mean nothing.

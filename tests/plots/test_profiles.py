@@ -14,11 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from support.figures import texts
 
+from ifrdem import analysis
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
-from ifrdem.plots import profiles, run
+from ifrdem.plots import pictures, profiles, run
 from ifrdem.plots.temperatures import theory
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
@@ -249,3 +250,41 @@ def test_temperatures_that_fall_over_decades_have_a_logarithmic_axis_without_zer
     axes = run.walled(tmp_path / "a.h5").axes[0]
     assert axes.get_yscale() == "log"
     np.testing.assert_array_equal(axes.lines[0].get_ydata(), (1.0, 1e-2, 1e-4, np.nan))
+
+
+def test_a_bin_with_two_disks_in_all_frames_does_not_stretch_an_axis(tmp_path: Path) -> None:
+    """A gas with T = 1, and above it a fast disk: twice in 40 frames in one strip, in all the others in another one."""
+    rng, n, box = np.random.default_rng(6), 100, Box((10.0, 10.0))
+    with TrajectoryWriter(tmp_path / "a.h5", Disks(n + 1, 1.0, 0.1), box, precision="f8") as writer:
+        for time in range(40):
+            position = np.append(rng.random((n, 2)) * (10.0, 5.0), [[5.0, 9.5 if time < 2 else 7.5]], axis=0)
+            velocity = np.append(rng.normal(size=(n, 2)), [[900.0 * (-1.0) ** time, 0.0]], axis=0)
+            spin = np.append(rng.normal(size=n), 1e4)
+            writer.write(State(position, velocity, spin, time=float(time)))
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        figure = pictures.figure(trajectory, "profiles", axis="y", bins=10, frames=list(range(40)))
+        flow, temperatures = figure.axes[1:3]
+        assert max(abs(end) for end in flow.get_ylim()) < 2.0
+        assert temperatures.get_ylim()[1] < 3.0
+        assert figure.axes[0].get_xlim()[1] > 9.0  # all strips are there
+        drawn = {float(x) for line in temperatures.lines for x, y in line.get_xydata() if np.isfinite(y)}
+    assert 9.5 not in drawn
+
+
+def test_profiles_of_an_open_box_have_no_empty_panels(tmp_path: Path) -> None:
+    rng, disks = np.random.default_rng(7), Disks(200, 1.0, 0.1)
+    with TrajectoryWriter(tmp_path / "a.h5", disks, Box.open()) as writer:
+        for time in range(10):
+            state = State(
+                10.0 * rng.random((200, 2)), rng.normal(size=(200, 2)), rng.normal(size=200), time=time
+            )
+            writer.write(state)
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        figure = pictures.figure(trajectory, "profiles", axis="x", bins=8)
+        shown = [axes for axes in figure.axes if axes.get_visible()]
+        assert len(shown) == 3
+        for axes in shown:
+            assert any(np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any() for line in axes.lines)
+        left, right = analysis.profiles(trajectory, "x", 8).plot()
+        for axes in (left, right):
+            assert any(np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any() for line in axes.lines)

@@ -11,7 +11,7 @@ from support.figures import texts
 
 from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter, Turn, Wall
 from ifrdem.model.walls.wall import wall_names
-from ifrdem.plots import pictures
+from ifrdem.plots import pictures, series
 
 WALLS = [Wall.post((2.0 + i, 3.0), 0.1, group="rake" if i < 2 else "") for i in range(3)]
 BOX = Box((9.0, 9.0), (True, False))
@@ -78,3 +78,43 @@ def test_a_file_without_sums_of_walls_names_the_key_that_stores_them(tmp_path: P
         pytest.raises(InputError, match=r"requires output\.wall_sums = true"),
     ):
         pictures.figure(run, "walls")
+
+
+def test_rows_that_are_close_together_make_no_spike(tmp_path: Path) -> None:
+    """A force of 27, and in the last row, 0.01 after the one before, one hit of 1.02: alone it is a force of 102."""
+    time = np.append(np.arange(11.0), 10.01)
+    total = np.append(27.0 * np.arange(11.0), 271.02)
+    rows = series.intervals(time)
+    assert np.diff(time[rows]).min() > 0.5
+    mean, half = series.means(time, total, rows)
+    assert rows[-1] == 11
+    assert mean.max() < 30.0
+    assert np.isnan(half).all()  # a row or two in each
+    # Rows at geometric times: few long intervals, and as many short ones as are of about one length.
+    rows = series.intervals(np.concatenate(([0.0], np.geomspace(1e-3, 10.0, 50))))
+    assert np.all(np.diff(np.concatenate(([0.0], np.geomspace(1e-3, 10.0, 50)))[rows]) > 0.1)
+    with TrajectoryWriter(tmp_path / "a.h5", Disks(1, 1.0, 0.5), BOX, walls=WALLS[2:]) as file:
+        file.write(State([[5.0, 5.0]], [[0.0, 0.0]], [0.0]))
+        names = ("momentum_x", "momentum_y", "torque", "work", "heat", "hits")
+        sums = [
+            (float(t), {f"walls_{name}": np.full(3, -value) for name in names})
+            for t, value in zip(time, total, strict=True)
+        ]
+        file.write_series_rows(sums, dict.fromkeys(sums[0][1], ("wall 0 post", "bottom", "top")))
+    with Trajectory(tmp_path / "a.h5") as run:
+        line = pictures.figure(run, "walls").axes[0].lines[0]
+        x, y = (np.asarray(one, dtype=float) for one in line.get_data())
+        assert y.max() < 30.0
+        # Each interval is as long as it is: the area below is the momentum.
+        assert np.sum(y[::2] * (x[1::2] - x[::2])) == pytest.approx(271.02, rel=1e-6)
+
+
+def test_bands_of_mean_forces_hold_the_force_as_often_as_they_say() -> None:
+    """Poisson numbers of hits of exponential strength, in rows of uneven length, ten of them in an interval."""
+    rng = np.random.default_rng(3)
+    time = np.concatenate(([0.0], np.cumsum(rng.uniform(0.5, 1.5, size=5000))))
+    hits = rng.poisson(20.0 * np.diff(time))
+    total = np.concatenate(([0.0], np.cumsum(rng.gamma(hits, 1.0))))
+    rows = np.arange(0, 5001, 10)
+    mean, half = series.means(time, total, rows)
+    assert 0.91 < np.mean(np.abs(mean - 20.0) <= half) < 0.98
