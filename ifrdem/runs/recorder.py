@@ -23,7 +23,7 @@ from ..model.observables import (
     stress,
 )
 from ..model.state import FrameRows, State
-from ..model.walls.wall import OF_PISTONS, PISTONS, SUMS
+from ..model.walls.wall import OF_PISTONS, OF_WALLS, PISTONS, SUMS
 from ..simulation.measuring.tracking import Events, joined
 from ..tools.checked import Array, Integer, Positive, validated
 from ..trajectory.background import AsyncWriter
@@ -36,8 +36,6 @@ BYTES_PER_DISK = 64
 """Of a state that waits, about."""
 EVENTS_AT_ONCE = 200_000
 """Events that wait in memory before they are written; each takes 177 bytes."""
-OF_WALLS = "walls_"
-"""Prefix of the sums of single walls (`model.walls.wall.SUMS`) in a row of the time series."""
 COLUMNS: dict[str, tuple[str, ...]] = {
     "dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES,
     **dict.fromkeys(STRESS_SERIES, COMPONENTS),

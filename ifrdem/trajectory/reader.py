@@ -6,7 +6,6 @@ import json
 import math
 import operator
 import os
-import re
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,7 +33,7 @@ from ..model.laws.law import CollisionLaw
 from ..model.laws.records import checked_record, from_record, is_custom, of_table
 from ..model.state import Disks
 from ..model.walls.free_area import FreeArea
-from ..model.walls.wall import OF_PISTONS, Wall, at_displacements
+from ..model.walls.wall import OF_PISTONS, OF_WALLS, SUMS, Wall, at_displacements, columns_of
 from ..model.walls.wall import from_json as walls_from_json
 from ..mpi.distribution import GATHERED
 from ..tools import checked
@@ -213,7 +212,8 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
     """Quantities by name: arrays over separate times, shape (rows, ...), read on access.
 
     A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`,
-    `series["walls_work/wall 0 line"]`; by the name of a group of walls, their sum: `series["walls_work/paddle"]`.
+    `series["walls_work/wall 0 line"]`; by the name of a group of walls, their sum: `series["walls_work/paddle"]`. The
+    name of a group comes before that of a column, which may be the same in old files.
 
     Iterating gives the quantities in the file. Three more are computed from them (`derived`):
 
@@ -236,9 +236,11 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
         kind: str,
         read: Callable[[str, int, int], NDArray[Any]],
         n: int,
+        groups: Sequence[str] = (),
     ) -> None:
         self._kind = kind
         self._n = n
+        self._groups = groups
         self._path = "" if group is None else str(group.name)
         self._read = read
         self._columns: dict[str, tuple[str, ...]] = {}
@@ -261,14 +263,14 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
         )
         if not column:
             return value
-        if column not in columns:
-            group = [i for i, one in enumerate(columns) if re.fullmatch(rf"{re.escape(column)} \d+ .*", one)]
-            if group and whole.startswith("walls_"):  # parts of one wall
-                return np.asarray(value[:, group].sum(axis=1))
+        groups = self._groups if whole.removeprefix(OF_WALLS) in SUMS else ()
+        chosen = columns_of(column, columns, groups)
+        if not chosen:
+            known = (*dict.fromkeys(filter(None, groups)), *columns)
             raise NameMissing(
-                f"{self._kind} {whole!r} of the file has no column {column!r}{there_are(column, columns)}"
+                f"{self._kind} {whole!r} of the file has no column {column!r}{there_are(column, known)}"
             )
-        return value[:, columns.index(column)]
+        return value[:, chosen[0]] if len(chosen) == 1 else np.asarray(value[:, chosen].sum(axis=1))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._columns)
@@ -555,7 +557,9 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         moments = np.zeros(0) if rows is None else self._moments(rows)
         self._set(
             observables=Series(file["observables"], self.times, "observable", self._read_rows, self.n),
-            series=Series(rows, moments, "series", self._read_rows, self.n),
+            series=Series(
+                rows, moments, "series", self._read_rows, self.n, [wall.group for wall in self.walls]
+            ),
         )
 
     @property

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, install_extra
 from ..model.observables import MECHANISMS, SPECIES_SERIES, STRESS_SERIES
-from ..model.walls.wall import OF_PISTONS
+from ..model.walls.wall import OF_PISTONS, OF_WALLS
 from ..tools import checked
 from .descriptions import unit_of_whole_gas
 from .layout import STATIC, version_of
@@ -220,7 +220,7 @@ def _axes(
         return ("piston",)
     if value.ndim == 2 and names:
         dimension = name.removeprefix("dissipated_by_").removeprefix("collisions_by_")
-        dimension = "wall" if name.startswith("walls_") else dimension
+        dimension = "wall" if name.startswith(OF_WALLS) else dimension
         dimension = "component" if name in STRESS_SERIES else dimension
         dimension = "species" if name in (*SPECIES_SERIES, "species_theta") else dimension
         coordinates[dimension] = list(names)

@@ -30,8 +30,8 @@ SUMS = ("momentum_x", "momentum_y", "torque", "work", "heat", "hits")
 """Columns of `Simulation.wall_sums`."""
 PISTONS = ("displacement", "velocity", "energy", "force")
 """Columns of `Simulation.pistons`."""
-OF_PISTONS = "piston_"
-"""Prefix of their names in frames and rows of the time series."""
+OF_PISTONS, OF_WALLS = "piston_", "walls_"
+"""Prefixes of their names in frames and rows of the time series."""
 _STILL, _UNTURNED = Motion(), Turn()
 
 
@@ -540,11 +540,33 @@ def pieces(walls: Sequence[Wall]) -> int:
 
 
 def wall_names(walls: Sequence[Wall], box: Box) -> tuple[str, ...]:
-    """A name for each wall, those at the sides of the box last: its group and shape, its number, or the side."""
+    """A name for each wall, those at the sides of the box last: its group and shape, its number, or the side.
+
+    The name of a group stands for all of its walls (`columns_of`): a wall or a side that is called like a group of
+    others gets an addition.
+    """
     at_sides = [name for axis, names in enumerate((("left", "right"), ("bottom", "top"))) for name in names
                 if not box.is_open and not box.periodic[axis]]  # fmt: skip
     given = walls[: len(walls) - len(at_sides)]
-    return (*(f"{wall.group or 'wall'} {i} {wall.shape}" for i, wall in enumerate(given)), *at_sides)
+    groups = {wall.group for wall in given}
+
+    def apart(name: str) -> str:
+        while name in groups:
+            name += " (not the group)"
+        return name
+
+    return tuple(
+        map(apart, (*(f"{wall.group or 'wall'} {i} {wall.shape}" for i, wall in enumerate(given)), *at_sides))
+    )
+
+
+def columns_of(name: str, columns: Sequence[str], groups: Sequence[str]) -> list[int]:
+    """Numbers of the columns of `wall_names` that a name stands for: those of a group of walls, or the one it names.
+
+    `groups` has the group of each wall, without the sides of the box.
+    """
+    of_group = [i for i, group in enumerate(groups[: len(columns)]) if group == name != ""]
+    return of_group or [i for i, one in enumerate(columns) if one == name]
 
 
 def to_json(walls: Sequence[Wall]) -> str:
