@@ -351,8 +351,13 @@ def checked(
     return found
 
 
-def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Values in the type that the file has for them; InputError if they do not fit the shape or the type."""
+def stored(
+    what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike, *, vanish: bool = False
+) -> NDArray[Any]:
+    """Values in the type that the file has for them; InputError if they do not fit the shape or the type.
+
+    `vanish` as for `converted`.
+    """
     given, target = np.asarray(value), np.dtype(dtype)
     if given.shape != shape:
         raise InputError(f"{what} has shape {given.shape}: must be {shape}")
@@ -362,13 +367,45 @@ def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike
         limits = np.iinfo(target)
         if not limits.min <= given.min() <= given.max() <= limits.max:
             raise InputError(f"{what}: numbers beyond {limits.max} cannot be stored")
-    with np.errstate(over="ignore"):
-        found = np.asarray(given, dtype=target, order="C")
+    found = converted(what, given, target, IN_FILE, vanish=vanish)
     if target.kind == "f" and not np.isfinite(found).all():
         position = tuple(int(axis) for axis in np.argwhere(~np.isfinite(found))[0])
         where = ", ".join(map(str, position))
-        raise InputError(f"{what}[{where}] = {given[position]}: must be a finite number of type {target}")
+        # Rows that an engine gives in single precision have been rounded there.
+        more = f"; if it is larger in double precision, {IN_FILE}" if given.dtype == np.float32 else ""
+        raise InputError(f"{what}[{where}] = {given[position]}: must be a finite number{more}")
     return found
+
+
+IN_FILE = (
+    'store it in precision "f8" (output.precision of a case), or choose units in which it is nearer to 1'
+)
+"""Remedy for numbers that the precision of a trajectory cannot hold."""
+
+
+def converted(
+    what: str, given: NDArray[Any], dtype: DTypeLike, remedy: str, *, vanish: bool = False
+) -> NDArray[Any]:
+    """Numbers in another type, C-contiguous.
+
+    Raises InputError with the `remedy` where a finite number would become infinite, or all would become 0 unless they
+    may `vanish`, as velocities do under drag.
+    """
+    with np.errstate(over="ignore", under="ignore"):
+        found = np.asarray(given, dtype=dtype, order="C")
+    if found.dtype.kind != "f" or given.dtype.kind != "f" or found.itemsize >= given.itemsize:
+        return found
+    lost = np.isinf(found) & np.isfinite(given)
+    if not lost.any():
+        if vanish or found.any() or not given.any():
+            return found
+        lost = given == np.abs(given).max()
+    position = tuple(int(axis) for axis in np.argwhere(lost)[0])
+    where, limits = f"[{', '.join(map(str, position))}]" if position else "", np.finfo(found.dtype)
+    raise InputError(
+        f"{what}{where} = {given[position]:.6g}: {'single' if found.itemsize == 4 else 'this'} precision holds numbers "
+        f"from {limits.tiny:.3g} to {limits.max:.3g} in size; {remedy}"
+    )
 
 
 def is_number(value: object) -> bool:

@@ -66,8 +66,8 @@ class TrajectoryWriter(ReadOnlyAttributes):
         "reduced" for each of them, or for none. Without them the file says that they are not stated.
     precision : str
         "f4" (default) or "f8": floats of the per-disk fields. f4 resolves 6e-8 of the box, enough for
-        analysis and not for a restart. Times, observables, series and histories are always f8, counts are
-        integers.
+        analysis and not for a restart, and holds sizes from 1e-38 to 3e38. Times, observables, series and histories
+        are always f8, counts are integers.
     compression : str
         "none" (default), "gzip" (shuffle and deflate, level 1) or "zstd" (shuffle and Zstandard) of the per-disk
         fields. gzip is read by every HDF5 program; zstd is faster, and requires the package `hdf5plugin` (extra
@@ -410,7 +410,9 @@ class TrajectoryWriter(ReadOnlyAttributes):
             raise InputError(f"time = {state.time}: must be a finite time not before {before}")
         found = {}
         for name, like in self._fields.items():
-            found[name] = stored(name, getattr(state, layout.FIELDS[name].attribute), like.shape, like.dtype)
+            value = getattr(state, layout.FIELDS[name].attribute)
+            vanish = np.isfinite(before) and name != "dissipated"  # which only grows
+            found[name] = stored(name, value, like.shape, like.dtype, vanish=vanish)
         if "position" in found and found["position"].dtype != state.position.dtype:
             # Rounding to fewer digits may carry a disk out of the box through its upper side.
             for axis, length in enumerate(self._box.lengths):

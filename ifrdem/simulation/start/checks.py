@@ -43,6 +43,14 @@ def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float6
     return float(max(np.abs(velocity).max(initial=0.0), (np.abs(spin) * disks.radius).max(initial=0.0)))
 
 
+def kinetic_energy(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float64]) -> float:
+    """The largest kinetic energy of a movable disk [energy]; 0 without disks."""
+    movable = np.isfinite(disks.mass)
+    translation = disks.mass[movable] * np.sum(velocity[movable] ** 2, axis=1)
+    rotation = disks.inertia[movable] * spin[movable] ** 2
+    return float(0.5 * (translation + rotation).max(initial=0.0))
+
+
 def hottest(walls: Iterable[Wall], forces: Iterable[Force]) -> float:
     """The largest temperature of walls and thermostats [energy]; 0 without them."""
     of_walls = (wall.temperature or 0.0 for wall in walls)
@@ -207,18 +215,21 @@ def at_rest_on_walls(
     return None
 
 
-def check_stored(largest: Mapping[str, float], precision: str) -> None:
-    """Refuse quantities, the largest of each by name, that a trajectory file in single precision cannot hold.
+def check_stored(largest: Mapping[str, float], precision: str, energy: float = 0.0) -> None:
+    """Refuse quantities, the largest of each by name, that a trajectory file cannot hold.
 
-    `precision` is "f4" or "f8".
+    `precision` is "f4" or "f8". `energy` is that of a disk, 0 if the file does not have what disks dissipate: single
+    collisions take a small part of it, and a gas that is heated many times as much.
     """
     limits = np.finfo(precision)
     low, high = float(limits.tiny), float(limits.max)
-    for name, value in largest.items():
-        if value != 0.0 and not low <= value <= high:
+    checked = [(name, value, low, high) for name, value in largest.items()]
+    checked.append(("the field dissipated: energies of disks", energy, 1e10 * low, 1e-6 * high))
+    for name, value, least, most in checked:
+        if value != 0.0 and not least <= value <= most:
             raise InputError(
-                f'output.precision = "{precision}": {name} of {value:.3g} cannot be stored, only from {low:.3g} to '
-                f"{high:.3g}; choose units in which it is nearer to 1"
+                f'output.precision = "{precision}": {name} of {value:.3g} cannot be stored, only from {least:.3g} to '
+                f"{most:.3g}; choose units in which it is nearer to 1"
                 + (', or "f8"' if precision == "f4" else "")
             )
 
