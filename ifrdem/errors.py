@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import os
+import reprlib
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -105,6 +106,30 @@ def option_name(option: str, argument: str) -> str:
 def install_extra(extra: str) -> str:
     """Clause of a message: how to install the packages of an extra."""
     return f"`pip install '.[{extra}]'` in the clone of ifrdem adds it"
+
+
+class _Texts(reprlib.Repr):
+    """Short texts of values, whatever they hold."""
+
+    def repr_int(self, x: int, level: int) -> str:
+        """The text of an int; beyond 4,300 digits Python refuses to write it."""
+        return f"an int of {x.bit_length()} bits" if x.bit_length() > 256 else super().repr_int(x, level)
+
+    def repr_instance(self, x: object, level: int) -> str:
+        """The text of an object; of its class where it has none: a class of users, an array of nested lists."""
+        try:
+            return super().repr_instance(x, level)
+        except Exception:
+            return f"<{type(x).__name__}>"
+
+
+_texts = _Texts()
+_texts.maxother = _texts.maxlong = _texts.maxstring = 60
+
+
+def shortened(value: object) -> str:
+    """The repr of anything, on one line."""
+    return " ".join(_texts.repr(value).split())
 
 
 def printable(text: str) -> str:

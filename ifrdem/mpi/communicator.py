@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError, InputError, Stopped, TrajectoryError, install_extra
+from ..errors import EngineError, InputError, Stopped, TrajectoryError, install_extra, shortened
 from .distribution import Distribution
 
 Result = TypeVar("Result")
@@ -83,7 +83,7 @@ class Communicator(Distribution):
         given = comm.mpi if isinstance(comm, Communicator) else comm
         if given is not None and not (hasattr(given, "allgather") and hasattr(given, "rank")):
             raise InputError(
-                f"comm = {comm!r}: must be a communicator of mpi4py, such as MPI.COMM_WORLD, or None"
+                f"comm = {shortened(comm)}: must be a communicator of mpi4py, such as MPI.COMM_WORLD, or None"
             )
         self.mpi: Any = given if given is not None and given.size > 1 else _SingleProcess()
         self.rank: int = self.mpi.rank
@@ -424,5 +424,5 @@ def slice_of(n: int, comm: Any = None) -> range:
     except TypeError:
         number = -1
     if not 0 <= number < 2**63:
-        raise InputError(f"n = {n!r}: must be an integer from 0 to {2**63 - 1}")
+        raise InputError(f"n = {shortened(n)}: must be an integer from 0 to {2**63 - 1}")
     return (current() if comm is None else Communicator.of(comm)).slice_of(number)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, SlowRunWarning, outside_level
+from ..errors import InputError, SlowRunWarning, outside_level, shortened
 from ..kernels.columns import READOUT, Named
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
@@ -81,11 +81,11 @@ Called = TypeVar("Called")
 
 def _callables(name: str, given: Iterable[Called]) -> list[Called]:
     if callable(given) or not isinstance(given, Iterable):
-        raise InputError(f"{name} = {given!r}: must be a list of functions, [function] for one")
+        raise InputError(f"{name} = {shortened(given)}: must be a list of functions, [function] for one")
     found = list(given)
     for i, one in enumerate(found):
         if not callable(one):
-            raise InputError(f"{name}[{i}] = {one!r}: must be a function")
+            raise InputError(f"{name}[{i}] = {shortened(one)}: must be a function")
     return found
 
 
@@ -876,7 +876,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         progress: Progress | bool | None,
     ) -> None:
         if not (progress is None or isinstance(progress, bool) or callable(progress)):
-            raise InputError(f"progress = {progress!r}: must be True, False or a function")
+            raise InputError(f"progress = {shortened(progress)}: must be True, False or a function")
         if not isinstance(frames, Trigger):
             frames = Trigger(number=checked.integer("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Trigger):
@@ -952,7 +952,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         )
         for name, value in (("progress", progress), ("between", between)):
             if value is not None and not callable(value):
-                raise InputError(f"{name} = {value!r}: must be a function")
+                raise InputError(f"{name} = {shortened(value)}: must be a function")
         self._stopping = False
         kind = self._laws.kind
         check_law_constants(kind)

@@ -26,6 +26,7 @@ from ..errors import (
     NameMissing,
     counted,
     printable,
+    shortened,
     there_are,
 )
 from ..model.box import Box
@@ -473,12 +474,12 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         lengths = self.shape(name)
         given = selection if isinstance(selection, tuple) else (selection,)
         if len(given) > len(lengths):
-            raise InputError(f"selection {selection!r} of {name}: {len(lengths)} axes at most")
+            raise InputError(f"selection {shortened(selection)} of {name}: {len(lengths)} axes at most")
         forward: list[Any] = []
         turned: list[int] = []  # axes of what is read
         for length, each in zip(lengths, given or (slice(None),), strict=False):
             refused = InputError(
-                f"selection {each!r} of {name}: must be integers and slices; index the "
+                f"selection {shortened(each)} of {name}: must be integers and slices; index the "
                 "result for others, as trajectory.read(name, 3)[[5, 2]]"
             )
             if isinstance(each, slice):
@@ -965,7 +966,7 @@ def _index(what: str, given: Any) -> int:
     try:
         return operator.index(given)
     except TypeError:
-        raise InputError(f"{what} = {given!r}: must be an integer") from None
+        raise InputError(f"{what} = {shortened(given)}: must be an integer") from None
 
 
 def check_file(path: Path) -> None:

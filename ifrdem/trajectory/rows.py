@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..errors import InputError, TrajectoryError, there_are
+from ..errors import InputError, TrajectoryError, shortened, there_are
 from ..model.state import State
 from . import layout
 from .file import OutputFile, drop_staged
@@ -212,7 +212,7 @@ class HistoryWriter:
         """Begin to track disks; see `TrajectoryWriter.begin_histories`."""
         tracked = np.sort(stored("tracked", ids, np.atleast_1d(np.asarray(ids)).shape[:1], np.int32))
         if not len(tracked) or not 0 <= tracked[0] <= tracked[-1] < self._n:
-            raise InputError(f"tracked = {ids!r}: must be ids of disks from 0 to {self._n - 1}")
+            raise InputError(f"tracked = {shortened(ids)}: must be ids of disks from 0 to {self._n - 1}")
         if len(twice := tracked[1:][tracked[1:] == tracked[:-1]]):
             raise InputError(f"tracked: disk {twice[0]} is given twice")
         start: dict[str, Any] = {"time": np.float64(state.time)}
@@ -279,7 +279,9 @@ class HistoryWriter:
             raise InputError(f"histories: the events lack {', '.join(missing)}")
         for name in events:
             if name not in EVENT_COLUMNS:
-                raise InputError(f"histories: there is no column {name!r}{there_are(name, EVENT_COLUMNS)}")
+                raise InputError(
+                    f"histories: there is no column {shortened(name)}{there_are(name, EVENT_COLUMNS)}"
+                )
         length = len(np.atleast_1d(np.asarray(events["time"])))
         columns = {
             name: stored(f"histories: {name}", events[name], (length, *column.tail), column.dtype)
@@ -301,10 +303,10 @@ class HistoryWriter:
 def _row(values: Mapping[str, ArrayLike], first: Mapping[str, Any] | None) -> dict[str, NDArray[Any]]:
     """Quantities of a row of the series, as `first` has them."""
     if not isinstance(values, Mapping):
-        raise InputError(f"series: must be numbers by name, not {values!r}")
+        raise InputError(f"series: must be numbers by name, not {shortened(values)}")
     for name in ("step", "time"):
         if name in values:
-            raise InputError(f"name of series = {name!r}: the file has it already for all of them")
+            raise InputError(f"name of series = {shortened(name)}: the file has it already for all of them")
     row = checked("series", "row", values, first)
     if not row:
         raise InputError("series: a row must have one quantity or more")
@@ -332,7 +334,7 @@ def checked(
     for name, value in given.items():
         numbers = np.asarray(value)
         if numbers.dtype.kind not in "iuf" or numbers.size == 0:
-            raise InputError(f"{what} {name} = {value!r}: must be a number or numbers")
+            raise InputError(f"{what} {name} = {shortened(value)}: must be a number or numbers")
         found[name] = numbers.astype(np.float64 if numbers.dtype.kind == "f" else np.int64)
     if first is None:
         for name in found:
@@ -417,4 +419,4 @@ def check_name(what: str, name: object, *, separator: bool = True) -> None:
     """Raise InputError unless a name can be one in HDF5; with `separator`, "/" makes groups."""
     parts = str(name).split("/") if separator else [str(name)]
     if not isinstance(name, str) or any(part in ("", ".", "..") or "/" in part for part in parts):
-        raise InputError(f"name of {what} = {name!r}: must be a string valid as a name in HDF5")
+        raise InputError(f"name of {what} = {shortened(name)}: must be a string valid as a name in HDF5")

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, counted
+from ..errors import InputError, counted, shortened
 from ..model.box import Box, below
 from ..model.state import Disks, FrameRows, State
 from ..model.walls.wall import Wall, to_json
@@ -123,7 +123,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
         checked.instance("box", box, Box)
         for name, given in (("parameters", parameters), ("units", units)):
             if not isinstance(given, Mapping | None):
-                raise InputError(f"{name} = {given!r}: must be a mapping by name")
+                raise InputError(f"{name} = {shortened(given)}: must be a mapping by name")
         parameters = with_species(parameters, {} if isinstance(within, Part) else disks.species)
         parameters |= {"walls": to_json(walls)} if walls else {}
         units = units or {}
@@ -171,7 +171,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
         expected = {"frames": frames, "series_rows": series_rows, "events": events}
         for name, value in expected.items():
             if not isinstance(value, int | np.integer) or value < 0:
-                raise InputError(f"{name} = {value!r}: must be an integer, 0 or more")
+                raise InputError(f"{name} = {shortened(value)}: must be an integer, 0 or more")
         output, file_name = OutputFile.reopen(path), os.fspath(path)
         try:
             layout.check_layout(output.file, file_name)
@@ -292,7 +292,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
             before, found = self._rows.last_time, []
             for state, observables in frames:
                 if not hasattr(state, "time"):
-                    raise InputError(f"state = {state!r}: must be a State")
+                    raise InputError(f"state = {shortened(state)}: must be a State")
                 if not isinstance(observables, Mapping | None):
                     raise InputError(
                         f"observables = {type(observables).__name__}: must be numbers by name, such as "
@@ -430,13 +430,15 @@ def _check_record(parameters: Mapping[str, object], units: Mapping[str, object])
     for name, value in parameters.items():
         check_name("parameter", name)
         if not isinstance(value, (str, int, float)):
-            raise InputError(f"parameter {name} = {value!r}: must be a string or a number")
+            raise InputError(f"parameter {name} = {shortened(value)}: must be a string or a number")
     for quantity, unit in units.items():
         check_name("unit", quantity)
         if not isinstance(unit, str):
-            raise InputError(f"unit of {quantity} = {unit!r}: must be a string")
+            raise InputError(f"unit of {quantity} = {shortened(unit)}: must be a string")
         if (unit == layout.REDUCED) != (layout.REDUCED in units.values()):
-            raise InputError(f"unit of {quantity} = {unit!r}: must be 'reduced' for all units or none")
+            raise InputError(
+                f"unit of {quantity} = {shortened(unit)}: must be 'reduced' for all units or none"
+            )
 
 
 def _check_resumable(

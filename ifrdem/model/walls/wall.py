@@ -16,7 +16,7 @@ from typing import Annotated, Literal, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import InputError, nearest
+from ...errors import InputError, nearest, shortened
 from ...kernels.columns import WALL, Named, named
 from ...kernels.layout import FAR
 from ...kernels.walls.kinds import FREE, MOTIONS, PIECES, TURNS
@@ -457,7 +457,7 @@ class WallSums:
         if not any(chosen) or not group:
             names = sorted({wall.group for wall in self.walls} - {""})
             raise InputError(
-                f"group = {group!r}: allowed are {', '.join(names) or 'none'}{nearest(group, names)}"
+                f"group = {shortened(group)}: allowed are {', '.join(names) or 'none'}{nearest(group, names)}"
             )
         first = chosen.index(True)
         return WallSums((self.walls[first],), self.values[chosen].sum(axis=0)[None])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...errors import InputError, shortened
 from ...kernels.columns import ADDRESSABLE, MOST_IDS, SINGLE_TILE, most_disks
 from ...model.box import Box
 from ...model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
@@ -462,7 +462,7 @@ def _check_sheared(disks: Disks, box: Box, walls: Sequence[Wall]) -> None:
 def check_forces(forces: object) -> None:
     """Raise InputError unless it is a list of forces, none of them only the base class, or a class itself."""
     if not isinstance(forces, Sequence) or isinstance(forces, str):
-        raise InputError(f"forces = {forces!r}: must be a list of forces, [force] for one")
+        raise InputError(f"forces = {shortened(forces)}: must be a list of forces, [force] for one")
     if not forces:
         return
     from ...model.forces import Force  # imports Taichi, which is slow
@@ -470,6 +470,6 @@ def check_forces(forces: object) -> None:
     for i, force in enumerate(forces):
         if not isinstance(force, Force) or type(force).act is Force.act:
             raise InputError(
-                f"forces[{i}] = {force!r}: must be an object of a class derived from ifrdem.forces.Force, with "
-                "a method act"
+                f"forces[{i}] = {shortened(force)}: must be an object of a class derived from "
+                "ifrdem.forces.Force, with a method act"
             )
