@@ -89,7 +89,6 @@ class Communicator(Distribution):
         self.rank: int = self.mpi.rank
         self.size: int = self.mpi.size
         self.is_distributed: bool = distributed and self.size > 1
-        self._tokens: list[contextvars.Token[Communicator]] = []
 
     @classmethod
     def of(cls, comm: Any) -> Communicator:
@@ -97,11 +96,14 @@ class Communicator(Distribution):
         return comm if isinstance(comm, Communicator) else cls(comm)
 
     def __enter__(self) -> Communicator:
-        self._tokens.append(_current.set(self))
+        _outer.set((*_outer.get(), _current.get()))
+        _current.set(self)
         return self
 
     def __exit__(self, *_: object) -> None:
-        _current.reset(self._tokens.pop())
+        *outer, before = _outer.get()
+        _outer.set(tuple(outer))
+        _current.set(before)
 
     def __repr__(self) -> str:
         return f"Communicator(rank {self.rank} of {self.size}{', distributed' * self.is_distributed})"
@@ -292,6 +294,8 @@ class Communicator(Distribution):
 SERIAL = Communicator()
 """The communicator of a process by itself."""
 _current: contextvars.ContextVar[Communicator] = contextvars.ContextVar("communicator", default=SERIAL)
+_outer: contextvars.ContextVar[tuple[Communicator, ...]] = contextvars.ContextVar("outer", default=())
+"""Those of the `with` blocks around the present one, of each thread."""
 
 
 def current() -> Communicator:

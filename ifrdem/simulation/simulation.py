@@ -45,7 +45,7 @@ from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
 from ..tools.progress import output_is_interactive
-from ..tools.read_only import ReadOnlyAttributes
+from ..tools.read_only import NotCopied, ReadOnlyAttributes
 from . import backend
 from .checkpoints import checkpoint
 from .checkpoints.gas_record import arguments, differences, gas_record, laws_of
@@ -103,7 +103,7 @@ class _Stopped(Exception):
     """The end of a run by `Simulation.stop`."""
 
 
-class Simulation(ReadOnlyAttributes, DisksRepr):
+class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
     """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters
@@ -193,6 +193,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
     >>> gas.state.velocity[:, 0]
     array([0.25, 0.75])
     """
+
+    _instead = "Store it by save_checkpoint(path): Simulation.from_checkpoint(path) makes another one of it"
 
     @validated
     def __init__(

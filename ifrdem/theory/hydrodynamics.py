@@ -253,7 +253,9 @@ class _CoolingPath(NamedTuple):
 
         def slope(_: float, y: Array) -> tuple[float, float, float, float]:
             lost, theta, _spread, _time = y
-            theta = min(max(theta, 0.0), MOST)  # of smooth disks it grows without end, and nothing depends on it
+            theta = min(
+                max(theta, 0.0), MOST
+            )  # of smooth disks it grows without end, and nothing depends on it
             translation, rotation = (float(one) for one in changes_per_collision(theta, law, k))
             eta = shear_viscosity(packing_fraction, 1.0, 1.0, 1.0, law=law, k=k, theta=theta)
             return -translation, rotation - theta * translation, per_eta * eta, math.exp(0.5 * lost)

@@ -588,6 +588,8 @@ def validated(function: F) -> F:
             return function(*values, **options)
         except MemoryError as error:
             of = function.__qualname__.removesuffix(".__init__")
-            raise InputError(f"{of}: not enough memory for what was asked: {error or 'no more is free'}") from error
+            raise InputError(
+                f"{of}: not enough memory for what was asked: {error or 'no more is free'}"
+            ) from error
 
     return checking  # type: ignore[return-value]

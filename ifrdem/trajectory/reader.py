@@ -430,6 +430,10 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     observables: Series
     series: Series
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies and pickles open the file anew, and so do those of frames and series."""
+        return type(self), (self.path,)
+
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._set(path=checked.path("path", path))
         self._open()

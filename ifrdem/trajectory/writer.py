@@ -21,7 +21,7 @@ from ..model.state import Disks, FrameRows, State
 from ..model.walls.wall import Wall, to_json
 from ..tools import checked
 from ..tools.checked import validated
-from ..tools.read_only import ReadOnlyAttributes
+from ..tools.read_only import NotCopied, ReadOnlyAttributes
 from . import damage, layout
 from . import parts as part_files
 from .file import OutputFile
@@ -33,7 +33,7 @@ from .species import with_species
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")
 
 
-class TrajectoryWriter(ReadOnlyAttributes):
+class TrajectoryWriter(NotCopied, ReadOnlyAttributes):
     """Writes frames, time series and histories of a run into a new H5MD file.
 
     Each frame is committed in two phases: everything but its step is written and flushed, then the step. A
@@ -99,6 +99,10 @@ class TrajectoryWriter(ReadOnlyAttributes):
     >>> len(ifrdem.Trajectory("two.h5"))
     1
     """
+
+    _instead = (
+        "A file has one writer: give each process a file of its own, or its frames to the process that writes"
+    )
 
     path: Path
 
