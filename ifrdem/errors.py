@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import os
+import reprlib
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -124,6 +125,30 @@ def install_extra(extra: str) -> str:
 def cut(text: str, longest: int = 60) -> str:
     """The beginning of a long text: messages quote no more of a file, a name or a value."""
     return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
+class _Texts(reprlib.Repr):
+    """Short texts of values, whatever they hold."""
+
+    def repr_int(self, x: int, level: int) -> str:
+        """The text of an int; beyond 4,300 digits Python refuses to write it."""
+        return f"an int of {x.bit_length()} bits" if x.bit_length() > 256 else super().repr_int(x, level)
+
+    def repr_instance(self, x: object, level: int) -> str:
+        """The text of an object; of its class where it has none: a class of users, an array of nested lists."""
+        try:
+            return super().repr_instance(x, level)
+        except Exception:
+            return f"<{type(x).__name__}>"
+
+
+_texts = _Texts()
+_texts.maxother = _texts.maxlong = _texts.maxstring = 60
+
+
+def shortened(value: object) -> str:
+    """The repr of anything, on one line."""
+    return " ".join(_texts.repr(value).split())
 
 
 def printable(text: str) -> str:

@@ -93,6 +93,12 @@ Times = Annotated[Any, _times]
 """A time of all frames, or one for each [time]."""
 
 
+MOST_AT_ONE_PLACE = 1000
+"""Centres at one place: of 50,000, freud overflows its stack, which ends the process."""
+MOST_PAIRS = 1e8
+"""Pairs of neighbours that are listed at once, which take some 4 GB."""
+
+
 class FreudFrame(NamedTuple):
     """A frame as freud takes it."""
 
@@ -125,7 +131,14 @@ def freud_frame(position: Array, box: Box, reach: float, time: float, purpose: s
     made = freud.box.Box(lengths[0], lengths[1], xy=shift / lengths[1], is2D=True)
     points = np.zeros((len(position), 3), dtype=np.float32)
     points[:, :2] = position - (low + 0.5 * lengths)
-    return FreudFrame(made, made.wrap(points))
+    points = made.wrap(points)
+    places = np.sort(np.ascontiguousarray(points[:, :2]).view(np.int64).ravel())
+    if (places[MOST_AT_ONE_PLACE:] == places[:-MOST_AT_ONE_PLACE]).any():
+        raise InputError(
+            f"{purpose}: position: more than {MOST_AT_ONE_PLACE} disks have their centres at one place, where no disks "
+            "of a gas can be"
+        )
+    return FreudFrame(made, points)
 
 
 def neighbours(
@@ -141,6 +154,12 @@ def neighbours(
     span = 1.0 if box.is_open else max(box.lengths)
     margin = reach + 1e-6 * span
     frame = freud_frame(position, box, margin, time, purpose)
+    pairs = 0.5 * len(position) ** 2 * min(1.0, np.pi * margin**2 / (frame.box.Lx * frame.box.Ly))
+    if pairs > MOST_PAIRS:
+        raise InputError(
+            f"{purpose}: neighbours up to {reach:.4g} of {len(position)} disks are some {pairs:.2g} pairs: at most "
+            f"{MOST_PAIRS:g}; choose a shorter distance"
+        )
     query = freud.locality.AABBQuery(frame.box, frame.points)
     found = query.query(frame.points, {"r_max": margin, "exclude_ii": True}).toNeighborList()
     i = np.asarray(found.query_point_indices, dtype=np.intp)

@@ -551,7 +551,17 @@ class CaseGas:
             "a spin": comm.largest(float(np.abs(spin).max(initial=0.0))),
             "a side of the box": 0.0 if self.box.is_open else max(self.box.lengths),
         }
-        checks.check_stored(largest, case.output.precision)
+        energy = 0.0
+        if "dissipated" in case.output.fields:
+            mass = disks.mass[np.isfinite(disks.mass)].max(initial=0.0)
+            fall = (
+                0.0
+                if self.box.is_open
+                else float(mass) * math.hypot(*case.box.gravity) * max(self.box.lengths)
+            )
+            kinetic = checks.kinetic_energy(disks, np.abs(velocity) + flow, spin)
+            energy = max(hottest, comm.largest(max(kinetic, fall)))
+        checks.check_stored(largest, case.output.precision, energy)
         given = self.given is not None and self.given.velocity is not None
         self._check_engine(velocity, given or self.n <= distribution.GATHERED)
 

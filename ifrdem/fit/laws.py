@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest, option_name, refuse
+from ..errors import InputError, nearest, option_name, refuse, shortened
 from ..model.laws import files as law_files
 from ..model.laws.collision import impulses
 from ..model.laws.files import is_law
@@ -229,7 +229,7 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
     """
     if not is_law(kind) or kind.collide is CollisionLaw.collide:
         raise InputError(
-            f"kind = {kind!r}: must be a class derived from ifrdem.CollisionLaw with a method collide"
+            f"kind = {shortened(kind)}: must be a class derived from ifrdem.CollisionLaw with a method collide"
         )
     if not kind.coefficients:
         raise InputError(f"{kind.__name__}: has no coefficients to fit")
@@ -284,7 +284,7 @@ def chosen(
         else:
             allowed = (*LAWS, "all")
             problems.append(
-                f"model = {name!r}: must be one of {', '.join(allowed)}{nearest(str(name), allowed)}"
+                f"model = {shortened(name)}: must be one of {', '.join(allowed)}{nearest(str(name), allowed)}"
             )
     found |= {law.name: law for law in own_laws}
     if not found and not problems:

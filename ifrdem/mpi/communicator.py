@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError, InputError, Stopped, TrajectoryError, install_extra
+from ..errors import EngineError, InputError, Stopped, TrajectoryError, install_extra, shortened
 from .distribution import Distribution
 
 Result = TypeVar("Result")
@@ -83,13 +83,12 @@ class Communicator(Distribution):
         given = comm.mpi if isinstance(comm, Communicator) else comm
         if given is not None and not (hasattr(given, "allgather") and hasattr(given, "rank")):
             raise InputError(
-                f"comm = {comm!r}: must be a communicator of mpi4py, such as MPI.COMM_WORLD, or None"
+                f"comm = {shortened(comm)}: must be a communicator of mpi4py, such as MPI.COMM_WORLD, or None"
             )
         self.mpi: Any = given if given is not None and given.size > 1 else _SingleProcess()
         self.rank: int = self.mpi.rank
         self.size: int = self.mpi.size
         self.is_distributed: bool = distributed and self.size > 1
-        self._tokens: list[contextvars.Token[Communicator]] = []
 
     @classmethod
     def of(cls, comm: Any) -> Communicator:
@@ -97,12 +96,15 @@ class Communicator(Distribution):
         return comm if isinstance(comm, Communicator) else cls(comm)
 
     def __enter__(self) -> Communicator:
-        self._tokens.append(_current.set(self))
+        _outer.set((*_outer.get(), _current.get()))
+        _current.set(self)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        _current.reset(self._tokens.pop())
-        if kind is None and self.size > 1 and not self._tokens:
+        *outer, before = _outer.get()
+        _outer.set(tuple(outer))
+        _current.set(before)
+        if kind is None and self.size > 1 and self not in (*outer, before):
             self.require_same_call("leaves the block")
 
     def __repr__(self) -> str:
@@ -307,6 +309,8 @@ class Communicator(Distribution):
 SERIAL = Communicator()
 """The communicator of a process by itself."""
 _current: contextvars.ContextVar[Communicator] = contextvars.ContextVar("communicator", default=SERIAL)
+_outer: contextvars.ContextVar[tuple[Communicator, ...]] = contextvars.ContextVar("outer", default=())
+"""Those of the `with` blocks around the present one, of each thread."""
 
 
 def current() -> Communicator:
@@ -449,5 +453,5 @@ def slice_of(n: int, comm: Any = None) -> range:
     except TypeError:
         number = -1
     if not 0 <= number < 2**63:
-        raise InputError(f"n = {n!r}: must be an integer from 0 to {2**63 - 1}")
+        raise InputError(f"n = {shortened(n)}: must be an integer from 0 to {2**63 - 1}")
     return (current() if comm is None else Communicator.of(comm)).slice_of(number)

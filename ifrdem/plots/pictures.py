@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError, option_name, there_are
+from ..errors import InputError, option_name, shortened, there_are
 from ..tools.checked import Count, Positive, instance, validated
 from .names import OPTIONS
 from .names import PICTURES as PICTURES
@@ -215,7 +215,7 @@ def checked_axes(what: str, axes: Any, most: int, least: int) -> list[Axes]:
     given = list(np.ravel(np.asarray(axes, dtype=object)))
     for one in given:
         if not isinstance(one, Axes):
-            raise InputError(f"ax = {one!r}: must be Axes of Matplotlib")
+            raise InputError(f"ax = {shortened(one)}: must be Axes of Matplotlib")
     if not least <= len(given) <= most:
         needed = (
             "ax=(left, right)" if least == 2 else "ax=axes" if most == 1 else "ax=axes or ax=(upper, lower)"
@@ -277,7 +277,9 @@ def _numbers(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int] 
     if frames is None or isinstance(frames, FramesFrom):
         return frames
     if isinstance(frames, str) or not isinstance(frames, Iterable):
-        raise InputError(f"frames = {frames!r}: must be a list of frame numbers, [{frames!r}] for one")
+        raise InputError(
+            f"frames = {shortened(frames)}: must be a list of frame numbers, [{shortened(frames)}] for one"
+        )
     return [trajectory[i].index for i in frames]
 
 

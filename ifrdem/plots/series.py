@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -153,12 +152,8 @@ def _wall_names(trajectory: Trajectory) -> list[str]:
     if len(sums.time) < 2:
         raise InputError(f"{trajectory.path}: must have two rows of the series or more for forces on walls")
     columns = sums.columns("walls_hits")
-    grouped = {wall.group for wall in trajectory.walls if wall.group}
-    names = list(
-        dict.fromkeys(
-            next((g for g in grouped if re.fullmatch(rf"{re.escape(g)} \d+ .*", c)), c) for c in columns
-        )
-    )
+    groups = [wall.group for wall in trajectory.walls] + [""] * len(columns)
+    names = list(dict.fromkeys(group or column for group, column in zip(groups, columns, strict=False)))
     hits = {name: float(sums[f"walls_hits/{name}"][-1]) for name in names}
     most = sorted(names, key=lambda name: -hits[name])[: len(KINDS)]
     return [name for name in names if name in most and hits[name] > 0.0] or most

@@ -16,7 +16,7 @@ from ..case.case import CaseSections as Sections
 from ..case.file import CaseFile
 from ..case.report import Report
 from ..case.section import Section, plain
-from ..errors import InputError, RunWarning
+from ..errors import InputError, RunWarning, shortened
 from ..simulation.simulation import Simulation
 from ..tools.checked import Positive, validated
 from ..trajectory.reader import Trajectory
@@ -207,7 +207,7 @@ def assignments(changes: Changes) -> Iterator[str]:
         try:
             yield f"{key}={'' if value is None else template.toml(plain(value))}"
         except TypeError:  # what JSON does not know
-            raise InputError(f"set: {key} = {value!r}: must be a value of a case file") from None
+            raise InputError(f"set: {key} = {shortened(value)}: must be a value of a case file") from None
 
 
 def differences(old: Any, new: Any, key: str = "") -> Iterator[str]:

@@ -483,6 +483,7 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
             cfg_optimization=False,  # the same bits and speed, a quarter of the time to compile
             kernel_profiler=profile,
         )
+    ti.lang.impl.get_runtime().materialize()  # only this thread can; the runtime would do it at the first kernel
     _running, _process = settings, os.getpid()
     LOG.debug("device %s, %d threads, %s", settings.device, settings.threads, settings.precision)
     LOG.debug("kernel cache %s", cache or "none")

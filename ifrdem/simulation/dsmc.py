@@ -41,7 +41,7 @@ from ..tools.checked import (
     check_of,
     validated,
 )
-from ..tools.read_only import ReadOnlyAttributes
+from ..tools.read_only import NotCopied, ReadOnlyAttributes
 from . import backend
 from .device import Device
 from .steps.schedule import warn_of_end
@@ -177,7 +177,7 @@ Samples = Annotated[int | ArrayLike, _samples]
 """A number of samples, or the moments at which they are taken, shape (q,)."""
 
 
-class DSMC(ReadOnlyAttributes):
+class DSMC(NotCopied, ReadOnlyAttributes):
     """A homogeneous gas of rough disks, without places.
 
     Parameters
@@ -231,6 +231,8 @@ class DSMC(ReadOnlyAttributes):
     >>> found.temperature.shape, bool(found.temperature[-1] < 0.7)
     ((6,), True)
     """
+
+    _instead = "Another one with the same arguments has the same collisions"
 
     disks: Disks
     driving: Driving | None

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
+from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions, shortened
 from ..kernels import layout as k
 from ..kernels.columns import READOUT, TALLY, Named, named
 from ..model.box import Box
@@ -107,7 +107,7 @@ class EngineOptions:
         for name, value in checked_values.items():
             object.__setattr__(self, name, value)
         if self.order not in (None, *ORDERS):
-            raise InputError(f"order = {self.order!r}: must be one of {', '.join(ORDERS)}")
+            raise InputError(f"order = {shortened(self.order)}: must be one of {', '.join(ORDERS)}")
         if self.tile_disks is not None:
             checked.integer("tile_disks", self.tile_disks, 1)
 
@@ -583,7 +583,9 @@ class Engine:
         pistons = [w for w, wall in enumerate(self.walls) if wall.piston is not None]
         if number not in pistons:
             known = ", ".join(map(str, pistons)) or "none"
-            raise InputError(f"wall = {number!r}: must be the number of a piston; there are: {known}")
+            raise InputError(
+                f"wall = {shortened(number)}: must be the number of a piston; there are: {known}"
+            )
         wall = self.walls[number]
         assert wall.piston is not None
         changed = replace(wall, piston=replace(wall.piston, force=force))

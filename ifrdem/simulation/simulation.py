@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, SlowRunWarning, outside_level
+from ..errors import InputError, SlowRunWarning, outside_level, shortened
 from ..kernels.columns import READOUT, Named
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
@@ -45,7 +45,7 @@ from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
 from ..tools.progress import output_is_interactive
-from ..tools.read_only import ReadOnlyAttributes
+from ..tools.read_only import NotCopied, ReadOnlyAttributes
 from . import backend
 from .checkpoints import checkpoint
 from .checkpoints.gas_record import arguments, differences, gas_record, laws_of
@@ -81,11 +81,11 @@ Called = TypeVar("Called")
 
 def _callables(name: str, given: Iterable[Called]) -> list[Called]:
     if callable(given) or not isinstance(given, Iterable):
-        raise InputError(f"{name} = {given!r}: must be a list of functions, [function] for one")
+        raise InputError(f"{name} = {shortened(given)}: must be a list of functions, [function] for one")
     found = list(given)
     for i, one in enumerate(found):
         if not callable(one):
-            raise InputError(f"{name}[{i}] = {one!r}: must be a function")
+            raise InputError(f"{name}[{i}] = {shortened(one)}: must be a function")
     return found
 
 
@@ -103,7 +103,7 @@ class _Stopped(Exception):
     """The end of a run by `Simulation.stop`."""
 
 
-class Simulation(ReadOnlyAttributes, DisksRepr):
+class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
     """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters
@@ -193,6 +193,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
     >>> gas.state.velocity[:, 0]
     array([0.25, 0.75])
     """
+
+    _instead = "Store it by save_checkpoint(path): Simulation.from_checkpoint(path) makes another one of it"
 
     @validated
     def __init__(
@@ -881,7 +883,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         progress: Progress | bool | None,
     ) -> None:
         if not (progress is None or isinstance(progress, bool) or callable(progress)):
-            raise InputError(f"progress = {progress!r}: must be True, False or a function")
+            raise InputError(f"progress = {shortened(progress)}: must be True, False or a function")
         if not isinstance(frames, Trigger):
             frames = Trigger(number=checked.integer("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Trigger):
@@ -957,7 +959,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         )
         for name, value in (("progress", progress), ("between", between)):
             if value is not None and not callable(value):
-                raise InputError(f"{name} = {value!r}: must be a function")
+                raise InputError(f"{name} = {shortened(value)}: must be a function")
         self._stopping = False
         kind = self._laws.kind
         check_law_constants(kind)

@@ -10,6 +10,7 @@ Symbols: m mass, R radius, sigma = 2 R, I = m R^2 / k, phi packing fraction.
 
 from __future__ import annotations
 
+import itertools
 import math
 import warnings
 from collections.abc import Callable, Sequence
@@ -28,6 +29,7 @@ from ..tools.checked import (
     Number,
     Positive,
     PositiveArray,
+    must_be,
     validated,
 )
 from .collisions import ClosedLaw, Collider, KineticLaw, collision_rate, energy_changes, slip_coefficients
@@ -131,22 +133,40 @@ def checked_times(times: NonNegativeColumn) -> Array:
     return when
 
 
+MOST_CALLS = 10_000
+"""Calls of a slope that one integration may take: hundreds are needed, also where rates differ by nine decades; of some
+that differ by more it would never end."""
+
+
 def integrated(
     slope: Callable[..., Sequence[float] | Array], start: Sequence[float] | Array, at: Array, what: str,
     *, rtol: float = 1e-9, atol: float = 1e-12,
 ) -> Array:  # fmt: skip
-    """Solution of dy/dt = slope(t, y) at rising times (steps,), y = start at 0, by LSODA; shape (unknowns, steps).
+    """Solution of dy/dt = slope(t, y) at times (steps,), y = start at 0, by LSODA; shape (unknowns, steps).
 
-    TheoryError if the equations of `what` cannot be integrated.
+    Times do not decrease; equal ones have equal rows.
+
+    TheoryError if the equations of `what` cannot be integrated, or take more than `MOST_CALLS` calls of `slope`.
     """
     from scipy.integrate import solve_ivp
 
+    calls = itertools.count(1)
+
+    def counted(t: float, y: Array) -> Sequence[float] | Array:
+        if next(calls) > MOST_CALLS:
+            raise TheoryError(
+                f"the equations of the {what} take more than {MOST_CALLS} steps until the last of the times; end "
+                "earlier, or choose temperatures and rates that differ less"
+            )
+        return slope(t, y)
+
     with warnings.catch_warnings(action="ignore", category=UserWarning):  # `success` and `message` say it
         span = (0.0, max(float(at[-1]), 1e-300))
-        found = solve_ivp(slope, span, start, method="LSODA", t_eval=at, rtol=rtol, atol=atol)
+        times, row = np.unique(at, return_inverse=True)  # solve_ivp wants each once
+        found = solve_ivp(counted, span, start, method="LSODA", t_eval=times, rtol=rtol, atol=atol)
     if not found.success:
         raise TheoryError(f"the equations of the {what} could not be integrated: {found.message}")
-    return np.asarray(found.y)
+    return np.asarray(found.y[:, row])
 
 
 def cooled(slope: Callable[[Array], Array], start: Array, x: Array) -> Array:
@@ -344,7 +364,7 @@ def cooling_ratios(law: KineticLaw, k: Positive) -> tuple[CoolingRatio, ...]:
 
     A gas may have two stable ones with an unstable one between: to which it tends depends on its start
     (`cooling_ratio`). In simulations of some laws spins get tails that are heavier than Gaussian, and another theta.
-    InputError as `cooling_rates`.
+    InputError as `cooling_rates`, or if k is above 1e50, where terms of the equation leave the range of numbers.
 
     Notes
     -----
@@ -361,6 +381,8 @@ def cooling_ratios(law: KineticLaw, k: Positive) -> tuple[CoolingRatio, ...]:
     >>> [(round(found.theta, 3), found.stable) for found in theory.cooling_ratios(coin.law, coin.k)]
     [(0.619, True)]
     """
+    if k > 1e50:
+        raise must_be("k", k, "at most 1e50")
     h, c = slip_coefficients(law, 1.0 / (1.0 + k))
     eta, gamma, f = 0.5 * float(h), 0.5 * float(c), law.mu * (1.0 + law.e_n) / float(c)
     d = Polynomial([0.0, 1.0 / (1.0 + f)])  # of order 1, however large f

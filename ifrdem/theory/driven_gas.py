@@ -175,7 +175,7 @@ def driven(
     scale = max(T0, min(gained, steady[0] if steady else math.inf)) or 1.0
     # What has a steady state is in it by far after a million times that in which its energy was given to it.
     most = 1e6 * scale / (driving.power + driving.spin_power) if steady else math.inf
-    until, at = np.unique(np.minimum(when, most), return_inverse=True)
+    until = np.minimum(when, most)
 
     def slope(_: float, y: Array) -> tuple[float, float, float]:
         # From rest, a gas passes temperatures at which nothing collides yet.
@@ -184,6 +184,6 @@ def driven(
         collisions = collision_rate(packing_fraction, scale * T, mass, radius)
         return dT / scale, dT_rot / scale, collisions
 
-    T, T_rot, collisions = integrated(slope, (T0 / scale, T_rot0 / scale, 0.0), until, "driven gas")[:, at]
-    collisions += collision_rate(packing_fraction, scale * float(T[-1]), mass, radius) * (when - until[at])
+    T, T_rot, collisions = integrated(slope, (T0 / scale, T_rot0 / scale, 0.0), until, "driven gas")
+    collisions += collision_rate(packing_fraction, scale * float(T[-1]), mass, radius) * (when - until)
     return scale * T, scale * T_rot, collisions

@@ -38,13 +38,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
 from ..model.laws.ifr import IFRLaw
-from ..tools.checked import Array, Fraction, NonNegative, Packed, Positive, validated
+from ..tools.checked import MOST, Array, Fraction, NonNegative, Packed, Positive, validated
 from .collisions import ClosedLaw, KineticLaw, collision_rate, is_smooth
 from .contact import compressibility, contact_value
 from .cooling_gas import changes_per_collision
 from .sheared_gas import relaxation, stress_factors
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+MOST_WAVES = 1e6
+"""Waves that are followed at most, in seconds."""
+_WAVES_AT_ONCE = 4096  # with all steps of a course: 66 MB an array
 _COLDEST = math.log(1e200)  # of T0 / T: nothing comes after that
 _LONGEST = 1e5  # collisions per disk
 _STEPS = 2000  # of a course: what is interpolated between two of them is off by their square
@@ -245,14 +248,16 @@ class _CoolingPath(NamedTuple):
         """Integrate until tau = end, or until T0 / T is 1e200 if that is earlier."""
         from scipy.integrate import solve_ivp
 
-        nu = collision_rate(packing_fraction, 1.0, 1.0, radius)
-        per_eta = 2.0 * math.pi * radius**2 / (packing_fraction * nu)
+        # With the radius as the unit of length: tolerances hold for disks of any size.
+        per_eta = 2.0 * math.pi / (packing_fraction * collision_rate(packing_fraction, 1.0, 1.0, 1.0))
 
         def slope(_: float, y: Array) -> tuple[float, float, float, float]:
             lost, theta, _spread, _time = y
-            theta = max(theta, 0.0)
+            theta = min(
+                max(theta, 0.0), MOST
+            )  # of smooth disks it grows without end, and nothing depends on it
             translation, rotation = (float(one) for one in changes_per_collision(theta, law, k))
-            eta = shear_viscosity(packing_fraction, 1.0, 1.0, radius, law=law, k=k, theta=theta)
+            eta = shear_viscosity(packing_fraction, 1.0, 1.0, 1.0, law=law, k=k, theta=theta)
             return -translation, rotation - theta * translation, per_eta * eta, math.exp(0.5 * lost)
 
         def cold(_: float, y: Array) -> float:
@@ -267,7 +272,7 @@ class _CoolingPath(NamedTuple):
             raise TheoryError(f"the cooling equations could not be integrated: {found.message}")
         tau = np.linspace(0.0, float(found.t[-1]), _STEPS + 1)
         lost, _, spread, time = found.sol(tau)
-        return cls(tau, lost, spread, time)
+        return cls(tau, lost, radius**2 * spread, time)
 
     def excess(self, waves_q2: Array, times: NDArray[np.intp]) -> Array:
         """Sum of S - 1 over waves (k / 2 pi)^2, each so many times, that have grown on the whole, at all tau."""
@@ -330,13 +335,21 @@ def _mode_energy(
     path = _CoolingPath.of(law, radius, packing_fraction, k, _theta(law, theta0, "theta0"), end)
     n = packing_fraction * box[0] * box[1] / (math.pi * radius**2)
     most = math.sqrt(max(float(np.max(path.lost[1:] / path.spread[1:])), 0.0))
-    found = np.unique(waves(box, most), return_counts=True)
-    return path, path.excess(*found) / (2.0 * n)
+    q2, times = np.unique(waves(box, most), return_counts=True)
+    blocks = (slice(i, i + _WAVES_AT_ONCE) for i in range(0, len(q2), _WAVES_AT_ONCE))
+    total = sum((path.excess(q2[some], times[some]) for some in blocks), np.zeros(len(path.tau)))
+    return path, total / (2.0 * n)
 
 
 def waves(box: tuple[float, float], most: float) -> Array:
     """(k / 2 pi)^2 [1/length^2] of all waves of a periodic box with wave numbers 0 < k < `most` [1/length]."""
     most = most / (2.0 * math.pi)
+    number = 4.0 * box[0] * box[1] * most**2
+    if number > MOST_WAVES:
+        raise InputError(
+            f"box = {box[0]:g} x {box[1]:g}: has some {number:.2g} waves longer than {1.0 / most:.3g}: at most "
+            f"{MOST_WAVES:g} are followed; choose a smaller box"
+        )
     x, y = (np.arange(-int(side * most), int(side * most) + 1) / side for side in box)
     q2 = (x[:, None] ** 2 + y**2).ravel()
     return np.asarray(q2[(q2 > 0.0) & (q2 < most**2)])

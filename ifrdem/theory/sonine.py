@@ -25,16 +25,19 @@ a_2 of the cooling gas is -0.0303 at e = 0.9 and -0.0260 at 0.8, here -0.0269 an
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Annotated
 
-from ..tools.checked import Array, FiniteArray, Fraction, NonNegative, Vectors, validated
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..tools.checked import Array, FiniteArray, Fraction, NonNegative, Numbers, validated
 
 _D = 2  # dimensions
 
 
 @validated
-def sonine_coefficient(velocity: Vectors) -> float:
-    """a_2 = <v^4> / (2 <v^2>^2) - 1 of velocities, shape (n, 2): 0 for Gaussian ones; nan where nothing moves.
+def sonine_coefficient(velocity: Annotated[ArrayLike, Numbers(("n", 2), least=1)]) -> float:
+    """a_2 = <v^4> / (2 <v^2>^2) - 1 of n > 0 velocities, shape (n, 2): 0 for Gaussian ones; nan where nothing moves.
 
     Of n independent Gaussian velocities it scatters by 1 / sqrt(n), around 1 + a_2 = n / (n + 1). To see it, let
     x = c^2, which has the density exp(-x): to first order in the scatter, a_2 is the mean of x^2/2 - 2 x + 1, of
@@ -50,7 +53,7 @@ def sonine_coefficient(velocity: Vectors) -> float:
     """
     v = np.asarray(velocity, dtype=np.float64)
     v2 = np.sum(v**2, axis=-1)
-    mean = float(np.mean(v2)) if len(v2) else 0.0
+    mean = float(np.mean(v2))
     return float(np.mean((v2 / mean) ** 2)) / 2.0 - 1.0 if mean > 0.0 else float("nan")
 
 

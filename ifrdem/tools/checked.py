@@ -17,7 +17,6 @@ import itertools
 import math
 import os
 import re
-import reprlib
 import sys
 import types
 import typing
@@ -30,7 +29,7 @@ from typing import Annotated, Any, Literal, Protocol, TypeVar, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest, there_are
+from ..errors import InputError, nearest, shortened, there_are
 from ..mpi import Communicator, current
 
 Array = NDArray[np.float64]
@@ -48,17 +47,6 @@ def must_be(name: str, value: object, needed: str) -> InputError:
     is_array = isinstance(value, np.ndarray) and value.ndim > 0
     shown = f"array of shape {value.shape}" if is_array else shortened(value)  # type: ignore[attr-defined]
     return InputError(f"{name} = {shown}: must be {needed}")
-
-
-_texts = reprlib.Repr()
-_texts.maxother = _texts.maxlong = _texts.maxstring = 60
-
-
-def shortened(value: object) -> str:
-    """The repr of anything, on one line."""
-    if isinstance(value, int) and value.bit_length() > 256:  # beyond 14,000 bits, repr refuses
-        return f"an int of {value.bit_length()} bits"
-    return " ".join(_texts.repr(value).split())
 
 
 class Check(Protocol):
@@ -87,11 +75,13 @@ def _number_in(value: Any) -> Any:
         value = value[()]
     if isinstance(value, np.floating):
         return float(value)
-    return int(value) if isinstance(value, np.integer) else value
+    if isinstance(value, np.integer) and not isinstance(value, np.timedelta64):
+        return int(value)
+    return value
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, RealNumber) and not isinstance(value, bool | np.bool_)
+    return isinstance(value, RealNumber) and not isinstance(value, bool | np.bool_ | np.timedelta64)
 
 
 @dataclass(frozen=True)
@@ -178,7 +168,8 @@ class Numbers:
         found = self.typed(name, value)
         if not self._fits(found.shape) or found.size < self.least:
             raise InputError(f"{name} has shape {found.shape}: must be {self.needed}")
-        found = np.asarray(found, dtype=np.float64, order="C")
+        with np.errstate(over="ignore"):  # of longer types: infinite, and refused below
+            found = np.asarray(found, dtype=np.float64, order="C")
         if found.size and not (found.min() >= self.low and found.max() <= self.high):
             invalid = ~((found >= self.low) & (found <= self.high) | (self.zero & (found == 0.0)))
             invalid &= ~(self.gaps & np.isnan(found))
@@ -254,7 +245,10 @@ class PathOfFile:
     def __call__(self, name: str, value: Any) -> Any:
         if not isinstance(value, str | os.PathLike) or not (text := os.fspath(value)) or "\0" in str(text):
             raise must_be(name, value, self.needed)
-        whole = os.fsencode(text)
+        try:
+            whole = os.fsencode(text)
+        except UnicodeEncodeError:
+            raise must_be(name, str(text), "a path that the file system can write") from None
         if len(whole) > MOST_OF_PATH or max(map(len, re.split(rb"[/\\]", whole))) > MOST_OF_NAME:
             needed = f"a path of {MOST_OF_PATH} bytes at most, each name of {MOST_OF_NAME}"
             raise must_be(name, str(text), needed)
@@ -409,6 +403,8 @@ def integers(
 ) -> NDArray[np.int32]:
     """An array of whole numbers of 32 bits, none below `least`, its own only if they were of another type."""
     found = NUMBERS.typed(name, value)
+    if found.dtype.kind == "f" and found.dtype != np.float64:
+        found = NUMBERS(name, value)  # NumPy rounds bounds to the type of its own numbers
     if found.shape != shape and not (broadcast and found.shape in ((), (1,))):
         raise InputError(f"{name} has shape {found.shape}: must be an array of integers of shape {shape}")
     if found.dtype != np.int32 or (found.size and least > np.iinfo(np.int32).min):
@@ -597,6 +593,12 @@ def validated(function: F) -> F:
         for name, (i, value) in made.items():
             if i >= len(values) and name not in options:
                 options[name] = value
-        return function(*values, **options)
+        try:
+            return function(*values, **options)
+        except MemoryError as error:
+            of = function.__qualname__.removesuffix(".__init__")
+            raise InputError(
+                f"{of}: not enough memory for what was asked: {error or 'no more is free'}"
+            ) from error
 
     return checking  # type: ignore[return-value]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, shortened
 from .checked import validated
 from .renderer import plots
 
@@ -17,7 +17,7 @@ def refuse_unknown(given: Mapping[str, Any], known: Sequence[str]) -> None:
     """Raise InputError if a picture gets an argument of another name, such as colour."""
     for name, value in given.items():
         text = f"there is no such argument{nearest(name, known)}; there are {', '.join(known)}"
-        raise InputError(f"{name} = {value!r}: {text}")
+        raise InputError(f"{name} = {shortened(value)}: {text}")
 
 
 class NotebookRepr:

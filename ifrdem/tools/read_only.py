@@ -1,10 +1,10 @@
-"""Objects whose attributes cannot be set by mistake."""
+"""Objects whose attributes cannot be set by mistake, and those that cannot be copied."""
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
 
-from ..errors import AttributeRefused, nearest
+from ..errors import AttributeRefused, InputError, nearest
 
 
 class ReadOnlyAttributes:
@@ -34,3 +34,14 @@ class ReadOnlyAttributes:
         """Set public attributes, in methods of the class."""
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+
+class NotCopied:
+    """Base of classes whose objects cannot be copied or pickled: a gas on a device, a file that is written."""
+
+    _instead: ClassVar[str]
+    """Sentence on what to do instead."""
+
+    def __reduce_ex__(self, _protocol: object) -> NoReturn:
+        """Raise InputError: `copy.copy` would give a second name to the same device arrays or file."""
+        raise InputError(f"a {type(self).__name__} cannot be copied or pickled. {self._instead}")

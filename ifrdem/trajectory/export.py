@@ -21,6 +21,7 @@ from .damage import FAULTS
 from .history import History
 from .reader import SPIN, Trajectory
 from .repair import write_whole
+from .rows import converted
 from .species import named_species
 
 FORMATS = ("gsd", "extxyz", "csv", "h5")
@@ -50,8 +51,8 @@ def export(
     frame, with a header; of one frame, a start file. The last two keep every digit that is stored. h5: a trajectory of
     these frames, ascending, with series and histories, in one file; so parts are put together.
 
-    Raises InputError if the format is none of these, a field it needs is not stored, a package is missing, or it cannot
-    be written.
+    Raises InputError if the format is none of these, a field it needs is not stored, a package is missing, numbers are
+    outside of the range of single precision for gsd, or it cannot be written.
     """
     checked.choice("to", to, FORMATS)
     writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv, "h5": write_whole}
@@ -199,15 +200,15 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
     centred = position - middle
     if tilt:  # into HOOMD's parallelogram
         centred[:, 0] -= lengths[0] * np.round((centred[:, 0] - tilt * centred[:, 1]) / lengths[0])
-    flat[:, :2] = centred
-    snapshot.configuration.box = [*lengths, 0.0, tilt, 0.0, 0.0]
+    flat[:, :2] = _single("position", centred)
+    snapshot.configuration.box = [*_single("side of the box", lengths), 0.0, tilt, 0.0, 0.0]
     particles = snapshot.particles
     particles.N, particles.position = n, flat
-    particles.mass, particles.diameter = disks.mass, 2.0 * disks.radius
+    particles.mass, particles.diameter = _single("mass", disks.mass), _single("diameter", 2.0 * disks.radius)
     numbered = [f"M{i}" for i in range(int(disks.material.max(initial=-1)) + 1)]
     particles.types, particles.typeid = kinds(trajectory) or (numbered, disks.material)
     inertia = np.zeros((n, 3), dtype=np.float32)
-    inertia[:, 2] = disks.inertia
+    inertia[:, 2] = _single("moment of inertia", disks.inertia)
     particles.moment_inertia = inertia
     half = np.zeros(n)
     if "angle" in trajectory.fields:
@@ -215,19 +216,25 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
         particles.orientation = _about_z(np.cos(half), np.sin(half))
     if SPIN in trajectory.fields:
         # HOOMD's angmom p is 2 q (0, L), L in the body's axes: L = Im(q* p) / 2. Immovable disks are at rest.
-        momentum = np.where(disks.movable, disks.inertia, 0.0) * frame.spin
-        particles.angmom = 2.0 * _about_z(-np.sin(half) * momentum, np.cos(half) * momentum)
+        momentum = 2.0 * np.where(disks.movable, disks.inertia, 0.0) * frame.spin
+        momentum = _single("angular momentum, doubled", momentum)
+        particles.angmom = _about_z(-np.sin(half) * momentum, np.cos(half) * momentum)
     for name in ("velocity", "image"):
         # Images of a sheared box are counted along other axes than those of the parallelogram.
         if name in trajectory.fields and not (name == "image" and box.shear_rate):
             value = np.zeros((n, 3), dtype=np.float32 if name == "velocity" else np.int32)
-            value[:, :2] = frame[name]
+            value[:, :2] = _single(name, frame[name]) if name == "velocity" else frame[name]
             setattr(particles, name, value)
     snapshot.log["time"] = np.array([frame.time])
     for name in trajectory.fields:
         if name not in ("position", "velocity", "image"):
             snapshot.log[f"particles/{name}"] = frame[name]
     return snapshot
+
+
+def _single(what: str, values: NDArray[Any]) -> NDArray[np.float32]:
+    """Numbers in the precision of GSD; InputError if they are outside of its range."""
+    return converted(what, values, np.float32, "export to extxyz, csv or h5, which hold double precision")
 
 
 def _about_z(real: NDArray[Any], along_z: NDArray[Any]) -> NDArray[Any]:

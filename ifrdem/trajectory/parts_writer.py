@@ -21,6 +21,7 @@ from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..quantities import FIELDS
 from ..tools.checked import Comm, Count, validated
+from ..tools.read_only import NotCopied
 from . import layout
 from . import parts as part_files
 from .background import AsyncWriter
@@ -29,7 +30,7 @@ from .species import named_species, with_species
 from .writer import DEFAULT_FIELDS, TrajectoryWriter
 
 
-class PartsWriter:
+class PartsWriter(NotCopied):
     """Writer of a trajectory in parts, in separate threads, with the methods of `AsyncWriter`.
 
     Each of P ranks writes its part, with the disks that it has (r n // P and following of n), as a trajectory of its
@@ -55,6 +56,8 @@ class PartsWriter:
     >>> ifrdem.Trajectory("gas.h5")[0].position.tolist()
     [[1.0, 5.0], [4.0, 5.0]]
     """
+
+    _instead = TrajectoryWriter._instead
 
     def __init__(
         self,

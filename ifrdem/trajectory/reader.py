@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import operator
 import os
-import re
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,6 +28,7 @@ from ..errors import (
     counted,
     cut,
     printable,
+    shortened,
     there_are,
 )
 from ..model.box import Box
@@ -35,10 +36,10 @@ from ..model.laws.law import CollisionLaw
 from ..model.laws.records import checked_record, from_record, is_custom, of_table
 from ..model.state import Disks
 from ..model.walls.free_area import FreeArea
-from ..model.walls.wall import OF_PISTONS, Wall, at_displacements
+from ..model.walls.wall import OF_PISTONS, Wall, at_displacements, columns_of
 from ..model.walls.wall import from_json as walls_from_json
 from ..mpi.distribution import GATHERED
-from ..quantities import FIELDS
+from ..quantities import FIELDS, WALL_SERIES
 from ..tools import checked
 from ..tools.checked import Integer, validated
 from ..tools.notebook import DisksRepr, NotebookRepr, plots, refuse_unknown
@@ -215,7 +216,8 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
     """Quantities by name: arrays over separate times, shape (rows, ...), read on access.
 
     A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`,
-    `series["walls_work/wall 0 line"]`; by the name of a group of walls, their sum: `series["walls_work/paddle"]`.
+    `series["walls_work/wall 0 line"]`; by the name of a group of walls, their sum: `series["walls_work/paddle"]`. The
+    name of a group comes before that of a column, which may be the same in old files.
 
     Iterating gives the quantities in the file. Three more are computed from them (`derived`):
 
@@ -238,9 +240,11 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
         kind: str,
         read: Callable[[str, int, int], NDArray[Any]],
         n: int,
+        groups: Sequence[str] = (),
     ) -> None:
         self._kind = kind
         self._n = n
+        self._groups = groups
         self._path = "" if group is None else str(group.name)
         self._read = read
         self._columns: dict[str, tuple[str, ...]] = {}
@@ -263,14 +267,14 @@ class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
         )
         if not column:
             return value
-        if column not in columns:
-            group = [i for i, one in enumerate(columns) if re.fullmatch(rf"{re.escape(column)} \d+ .*", one)]
-            if group and whole.startswith("walls_"):  # parts of one wall
-                return np.asarray(value[:, group].sum(axis=1))
+        groups = self._groups if whole in WALL_SERIES else ()
+        chosen = columns_of(column, columns, groups)
+        if not chosen:
+            known = (*dict.fromkeys(filter(None, groups)), *columns)
             raise NameMissing(
-                f"{self._kind} {whole!r} of the file has no column {column!r}{there_are(column, columns)}"
+                f"{self._kind} {whole!r} of the file has no column {column!r}{there_are(column, known)}"
             )
-        return value[:, columns.index(column)]
+        return value[:, chosen[0]] if len(chosen) == 1 else np.asarray(value[:, chosen].sum(axis=1))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._columns)
@@ -431,6 +435,10 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     observables: Series
     series: Series
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies and pickles open the file anew, and so do those of frames and series."""
+        return functools.partial(type(self), run_law_files=self._run_law_files), (self.path,)
+
     def __init__(self, path: str | os.PathLike[str], *, run_law_files: bool = False) -> None:
         self._set(path=checked.path("path", path))
         self._run_law_files = checked.Instance((bool,))("run_law_files", run_law_files)
@@ -476,12 +484,12 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         lengths = self.shape(name)
         given = selection if isinstance(selection, tuple) else (selection,)
         if len(given) > len(lengths):
-            raise InputError(f"selection {selection!r} of {name}: {len(lengths)} axes at most")
+            raise InputError(f"selection {shortened(selection)} of {name}: {len(lengths)} axes at most")
         forward: list[Any] = []
         turned: list[int] = []  # axes of what is read
         for length, each in zip(lengths, given or (slice(None),), strict=False):
             refused = InputError(
-                f"selection {each!r} of {name}: must be integers and slices; index the "
+                f"selection {shortened(each)} of {name}: must be integers and slices; index the "
                 "result for others, as trajectory.read(name, 3)[[5, 2]]"
             )
             if isinstance(each, slice):
@@ -558,7 +566,9 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         moments = np.zeros(0) if rows is None else self._moments(rows)
         self._set(
             observables=Series(file["observables"], self.times, "observable", self._read_rows, self.n),
-            series=Series(rows, moments, "series", self._read_rows, self.n),
+            series=Series(
+                rows, moments, "series", self._read_rows, self.n, [wall.group for wall in self.walls]
+            ),
         )
 
     @property
@@ -971,7 +981,7 @@ def _index(what: str, given: Any) -> int:
     try:
         return operator.index(given)
     except TypeError:
-        raise InputError(f"{what} = {given!r}: must be an integer") from None
+        raise InputError(f"{what} = {shortened(given)}: must be an integer") from None
 
 
 def check_file(path: Path) -> None:

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..errors import InputError, TrajectoryError, there_are
+from ..errors import InputError, TrajectoryError, shortened, there_are
 from ..model.state import State
 from ..quantities import EVENT, FIELDS, START
 from . import layout
@@ -213,7 +213,7 @@ class HistoryWriter:
         """Begin to track disks; see `TrajectoryWriter.begin_histories`."""
         tracked = np.sort(stored("tracked", ids, np.atleast_1d(np.asarray(ids)).shape[:1], np.int32))
         if not len(tracked) or not 0 <= tracked[0] <= tracked[-1] < self._n:
-            raise InputError(f"tracked = {ids!r}: must be ids of disks from 0 to {self._n - 1}")
+            raise InputError(f"tracked = {shortened(ids)}: must be ids of disks from 0 to {self._n - 1}")
         if len(twice := tracked[1:][tracked[1:] == tracked[:-1]]):
             raise InputError(f"tracked: disk {twice[0]} is given twice")
         start: dict[str, Any] = {"time": np.float64(state.time)}
@@ -280,7 +280,7 @@ class HistoryWriter:
             raise InputError(f"histories: the events lack {', '.join(missing)}")
         for name in events:
             if name not in EVENT:
-                raise InputError(f"histories: there is no column {name!r}{there_are(name, EVENT)}")
+                raise InputError(f"histories: there is no column {shortened(name)}{there_are(name, EVENT)}")
         length = len(np.atleast_1d(np.asarray(events["time"])))
         columns = {
             name: stored(f"histories: {name}", events[name], (length, *column.tail), column.dtype())
@@ -302,10 +302,10 @@ class HistoryWriter:
 def _row(values: Mapping[str, ArrayLike], first: Mapping[str, Any] | None) -> dict[str, NDArray[Any]]:
     """Quantities of a row of the series, as `first` has them."""
     if not isinstance(values, Mapping):
-        raise InputError(f"series: must be numbers by name, not {values!r}")
+        raise InputError(f"series: must be numbers by name, not {shortened(values)}")
     for name in ("step", "time"):
         if name in values:
-            raise InputError(f"name of series = {name!r}: the file has it already for all of them")
+            raise InputError(f"name of series = {shortened(name)}: the file has it already for all of them")
     row = checked("series", "row", values, first)
     if not row:
         raise InputError("series: a row must have one quantity or more")
@@ -333,7 +333,7 @@ def checked(
     for name, value in given.items():
         numbers = np.asarray(value)
         if numbers.dtype.kind not in "iuf" or numbers.size == 0:
-            raise InputError(f"{what} {name} = {value!r}: must be a number or numbers")
+            raise InputError(f"{what} {name} = {shortened(value)}: must be a number or numbers")
         found[name] = numbers.astype(np.float64 if numbers.dtype.kind == "f" else np.int64)
     if first is None:
         for name in found:
@@ -352,8 +352,13 @@ def checked(
     return found
 
 
-def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Values in the type that the file has for them; InputError if they do not fit the shape or the type."""
+def stored(
+    what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike, *, vanish: bool = False
+) -> NDArray[Any]:
+    """Values in the type that the file has for them; InputError if they do not fit the shape or the type.
+
+    `vanish` as for `converted`.
+    """
     given, target = np.asarray(value), np.dtype(dtype)
     if given.shape != shape:
         raise InputError(f"{what} has shape {given.shape}: must be {shape}")
@@ -363,13 +368,45 @@ def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike
         limits = np.iinfo(target)
         if not limits.min <= given.min() <= given.max() <= limits.max:
             raise InputError(f"{what}: numbers beyond {limits.max} cannot be stored")
-    with np.errstate(over="ignore"):
-        found = np.asarray(given, dtype=target, order="C")
+    found = converted(what, given, target, IN_FILE, vanish=vanish)
     if target.kind == "f" and not np.isfinite(found).all():
         position = tuple(int(axis) for axis in np.argwhere(~np.isfinite(found))[0])
         where = ", ".join(map(str, position))
-        raise InputError(f"{what}[{where}] = {given[position]}: must be a finite number of type {target}")
+        # Rows that an engine gives in single precision have been rounded there.
+        more = f"; if it is larger in double precision, {IN_FILE}" if given.dtype == np.float32 else ""
+        raise InputError(f"{what}[{where}] = {given[position]}: must be a finite number{more}")
     return found
+
+
+IN_FILE = (
+    'store it in precision "f8" (output.precision of a case), or choose units in which it is nearer to 1'
+)
+"""Remedy for numbers that the precision of a trajectory cannot hold."""
+
+
+def converted(
+    what: str, given: NDArray[Any], dtype: DTypeLike, remedy: str, *, vanish: bool = False
+) -> NDArray[Any]:
+    """Numbers in another type, C-contiguous.
+
+    Raises InputError with the `remedy` where a finite number would become infinite, or all would become 0 unless they
+    may `vanish`, as velocities do under drag.
+    """
+    with np.errstate(over="ignore", under="ignore"):
+        found = np.asarray(given, dtype=dtype, order="C")
+    if found.dtype.kind != "f" or given.dtype.kind != "f" or found.itemsize >= given.itemsize:
+        return found
+    lost = np.isinf(found) & np.isfinite(given)
+    if not lost.any():
+        if vanish or found.any() or not given.any():
+            return found
+        lost = given == np.abs(given).max()
+    position = tuple(int(axis) for axis in np.argwhere(lost)[0])
+    where, limits = f"[{', '.join(map(str, position))}]" if position else "", np.finfo(found.dtype)
+    raise InputError(
+        f"{what}{where} = {given[position]:.6g}: {'single' if found.itemsize == 4 else 'this'} precision holds numbers "
+        f"from {limits.tiny:.3g} to {limits.max:.3g} in size; {remedy}"
+    )
 
 
 def is_number(value: object) -> bool:
@@ -381,4 +418,4 @@ def check_name(what: str, name: object, *, separator: bool = True) -> None:
     """Raise InputError unless a name can be one in HDF5; with `separator`, "/" makes groups."""
     parts = str(name).split("/") if separator else [str(name)]
     if not isinstance(name, str) or any(part in ("", ".", "..") or "/" in part for part in parts):
-        raise InputError(f"name of {what} = {name!r}: must be a string valid as a name in HDF5")
+        raise InputError(f"name of {what} = {shortened(name)}: must be a string valid as a name in HDF5")

@@ -17,6 +17,7 @@ from ..quantities import AXES, FIELDS, MECHANISMS, SERIES
 from ..tools import checked
 from .descriptions import unit_of_whole_gas
 from .layout import STATIC, version_of
+from .rows import converted
 
 if TYPE_CHECKING:
     import MDAnalysis
@@ -251,6 +252,10 @@ def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
     mda: Any = optional_import("MDAnalysis", "readers")
     trajectory.dataset("position")  # raises if it, or a part of it, is missing
     disks = trajectory.disks
+    for name in {"position", "velocity"} & {*trajectory.fields} if len(trajectory) else ():
+        converted(
+            name, trajectory[0][name], np.float32, "MDAnalysis computes in it: export to xarray instead"
+        )
     made = mda.Universe.empty(disks.n, trajectory=True, velocities="velocity" in trajectory.fields)
     for name, values in (
         ("masses", disks.mass),

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, counted
+from ..errors import InputError, counted, shortened
 from ..model.box import Box, below
 from ..model.state import Disks, FrameRows, State
 from ..model.walls.wall import Wall, to_json
@@ -23,7 +23,7 @@ from ..quantities import FIELDS
 from ..tools import checked
 from ..tools.checked import validated
 from ..tools.files import cause
-from ..tools.read_only import ReadOnlyAttributes
+from ..tools.read_only import NotCopied, ReadOnlyAttributes
 from . import damage, layout
 from . import parts as part_files
 from .file import OutputFile, signals_postponed
@@ -35,7 +35,7 @@ from .species import with_species
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")
 
 
-class TrajectoryWriter(ReadOnlyAttributes):
+class TrajectoryWriter(NotCopied, ReadOnlyAttributes):
     """Writes frames, time series and histories of a run into a new H5MD file.
 
     Each frame is committed in two phases: everything but its step is written and flushed, then the step. A
@@ -68,8 +68,8 @@ class TrajectoryWriter(ReadOnlyAttributes):
         "reduced" for each of them, or for none. Without them the file says that they are not stated.
     precision : str
         "f4" (default) or "f8": floats of the per-disk fields. f4 resolves 6e-8 of the box, enough for
-        analysis and not for a restart. Times, observables, series and histories are always f8, counts are
-        integers.
+        analysis and not for a restart, and holds sizes from 1e-38 to 3e38. Times, observables, series and histories
+        are always f8, counts are integers.
     compression : str
         "none" (default), "gzip" (shuffle and deflate, level 1) or "zstd" (shuffle and Zstandard) of the per-disk
         fields. gzip is read by every HDF5 program; zstd is faster, and requires the package `hdf5plugin` (extra
@@ -102,6 +102,10 @@ class TrajectoryWriter(ReadOnlyAttributes):
     1
     """
 
+    _instead = (
+        "A file has one writer: give each process a file of its own, or its frames to the process that writes"
+    )
+
     path: Path
 
     @validated
@@ -125,7 +129,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
         checked.instance("box", box, Box)
         for name, given in (("parameters", parameters), ("units", units)):
             if not isinstance(given, Mapping | None):
-                raise InputError(f"{name} = {given!r}: must be a mapping by name")
+                raise InputError(f"{name} = {shortened(given)}: must be a mapping by name")
         parameters = with_species(parameters, {} if isinstance(within, Part) else disks.species)
         parameters |= {"walls": to_json(walls)} if walls else {}
         units = units or {}
@@ -181,7 +185,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
         expected = {"frames": frames, "series_rows": series_rows, "events": events}
         for name, value in expected.items():
             if not isinstance(value, int | np.integer) or value < 0:
-                raise InputError(f"{name} = {value!r}: must be an integer, 0 or more")
+                raise InputError(f"{name} = {shortened(value)}: must be an integer, 0 or more")
         output, file_name = OutputFile.reopen(path), os.fspath(path)
         try:
             with signals_postponed():
@@ -303,7 +307,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
             before, found = self._rows.last_time, []
             for state, observables in frames:
                 if not hasattr(state, "time"):
-                    raise InputError(f"state = {state!r}: must be a State")
+                    raise InputError(f"state = {shortened(state)}: must be a State")
                 if not isinstance(observables, Mapping | None):
                     raise InputError(
                         f"observables = {type(observables).__name__}: must be numbers by name, such as "
@@ -421,7 +425,9 @@ class TrajectoryWriter(ReadOnlyAttributes):
             raise InputError(f"time = {state.time}: must be a finite time not before {before}")
         found = {}
         for name, like in self._fields.items():
-            found[name] = stored(name, getattr(state, FIELDS[name].name), like.shape, like.dtype)
+            vanish = np.isfinite(before) and name != "dissipated"  # which only grows
+            value = getattr(state, FIELDS[name].name)
+            found[name] = stored(name, value, like.shape, like.dtype, vanish=vanish)
         if "position" in found and found["position"].dtype != state.position.dtype:
             # Rounding to fewer digits may carry a disk out of the box through its upper side.
             for axis, length in enumerate(self._box.lengths):
@@ -439,13 +445,15 @@ def _check_record(parameters: Mapping[str, object], units: Mapping[str, object])
     for name, value in parameters.items():
         check_name("parameter", name)
         if not isinstance(value, (str, int, float)):
-            raise InputError(f"parameter {name} = {value!r}: must be a string or a number")
+            raise InputError(f"parameter {name} = {shortened(value)}: must be a string or a number")
     for quantity, unit in units.items():
         check_name("unit", quantity)
         if not isinstance(unit, str):
-            raise InputError(f"unit of {quantity} = {unit!r}: must be a string")
+            raise InputError(f"unit of {quantity} = {shortened(unit)}: must be a string")
         if (unit == layout.REDUCED) != (layout.REDUCED in units.values()):
-            raise InputError(f"unit of {quantity} = {unit!r}: must be 'reduced' for all units or none")
+            raise InputError(
+                f"unit of {quantity} = {shortened(unit)}: must be 'reduced' for all units or none"
+            )
 
 
 def _check_resumable(

@@ -22,6 +22,7 @@ from ..tools.checked import Array
 from ..trajectory.export import kinds
 from ..trajectory.history import KICK
 from ..trajectory.reader import SPIN, Frame, Trajectory
+from ..trajectory.rows import converted
 
 MOST_DISKS = 2_000_000
 """Above so many disks in the window, a map of the area fraction is shown instead."""
@@ -88,6 +89,7 @@ class Content:
     def __init__(self, trajectory: Trajectory) -> None:
         trajectory.require("position")
         self.trajectory = trajectory
+        self._radii()
         self._stamp = self._now()
         self._forget()
 
@@ -208,9 +210,14 @@ class Content:
                 )
         return found
 
+    def _radii(self) -> NDArray[Any]:
+        """Radii as browsers draw them; InputError if they are outside of the range of single precision."""
+        remedy = "browsers draw in it: choose units in which it is nearer to 1, or draw by `ifrdem plot FILE disks`"
+        return converted("radius", self.trajectory.disks.radius, np.float32, remedy)
+
     def disks(self) -> bytes:
         """Radius [length] and number of the species of each disk; one number where all are the same."""
-        radius, species = self.trajectory.disks.radius.astype(np.float32), self._kinds()[1].astype(np.uint8)
+        radius, species = self._radii(), self._kinds()[1].astype(np.uint8)
         return pack(
             {}, {"radius": radius[:1] if len(np.unique(radius)) == 1 else radius,
                  "species": species[:1] if len(np.unique(species)) == 1 else species},

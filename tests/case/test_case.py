@@ -884,11 +884,20 @@ def test_a_collapse_that_is_no_text_is_refused(tmp_path):
         case_file.read(path, ['run.collapse=["tc"]'])
 
 
+DISSIPATING = ['output.fields=["position","dissipated"]']
+FALLING = ["species[0].speed_rms=0", "box.periodic=[true,false]", "box.gravity=[0,-1e36]",
+           'box.material="aluminium"']  # fmt: skip
+BEYOND = 'output.precision = "f4": the field dissipated: energies of disks of'
+
+
 @pytest.mark.parametrize(
     ("overrides", "reason"),
     [
         (["species[0].speed_rms=1e40"], r'output\.precision = "f4": a velocity of \d.*cannot be stored'),
         (["species[0].spin_rms=1e40"], r'output\.precision = "f4": a spin of'),
+        ([*DISSIPATING, "species[0].speed_rms=1e20"], BEYOND),
+        ([*DISSIPATING, "species[0].mass=1e-39"], BEYOND),
+        ([*DISSIPATING, *FALLING], BEYOND),
         (["species[0].speed_rms=1e-30"], "more than 1e27, the longest time of the engine"),
         (["species[0].speed_rms=1e-17", "run.precision=f32"], "what f32 can compute with"),
         (["species[0].speed_rms=1e-17", "run.precision=f32", "start.positions=hexagonal"], "what f32 can"),

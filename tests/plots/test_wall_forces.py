@@ -10,7 +10,7 @@ import pytest
 from support.figures import texts
 
 from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter, Turn, Wall
-from ifrdem.model.walls.wall import wall_names
+from ifrdem.model.walls.wall import SUMS, wall_names
 from ifrdem.plots import pictures, series
 
 WALLS = [Wall.post((2.0 + i, 3.0), 0.1, group="rake" if i < 2 else "") for i in range(3)]
@@ -70,6 +70,54 @@ def test_each_torque_is_about_the_centre_that_the_label_says(
 ) -> None:
     with Trajectory(write(tmp_path / "a.h5", turning=turning, box=box)) as run:
         assert pictures.figure(run, "walls").axes[1].get_ylabel() == says
+
+
+CLASHING = [
+    # plates called as the sides of the box; groups whose names look like the columns of others
+    *(
+        Wall.post((2.0, 1.0 + i), 0.1, group=name)
+        for i, name in enumerate(("bottom", "top", "wall", "wall 4 post"))
+    ),
+    *(Wall.post((4.0, 1.0 + i), 0.1, group=name) for i, name in enumerate(("", "a", "a 1 b", "bottom"))),
+]
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_the_name_of_a_group_gives_its_walls_and_no_others(tmp_path: Path, old: bool) -> None:
+    """Wall i has 2^i hits at the end: sums tell which walls are in it. Old files named sides by themselves."""
+    names = wall_names([*CLASHING, *WALLS[:2]], BOX)
+    if old:
+        names = (*(f"{wall.group or 'wall'} {i} post" for i, wall in enumerate(CLASHING)), "bottom", "top")
+    hits = 2.0 ** np.arange(10.0)
+    with TrajectoryWriter(tmp_path / "a.h5", Disks(1, 1.0, 0.5), BOX, walls=CLASHING) as file:
+        file.write(State([[5.0, 5.0]], [[0.0, 0.0]], [0.0]))
+        rows = [(t, {f"walls_{name}": t * hits for name in SUMS}) for t in (0.0, 1.0)]
+        file.write_series_rows(rows, dict.fromkeys(rows[0][1], names))
+    with Trajectory(tmp_path / "a.h5") as run:
+        found = {
+            name: run.series[f"walls_hits/{name}"][-1] for name in dict.fromkeys([*names, *groups(CLASHING)])
+        }
+        by_group = {
+            "bottom": 1.0 + 128.0,
+            "top": 2.0,
+            "wall": 4.0,
+            "wall 4 post": 8.0,
+            "a": 32.0,
+            "a 1 b": 64.0,
+        }
+        others = [16.0] * (not old) + [256.0, 512.0] * (not old)
+        assert {name: found[name] for name in by_group} == by_group
+        assert sorted(found.values()) == sorted([*by_group.values(), *hits[:4], *hits[5:8], *others])
+        with pytest.raises(KeyError, match="did you mean 'bottom'"):
+            run.series["walls_hits/botom"]
+        drawn = {line.get_label(): line.get_ydata() for line in pictures.figure(run, "walls").axes[0].lines}
+        for name in set(by_group) & set(drawn):  # the force on a wall in a time of 1 is minus the momentum
+            np.testing.assert_array_equal(drawn[name], -by_group[name])
+        assert {"bottom", "a 1 b"} <= set(drawn)
+
+
+def groups(walls: list[Wall]) -> list[str]:
+    return [wall.group for wall in walls if wall.group]
 
 
 def test_a_file_without_sums_of_walls_names_the_key_that_stores_them(tmp_path: Path) -> None:

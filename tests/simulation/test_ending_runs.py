@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextvars
+import copy
 import functools
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -15,8 +18,10 @@ import numpy as np
 import pytest
 from support import gases
 
-from ifrdem import ContactTime, EngineError, IFRLaw, InputError, Simulation, State
+from ifrdem import ContactTime, Device, EngineError, IFRLaw, InputError, Simulation, State
 from ifrdem.model.observables import Measure
+from ifrdem.mpi.communicator import SERIAL, Communicator, current
+from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 
 LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
@@ -193,6 +198,51 @@ def test_a_second_thread_is_refused_while_another_one_runs_a_simulation() -> Non
     thread.start()
     thread.join()
     assert one.time == 0.2
+
+
+def test_a_gas_that_was_made_in_another_thread_runs_in_this_one_and_the_other_way_round() -> None:
+    """Taichi ends its work with an assertion if its first kernel is launched by another thread than started it.
+
+    Each device with other threads starts the runtime anew.
+    """
+    made: list[Simulation] = []
+    device = Device(threads=min(2, backend.cores()))
+
+    def in_thread(act: Callable[[], object]) -> None:
+        thread = threading.Thread(target=act)
+        thread.start()
+        thread.join()
+
+    backend.stop()
+    in_thread(lambda: made.append(gas(device=device)))
+    made[0].run(t_end=0.1)
+    expected = made[0].state
+    backend.stop()
+    made.append(gas(device=device))
+    in_thread(lambda: made[1].run(t_end=0.1))
+    assert_same_motion(made[1].state, expected)
+
+
+def test_blocks_of_communicators_in_two_threads_do_not_meet() -> None:
+    """Two threads make gases at once: each is in blocks of its own, that may end in any order."""
+    one, other = contextvars.copy_context(), contextvars.copy_context()
+    outer = Communicator()
+    with outer:
+        one.run(SERIAL.__enter__)
+        other.run(SERIAL.__enter__)
+        one.run(SERIAL.__exit__)
+        assert other.run(current) is SERIAL
+        other.run(SERIAL.__exit__)
+        assert current() is outer
+    assert current() is SERIAL
+
+
+def test_a_simulation_is_not_copied_and_says_what_to_do() -> None:
+    """`copy.copy` gave a second name to the same arrays on the device: both moved at once."""
+    one = gas()
+    for act in (copy.copy, copy.deepcopy, pickle.dumps):
+        with pytest.raises(InputError, match=r"cannot be copied or pickled\. Store it by save_checkpoint"):
+            act(one)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")

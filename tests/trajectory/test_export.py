@@ -22,6 +22,7 @@ from ifrdem.model.state import Disks, State
 from ifrdem.trajectory.export import export
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
+from ifrdem.viewer.content import Content
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning")
 N, FRAMES = 30, 6
@@ -316,3 +317,29 @@ def test_damaged_data_end_a_command_with_a_message_and_no_file(tmp_path, capsys)
         assert "Traceback" not in error
     assert os.listdir(tmp_path) == ["run.h5"]
     assert main(["export", str(path), "--to", "extxyz", "--frames", "0"]) == 0  # that one is whole
+
+
+@pytest.mark.parametrize(("mass", "shown"), [(2e30, "4.9e.47"), (1e-60, "mass.0. = 1e-60"), (np.inf, None)])
+def test_gsd_refuses_numbers_beyond_single_precision(tmp_path: Path, mass: float, shown: str | None) -> None:
+    """A star, m R^2 / 2 = 4.9e47 kg m^2, and a disk of 1e-60: GSD would hold inf and 0. Immovable disks are inf."""
+    disks = Disks(1, mass=mass, radius=7e8)
+    with TrajectoryWriter(tmp_path / "run.h5", disks, Box((1e12, 1e12)), precision="f8") as file:
+        file.write(State([[1e11, 1e11]], [[0.0, 0.0]], [0.0]))
+    if shown is None:
+        assert exported(tmp_path / "run.h5", "gsd", range(1)).exists()
+        return
+    with pytest.raises(InputError, match=f"{shown}: single precision holds .*export to extxyz, csv or h5"):
+        exported(tmp_path / "run.h5", "gsd", range(1))
+    assert not (tmp_path / "run.gsd").exists()
+
+
+def test_viewer_and_mdanalysis_refuse_numbers_beyond_single_precision(tmp_path: Path) -> None:
+    with TrajectoryWriter(
+        tmp_path / "run.h5", Disks(1, 1.0, 1e39), Box((1e40, 1e40)), precision="f8"
+    ) as file:
+        file.write(State([[1e39, 1e39]], [[0.0, 0.0]], [0.0]))
+    with Trajectory(tmp_path / "run.h5") as run:
+        with pytest.raises(InputError, match=r"radius\[0\] = 1e\+39: .*ifrdem plot FILE disks"):
+            Content(run)
+        with pytest.raises(InputError, match=r"position\[0, 0\] = 1e\+39: .*MDAnalysis"):
+            run.universe()

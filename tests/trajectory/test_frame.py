@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import tracemalloc
 from pathlib import Path
 
@@ -29,6 +31,30 @@ def test_fields_are_there_by_name_as_items_and_attributes(tmp_path):
         assert np.array_equal(frame["spin"], frame.angular_velocity)
         assert set(FIELDS) <= set(dir(frame))
         assert np.allclose(frame.unwrapped, frame.position + frame.image * np.array(BOX.lengths))
+
+
+@pytest.mark.parametrize(
+    "act",
+    [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))],
+    ids=["copy", "deep", "pickle"],
+)
+def test_copies_of_trajectories_frames_and_series_read_the_file_by_themselves(tmp_path, act):
+    """A task of another process gets them: h5py's objects could not be pickled, and a copy shared the open file."""
+    write(tmp_path / "run.h5")
+    add_series(tmp_path / "run.h5")
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        expected = trajectory[1].position, trajectory.series["energy"]
+        whole, frame, series = act(trajectory), act(trajectory[1]), act(trajectory.series)
+        opened = whole.file
+    assert bool(opened)
+    assert whole.path == trajectory.path
+    assert np.array_equal(whole[1].position, expected[0])
+    if act is not copy.copy:  # those refer to the trajectory, which is closed
+        assert np.array_equal(frame.position, expected[0])
+        assert np.array_equal(series["energy"], expected[1])
+    writer = TrajectoryWriter(tmp_path / "new.h5", some_disks(5), BOX)
+    with writer, pytest.raises(InputError, match="TrajectoryWriter cannot be copied or pickled"):
+        act(writer)
 
 
 def test_unknown_names_get_the_nearest_spelling(tmp_path):

@@ -392,3 +392,31 @@ def test_species_of_the_disks_are_those_of_the_file(tmp_path):
     with Trajectory(path) as run, h5py.File(path) as raw:
         assert species(run) == {"light": 2, "heavy": 1}
         assert raw["particles/all/species"][()].tolist() == [0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "shown"),
+    [("dissipated", 1e39, r"dissipated\[0, 0\] = 1e\+39"), ("dissipated", 1e-50, r"dissipated\[0, 0\] = 1e-50"),
+     ("velocity", 1e39, r"velocity\[0, 0\] = 1e\+39"), ("velocity", 1e-50, r"velocity\[0, 0\] = 1e-50")],
+)  # fmt: skip
+def test_numbers_beyond_single_precision_are_refused_with_the_precision_that_holds_them(
+    tmp_path, field, value, shown
+):
+    """Single precision ends at 2^128 = 3.4e38, and rounds below 2^-150 = 7e-46 to 0."""
+    disks, box = Disks(1, 1.0, 0.5), Box((5.0, 5.0))
+    state = replace(
+        State([[1.0, 1.0]], [[0.0, 0.0]], [0.0]),
+        **{field: np.full((1, 7 if field == "dissipated" else 2), value)},
+    )
+    with TrajectoryWriter(tmp_path / "f4.h5", disks, box, fields=[field]) as file:
+        with pytest.raises(
+            InputError, match=f'{shown}: .* from 1.18e-38 to 3.4e.38 .*precision "f8" .output.precision'
+        ):
+            file.write(state)
+        file.write(State([[1.0, 1.0]], [[1.0, 0.0]], [0.0], dissipated=np.zeros((1, 7))))
+        if (field, value) == ("velocity", 1e-50):  # disks that drag has stopped end no run
+            file.write(replace(state, time=1.0))
+    with TrajectoryWriter(tmp_path / "f8.h5", disks, box, fields=[field], precision="f8") as file:
+        file.write(state)
+    with Trajectory(tmp_path / "f8.h5") as run:
+        assert run[0][field][0, 0] == value

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, shortened
 from ...tools.checked import Array
 from ..state import Disks
 from .law import CollisionLaw
@@ -118,8 +118,8 @@ def _kind(table: Laws, table_given: bool) -> type[CollisionLaw]:
         if not isinstance(law, CollisionLaw) or kind.collide is CollisionLaw.collide:
             place = f"law[{a}][{b}]" if table_given else "law"
             raise InputError(
-                f"{place} = {law!r}: must be an IFRLaw, or an object of a class derived from ifrdem.CollisionLaw with "
-                "a method collide"
+                f"{place} = {shortened(law)}: must be an IFRLaw, or an object of a class derived from "
+                "ifrdem.CollisionLaw with a method collide"
             )
         if kind not in kinds:
             kinds.append(kind)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from ...errors import InputError
+from ...errors import InputError, shortened
 from ...tools import checked
 from . import files as law_files
 from .files import LawSource
@@ -47,7 +47,7 @@ def any_law(name: str, law: Any) -> CollisionLaw:
     try:
         return NAMES[kind](**given)
     except TypeError as error:  # a coefficient that is missing
-        raise InputError(f"{name} = {law!r}: {error}") from None
+        raise InputError(f"{name} = {shortened(law)}: {error}") from None
 
 
 AnyLaw = Annotated[CollisionLaw | Mapping[str, Any], any_law]
@@ -61,7 +61,9 @@ def to_record(law: CollisionLaw) -> dict[str, Any]:
     for name, (kind, arguments) in ARGUMENTS.items():
         if type(law) is kind:
             return {"law": name} | {key: getattr(law, key) for key in arguments}
-    raise InputError(f"law = {law!r}: must be one of {', '.join(ARGUMENTS)}, or from a file, to be stored")
+    raise InputError(
+        f"law = {shortened(law)}: must be one of {', '.join(ARGUMENTS)}, or from a file, to be stored"
+    )
 
 
 def from_record(record: Mapping[str, Any], folder: Path | str = ".") -> CollisionLaw:
@@ -77,7 +79,7 @@ def from_record(record: Mapping[str, Any], folder: Path | str = ".") -> Collisio
             raise InputError(f"law {name}: {'; '.join(filter(None, (': '.join(each) for each in wrong)))}")
         return law
     if name not in ARGUMENTS:
-        raise InputError(f"law = {name!r}: must be one of {', '.join(ARGUMENTS)}")
+        raise InputError(f"law = {shortened(name)}: must be one of {', '.join(ARGUMENTS)}")
     kind, arguments = ARGUMENTS[name]
     given = {key: value for key, value in record.items() if key != "law"}
     if set(given) != set(arguments):

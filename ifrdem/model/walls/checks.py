@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, shortened
 from ...kernels.columns import MOST_WALLS
 from ...mpi import current
 from ...tools.checked import Array
@@ -18,10 +18,10 @@ from .wall import Wall, pieces
 def check_types(walls: Sequence[Wall]) -> None:
     """Raise InputError unless these are walls."""
     if isinstance(walls, Wall) or not isinstance(walls, Sequence):
-        raise InputError(f"walls = {walls!r}: must be a list of walls, [wall] for one")
+        raise InputError(f"walls = {shortened(walls)}: must be a list of walls, [wall] for one")
     for w, one in enumerate(walls):
         if not isinstance(one, Wall):
-            raise InputError(f"walls[{w}] = {one!r}: must be a Wall, such as Wall.line(...)")
+            raise InputError(f"walls[{w}] = {shortened(one)}: must be a Wall, such as Wall.line(...)")
 
 
 def check_place(wall: Wall, box: Box) -> None:

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, cut
+from ...errors import InputError, cut, shortened
 from ...kernels.columns import MOST_WALLS
 from ...tools import checked, text_file
 from ...tools.checked import Array
@@ -48,7 +48,7 @@ def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float
     double back or enclose no area.
     """
     if not isinstance(points, Sequence | np.ndarray) or isinstance(points, str):
-        raise InputError(f"{name}, points = {checked.shortened(points)}: must be a list of points [x, y]")
+        raise InputError(f"{name}, points = {shortened(points)}: must be a list of points [x, y]")
     found = [checked.PAIR(f"{name}, points[{i}]", point) for i, point in enumerate(points)]
     for i, point in enumerate(found):
         if max(map(abs, point)) > MOST:

@@ -16,7 +16,7 @@ from typing import Annotated, Literal, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import InputError, nearest
+from ...errors import InputError, nearest, shortened
 from ...kernels.columns import WALL, Named, named
 from ...kernels.layout import FAR
 from ...kernels.walls.kinds import FREE, MOTIONS, PIECES, TURNS
@@ -456,7 +456,7 @@ class WallSums:
         if not any(chosen) or not group:
             names = sorted({wall.group for wall in self.walls} - {""})
             raise InputError(
-                f"group = {group!r}: allowed are {', '.join(names) or 'none'}{nearest(group, names)}"
+                f"group = {shortened(group)}: allowed are {', '.join(names) or 'none'}{nearest(group, names)}"
             )
         first = chosen.index(True)
         return WallSums((self.walls[first],), self.values[chosen].sum(axis=0)[None])
@@ -539,11 +539,33 @@ def pieces(walls: Sequence[Wall]) -> int:
 
 
 def wall_names(walls: Sequence[Wall], box: Box) -> tuple[str, ...]:
-    """A name for each wall, those at the sides of the box last: its group and shape, its number, or the side."""
+    """A name for each wall, those at the sides of the box last: its group and shape, its number, or the side.
+
+    The name of a group stands for all of its walls (`columns_of`): a wall or a side that is called like a group of
+    others gets an addition.
+    """
     at_sides = [name for axis, names in enumerate((("left", "right"), ("bottom", "top"))) for name in names
                 if not box.is_open and not box.periodic[axis]]  # fmt: skip
     given = walls[: len(walls) - len(at_sides)]
-    return (*(f"{wall.group or 'wall'} {i} {wall.shape}" for i, wall in enumerate(given)), *at_sides)
+    groups = {wall.group for wall in given}
+
+    def apart(name: str) -> str:
+        while name in groups:
+            name += " (not the group)"
+        return name
+
+    return tuple(
+        map(apart, (*(f"{wall.group or 'wall'} {i} {wall.shape}" for i, wall in enumerate(given)), *at_sides))
+    )
+
+
+def columns_of(name: str, columns: Sequence[str], groups: Sequence[str]) -> list[int]:
+    """Numbers of the columns of `wall_names` that a name stands for: those of a group of walls, or the one it names.
+
+    `groups` has the group of each wall, without the sides of the box.
+    """
+    of_group = [i for i, group in enumerate(groups[: len(columns)]) if group == name != ""]
+    return of_group or [i for i, one in enumerate(columns) if one == name]
 
 
 def to_json(walls: Sequence[Wall]) -> str:

@@ -20,7 +20,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import DamageError, InputError, option_name
+from ...errors import DamageError, InputError, option_name, shortened
 from ...kernels.columns import named
 from ...kernels.compiler import runtime
 from ...model.state import COLUMNS, Disks, State
@@ -173,18 +173,22 @@ def check_extra(path: object, extra: object, arrays: object) -> None:
     InputError unless the path is one, `extra` a mapping of what JSON knows, and `arrays` one of arrays of numbers.
     """
     if not isinstance(path, str | os.PathLike) or not Path(path).name:
-        raise InputError(f"path = {path!r}: must be the path of a file, a text or a Path")
+        raise InputError(f"path = {shortened(path)}: must be the path of a file, a text or a Path")
     for name, given in (("extra", extra), ("arrays", arrays)):
         if given is not None and not isinstance(given, Mapping):
-            raise InputError(f"{name} = {given!r}: must be a mapping by name")
+            raise InputError(f"{name} = {shortened(given)}: must be a mapping by name")
     for key, value in extra.items() if isinstance(extra, Mapping) else ():
         try:
             json.dumps({key: value})
         except (TypeError, ValueError) as error:
-            raise InputError(f"extra[{key!r}] = {value!r}: JSON cannot hold it: {error}") from None
+            raise InputError(
+                f"extra[{shortened(key)}] = {shortened(value)}: JSON cannot hold it: {error}"
+            ) from None
     for key, value in arrays.items() if isinstance(arrays, Mapping) else ():
         if not isinstance(key, str) or np.asarray(value).dtype.kind not in "biuf":
-            raise InputError(f"arrays[{key!r}] = {value!r}: must be an array of numbers by its name")
+            raise InputError(
+                f"arrays[{shortened(key)}] = {shortened(value)}: must be an array of numbers by its name"
+            )
 
 
 def read(

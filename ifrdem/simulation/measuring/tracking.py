@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...errors import InputError, there_are
+from ...errors import InputError, shortened, there_are
 from ...kernels import layout as k
 from ...kernels.columns import EVENT as EVENT_COLUMNS
 from ...kernels.columns import named, rows_dtype
@@ -93,7 +93,7 @@ def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray
     except ValueError:  # rows of different lengths
         given = np.empty((0, 0))
     if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-        raise InputError(f"tracked = {tracked!r}: must be a list of disks' numbers, 0 to {n - 1}")
+        raise InputError(f"tracked = {shortened(tracked)}: must be a list of disks' numbers, 0 to {n - 1}")
     ids = np.sort(given).astype(np.int64)
     if ids.size and not 0 <= ids[0] <= ids[-1] < n:
         unknown = ids[0] if ids[0] < 0 else ids[-1]

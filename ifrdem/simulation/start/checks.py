@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...errors import InputError, shortened
 from ...kernels.columns import ADDRESSABLE, MOST_IDS, SINGLE_TILE, most_disks
 from ...model.box import Box
 from ...model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
@@ -41,6 +41,14 @@ LEAST_REBOUND = {"f32": 1e-3, "f64": 1e-12}
 def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float64]) -> float:
     """The largest velocity component or R |omega| of disks [length/time]; 0 without disks."""
     return float(max(np.abs(velocity).max(initial=0.0), (np.abs(spin) * disks.radius).max(initial=0.0)))
+
+
+def kinetic_energy(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float64]) -> float:
+    """The largest kinetic energy of a movable disk [energy]; 0 without disks."""
+    movable = np.isfinite(disks.mass)
+    translation = disks.mass[movable] * np.sum(velocity[movable] ** 2, axis=1)
+    rotation = disks.inertia[movable] * spin[movable] ** 2
+    return float(0.5 * (translation + rotation).max(initial=0.0))
 
 
 def hottest(walls: Iterable[Wall], forces: Iterable[Force]) -> float:
@@ -211,18 +219,21 @@ def at_rest_on_walls(
     return None
 
 
-def check_stored(largest: Mapping[str, float], precision: str) -> None:
-    """Refuse quantities, the largest of each by name, that a trajectory file in single precision cannot hold.
+def check_stored(largest: Mapping[str, float], precision: str, energy: float = 0.0) -> None:
+    """Refuse quantities, the largest of each by name, that a trajectory file cannot hold.
 
-    `precision` is "f4" or "f8".
+    `precision` is "f4" or "f8". `energy` is that of a disk, 0 if the file does not have what disks dissipate: single
+    collisions take a small part of it, and a gas that is heated many times as much.
     """
     limits = np.finfo(precision)
     low, high = float(limits.tiny), float(limits.max)
-    for name, value in largest.items():
-        if value != 0.0 and not low <= value <= high:
+    checked = [(name, value, low, high) for name, value in largest.items()]
+    checked.append(("the field dissipated: energies of disks", energy, 1e10 * low, 1e-6 * high))
+    for name, value, least, most in checked:
+        if value != 0.0 and not least <= value <= most:
             raise InputError(
-                f'output.precision = "{precision}": {name} of {value:.3g} cannot be stored, only from {low:.3g} to '
-                f"{high:.3g}; choose units in which it is nearer to 1"
+                f'output.precision = "{precision}": {name} of {value:.3g} cannot be stored, only from {least:.3g} to '
+                f"{most:.3g}; choose units in which it is nearer to 1"
                 + (', or "f8"' if precision == "f4" else "")
             )
 
@@ -476,7 +487,7 @@ def _check_sheared(disks: Disks, box: Box, walls: Sequence[Wall]) -> None:
 def check_forces(forces: object) -> None:
     """Raise InputError unless it is a list of forces, none of them only the base class, or a class itself."""
     if not isinstance(forces, Sequence) or isinstance(forces, str):
-        raise InputError(f"forces = {forces!r}: must be a list of forces, [force] for one")
+        raise InputError(f"forces = {shortened(forces)}: must be a list of forces, [force] for one")
     if not forces:
         return
     from ...model.forces import Force  # imports Taichi, which is slow
@@ -484,6 +495,6 @@ def check_forces(forces: object) -> None:
     for i, force in enumerate(forces):
         if not isinstance(force, Force) or type(force).act is Force.act:
             raise InputError(
-                f"forces[{i}] = {force!r}: must be an object of a class derived from ifrdem.forces.Force, with "
-                "a method act"
+                f"forces[{i}] = {shortened(force)}: must be an object of a class derived from "
+                "ifrdem.forces.Force, with a method act"
             )

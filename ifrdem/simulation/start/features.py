@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, nearest
+from ...errors import InputError, nearest, shortened
 from ...kernels.columns import named
 from ...kernels.layout import Uses
 from ...kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
@@ -35,7 +35,9 @@ def validate_record(record: Iterable[str]) -> frozenset[str]:
     names = list(record)
     for name in names:
         if name not in RECORDABLE:
-            raise InputError(f"record: unknown name {name!r}{nearest(name, RECORDABLE)}; must be of {known}")
+            raise InputError(
+                f"record: unknown name {shortened(name)}{nearest(name, RECORDABLE)}; must be of {known}"
+            )
     return frozenset(names) | ({"energy"} if "disk_energy" in names else set())
 
 

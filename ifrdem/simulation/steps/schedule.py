@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 from typing import Any, NamedTuple
 
-from ...errors import InputError, RunWarning
+from ...errors import InputError, RunWarning, shortened
 from ...model.observables import Measure
 from ...tools import checked
 
@@ -147,7 +147,7 @@ class Trigger:
             if value is not None:
                 INTERVAL(name, value)
         if self.spacing not in SPACINGS:
-            raise InputError(f"spacing = {self.spacing!r}: must be one of {', '.join(SPACINGS)}")
+            raise InputError(f"spacing = {shortened(self.spacing)}: must be one of {', '.join(SPACINGS)}")
         if self.spacing == "log" and self.number is None:
             raise InputError('spacing = "log" needs a number')
         if not 0.0 < self.log_from < 1.0:
