@@ -777,33 +777,14 @@ def _regime_counts(trajectory: Trajectory, span: tuple[float, float]) -> dict[st
     return {impact.COUNTED[column]: int(each) for column, each in zip(columns, between, strict=True)}
 
 
-@dataclass(frozen=True)
-class Analysis:
-    """An analysis: its title and its function of a file, frames (None: suitable ones) and options."""
-
-    title: str
-    of: Callable[..., Evaluation]
-
-
-ANALYSES = {
-    "velocity": Analysis("velocities and spins: Sonine coefficients", of_velocity),
-    "rdf": Analysis("pair correlation g(r)", of_pairs),
-    "structure-factor": Analysis("structure factor S(k)", of_structure),
-    "msd": Analysis("mean-square displacement", motion.of_msd),
-    "vacf": Analysis("velocity autocorrelation", motion.of_vacf),
-    "profiles": Analysis("averages in bins along an axis", of_profiles),
-    "fields": Analysis("coarse-grained fields", of_fields),
-    "clusters": Analysis("clusters", of_clusters),
-    "psi6": Analysis("hexatic order psi_6", of_psi6),
-    "pressure": Analysis("pressure", of_pressure),
-    "stress": Analysis("pressure tensor", of_stress),
-    "cooling": Analysis("Haff's law and the ratio of temperatures", of_cooling),
-    "velocity-correlation": Analysis("velocities of two disks at a distance", vortices.of_correlation),
-    "vorticity": Analysis("spectrum of the velocity field", vortices.of_spectrum),
-    "species": Analysis("temperatures of species and their ratios", species.of_species),
-    "impact": Analysis("angles of impact and regimes", of_impact),
-}
-"""Name -> analysis."""
+FUNCTIONS: dict[str, Callable[..., Evaluation]] = {
+    "velocity": of_velocity, "rdf": of_pairs, "structure-factor": of_structure, "msd": motion.of_msd,
+    "vacf": motion.of_vacf, "profiles": of_profiles, "fields": of_fields, "clusters": of_clusters, "psi6": of_psi6,
+    "pressure": of_pressure, "stress": of_stress, "cooling": of_cooling,
+    "velocity-correlation": vortices.of_correlation, "vorticity": vortices.of_spectrum, "species": species.of_species,
+    "impact": of_impact,
+}  # fmt: skip
+"""Functions of a file, frames (None: suitable ones) and options, by the names in `names.ANALYSES`."""
 
 
 def report(name: str, title: str, evaluation: Evaluation, span: str) -> str:

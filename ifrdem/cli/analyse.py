@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from ..analysis.names import ANALYSES, OPTIONS
 from ..errors import DamageError, InputError, there_are
-from ..plots.names import OPTIONS, PICTURES
+from ..plots.names import PICTURES
 from ..tools import text_file
 from .console import FAILED, echo, note, warn
 from .options import (
@@ -40,31 +41,18 @@ if TYPE_CHECKING:
     from ..analysis.result import Columns, Evaluation
     from ..trajectory.reader import Trajectory
 
-NAMES = (
-    "velocity",
-    "rdf",
-    "structure-factor",
-    "msd",
-    "vacf",
-    "profiles",
-    "fields",
-    "clusters",
-    "psi6",
-    "pressure",
-    "stress",
-    "cooling",
-    "velocity-correlation",
-    "vorticity",
-    "species",
-    "impact",
-)
-"""As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
 ELSEWHERE = "; --force replaces it, -o DIR writes elsewhere"
 MOST_SUMMARY = 100_000_000  # bytes of a summary at most
 RUN = ("name", "seed", "started")
 """Parameters of a trajectory that identify its run."""
 
-PICTURE_LIST = "\n".join(f"{name:<{max(map(len, PICTURES))}}  {text}" for name, text in PICTURES.items())
+
+def _list(texts: Mapping[str, str]) -> str:
+    """Lines of names and texts."""
+    return "\n".join(f"{name:<{max(map(len, texts))}}  {text}" for name, text in texts.items())
+
+
+PICTURE_LIST, ANALYSIS_LIST = _list(PICTURES), _list({name: each.text for name, each in ANALYSES.items()})
 
 
 def _known(kind: str, name: str, names: Sequence[str]) -> None:
@@ -96,23 +84,6 @@ def analyse(
 
     Prints a table with standard errors, and writes a CSV file for each analysis and one JSON file.
 
-      velocity          velocities and spins: Sonine coefficients
-      rdf               pair correlation g(r), its value at contact
-      structure-factor  structure factor S(k)
-      msd               mean-square displacement, diffusion
-      vacf              velocity autocorrelation
-      profiles          density, flow, temperatures, stress, heat flux along --axis
-      fields            density, flow and thermal temperature; --average over frames
-      clusters          sizes, the largest, radius of gyration
-      psi6              hexatic order
-      pressure          from impulses and from the rate of collisions
-      stress            pressure tensor, its parts, friction and N_1 (output.stress)
-      cooling           fits of Haff's law and of T_rot / T
-      velocity-correlation  of two disks along and across r, correlation length
-      vorticity         spectrum of the velocity field, across and along k
-      species           temperatures of each species, their ratios, kinetic theory
-      impact            angles of impact and regimes
-
     Without names, all that the file allows; the exit status is 1 if damage of it keeps one from being done. Analyses of
     single frames take up to 20 of the second half, and fewer of large gases. Averages over time of a gas that is
     driven, sheared or between walls begin where it is steady, in the first half of the run. --frames or --from says
@@ -125,8 +96,8 @@ def analyse(
     if not sources:
         raise InputError(f"{words[0]}: there is no such file or folder" if words else "TRAJECTORY is missing")
     for name in what:
-        _known("analysis", name, NAMES)
-    options = _options(what or NAMES, axis=axis, bins=bins, cells=cells, average=average)
+        _known("analysis", name, tuple(ANALYSES))
+    options = _options(what or tuple(ANALYSES), axis=axis, bins=bins, cells=cells, average=average)
     files = [one_trajectory(source) for source in sources]
     records = [_analyse(file, what, frames, start, options, output, json, force) for file in files]
     if len(files) > 1 and not json:
@@ -157,7 +128,7 @@ def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
 
     n = len(records)
     yield f"mean over {n} files, with the standard error of the scatter between them, and the {PERCENT} interval"
-    for name in NAMES:
+    for name in ANALYSES:
         values = [record["analyses"][name]["values"] for record in records if name in record["analyses"]]
         for key, found in values[0].items() if len(values) == len(records) else ():
             each = [one[key]["value"] for one in values if one.get(key, {}).get("value") is not None]
@@ -196,7 +167,7 @@ def _analyse(
         record = _summary_record(trajectory, summary, force=force)
         names, kept = _wanted(what, record, summary, force=force)
 
-        from ..analysis.catalogue import ANALYSES, report
+        from ..analysis.catalogue import FUNCTIONS, report
         from ..analysis.result import span_text
 
         skipped: dict[str, str] = {}
@@ -204,7 +175,7 @@ def _analyse(
         written: dict[Path, Columns] = {}
         for name in names:
             try:
-                evaluation = ANALYSES[name].of(trajectory, numbers, **options.get(name, {}))
+                evaluation = FUNCTIONS[name](trajectory, numbers, **options.get(name, {}))
             except InputError as error:
                 if what:
                     raise InputError(f"{name}: {error}") from None
@@ -219,7 +190,7 @@ def _analyse(
             if not json:
                 echo(report(name, ANALYSES[name].title, evaluation, span_text(trajectory, evaluation)))
         found = record["analyses"]
-        record["analyses"] = {name: found[name] for name in NAMES if name in found}
+        record["analyses"] = {name: found[name] for name in ANALYSES if name in found}
         reasons = record["not_possible"] | skipped
         record["not_possible"] = {name: reason for name, reason in reasons.items() if name not in found}
         record["damaged"] = damaged
@@ -278,7 +249,7 @@ def _wanted(
     what: Sequence[str], record: dict[str, Any], summary: Path, *, force: bool
 ) -> tuple[list[str], list[str]]:
     """Analyses to do, and existing ones that are kept."""
-    requested = list(dict.fromkeys(what)) or list(NAMES)
+    requested = list(dict.fromkeys(what)) or list(ANALYSES)
     there = [name for name in requested if name in record["analyses"]]
     if force or not there:
         return requested, []
@@ -428,8 +399,8 @@ def _plot_one(
         colour_of(color, "--color")
     from ..tools.files import check_apart, check_files
 
-    if start is not None and what not in NAMES:
-        raise InputError(f"--from: cannot be combined with {what}; it is an option of {', '.join(NAMES)}")
+    if start is not None and what not in ANALYSES:
+        raise InputError(f"--from: cannot be combined with {what}; it is an option of {', '.join(ANALYSES)}")
     with opened(file) as trajectory:
         numbers = chosen_frames(trajectory, frames, start)
         path = Path(output or f"{trajectory.path.stem}-{what}.png")

@@ -78,6 +78,7 @@ MORE: dict[Callable[..., Any], str] = {
     fit.fit: fit.FORMAT,
     fit.collisions: fit.TRACKS,
     fit.compare: fit.MEASURED,
+    analyse.analyse: f"WHAT is\n\n{textwrap.indent(analyse.ANALYSIS_LIST, '  ')}",
     analyse.plot: f"WHAT is drawn into a PNG file:\n\n{textwrap.indent(analyse.PICTURE_LIST, '  ')}",
 }
 """Text that `--help` of a command shows behind its docstring."""

@@ -8,9 +8,9 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..analysis.names import OPTIONS
 from ..errors import InputError, option_name, shortened, there_are
 from ..tools.checked import Count, Positive, instance, validated
-from .names import OPTIONS
 from .names import PICTURES as PICTURES
 
 if TYPE_CHECKING:
@@ -305,10 +305,10 @@ def _draw(
         draw = temperatures.draw if what == "temperatures" else getattr(series, what)
         draw(trajectory, over or "t", *axes)
     else:
-        from ..analysis.catalogue import ANALYSES
+        from ..analysis.catalogue import FUNCTIONS
         from .analyses import PANELS
 
-        evaluation = ANALYSES[what].of(trajectory, frames, **options)
+        evaluation = FUNCTIONS[what](trajectory, frames, **options)
         PANELS[what].draw(*axes, trajectory, evaluation, **({"over": over} if what == "species" else {}))
         return evaluation
     return None

@@ -12,12 +12,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
+from ..analysis.names import ANALYSES, OVER_TIME
 from ..case import file as case_file
 from ..case import shipped
 from ..case.case import CaseSections
@@ -28,8 +29,12 @@ from ..errors import InputError, cut, listed, nearest, option_name
 from ..quantities import LEDGER, OBSERVABLES
 from ..tools import text_file
 from ..tools.versions import __version__
-from .task import OVER_TIME, OverTime, PerFrame, Task
+from .task import Task
 
+if TYPE_CHECKING:
+    AnalysisName = str
+else:
+    AnalysisName = Literal[tuple(ANALYSES)]
 ROWS = 50
 """Rows of series where neither the study nor its case says how many."""
 MOST_RUNS = 100_000
@@ -151,7 +156,7 @@ class StudyOutput(_Part):
 
     series: int | None = Field(default=None, ge=1, le=100_000)
     series_spacing: Literal["even", "log"] | None = None
-    analyses: list[Literal[PerFrame, OverTime]] = Field(default=[])
+    analyses: list[AnalysisName] = Field(default=[])
     analyses_at: list[float] = Field(default=[])
     analyses_from: float | None = Field(default=None, ge=0.0)
     trajectories: bool = False

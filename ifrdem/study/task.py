@@ -16,12 +16,13 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.lib.format import read_array
 from numpy.typing import NDArray
 
+from ..analysis.names import OVER_TIME
 from ..case import file as case_file
 from ..case.case import CaseSections
 from ..case.file import CaseFile
@@ -38,13 +39,6 @@ if TYPE_CHECKING:
     from ..analysis.result import Evaluation, FramesFrom
     from ..trajectory.reader import Trajectory
 
-PerFrame = Literal[
-    "velocity", "rdf", "structure-factor", "fields", "clusters", "psi6", "velocity-correlation", "vorticity"
-]
-"""Analyses of single frames, at chosen places of a run."""
-OverTime = Literal["msd", "vacf", "profiles", "pressure", "stress", "cooling", "species", "impact"]
-OVER_TIME: tuple[str, ...] = get_args(OverTime)
-"""Analyses of a whole run."""
 AT = "at"
 """Dimension of the places at which frames are analysed."""
 WINDOW = "window"
@@ -260,12 +254,12 @@ def _of_windows(
 
     Raises InputError if it cannot be done from any of them.
     """
-    from ..analysis.catalogue import ANALYSES
+    from ..analysis.catalogue import FUNCTIONS
 
     found: list[Evaluation | InputError] = []
     for start in starts:
         try:
-            found.append(ANALYSES[name].of(trajectory, start))
+            found.append(FUNCTIONS[name](trajectory, start))
         except InputError as error:
             found.append(error)
     if all(isinstance(one, InputError) for one in found):
@@ -277,14 +271,14 @@ def _of_frames(
     trajectory: Trajectory, name: str, at: tuple[float, ...], axis: str
 ) -> list[Evaluation | InputError]:
     """An analysis of the frames at each place; without places, of the frames that it takes."""
-    from ..analysis.catalogue import ANALYSES
+    from ..analysis.catalogue import FUNCTIONS
 
     if not at:
-        return [ANALYSES[name].of(trajectory, None)]
+        return [FUNCTIONS[name](trajectory, None)]
     per_disk = 2.0 * trajectory.observables["collisions"] / trajectory.n
     reached = trajectory.times if axis == "time" else per_disk
     frames = np.searchsorted(reached, np.array(at) * (1.0 - 1e-12)).clip(max=len(trajectory) - 1)
-    return [ANALYSES[name].of(trajectory, [int(frame)]) for frame in frames]
+    return [FUNCTIONS[name](trajectory, [int(frame)]) for frame in frames]
 
 
 def _outcome(

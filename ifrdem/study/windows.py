@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.common import mean_errors
+from ..analysis.names import OVER_TIME
 from ..analysis.result import NOT_STATIONARY
 from ..analysis.steadiness import is_stationary
 from ..analysis.window import (
@@ -21,7 +22,7 @@ from ..analysis.window import (
     window_rows,
 )
 from ..quantities import SPECIES_SERIES, STRESS_SERIES
-from .task import OVER_TIME, WARNINGS, WINDOW, Variable
+from .task import WARNINGS, WINDOW, Variable
 
 SAME_RUN = "the seeds give the same run: there is no error. Nothing in this case is drawn at random"
 RunResult = Mapping[str, Variable]

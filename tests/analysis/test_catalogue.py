@@ -112,7 +112,7 @@ def test_keys_of_numbers_are_short_and_apart_from_columns(tmp_path: Path) -> Non
             file.write(state, {"temperature": 1.0, "rotational_temperature": 1.0, "collisions": 30 * time})
     run = ifrdem.Trajectory(tmp_path / "gas.h5")
     for name in ("velocity", "msd", "vacf", "species", "fields"):
-        found = catalogue.ANALYSES[name].of(run, None)
+        found = catalogue.FUNCTIONS[name](run, None)
         keys = [result.identifier(row.key or row.name) for row in found.rows]
         columns = {result.identifier(column) for column in found.tables[""]}
         assert len(set(keys)) == len(keys) > 0

@@ -49,7 +49,7 @@ def test_displacements_and_correlations_are_about_the_drift(tmp_path: Path) -> N
         drift = result.drift(run, range(11))
         np.testing.assert_allclose(drift.velocity, DRIFT, rtol=1e-15)
         assert drift.share == pytest.approx(400.0 / 401.0, rel=1e-14)
-        msd, vacf = (catalogue.ANALYSES[name].of(run, None) for name in ("msd", "vacf"))
+        msd, vacf = (catalogue.FUNCTIONS[name](run, None) for name in ("msd", "vacf"))
         lag = msd.tables[""]["lag"]
         np.testing.assert_allclose(msd.tables[""]["msd"][1:], lag[1:] ** 2, rtol=1e-9)
         np.testing.assert_allclose(vacf.tables[""]["vacf"], 1.0, rtol=1e-11)
@@ -60,7 +60,7 @@ def test_a_momentum_that_changes_is_no_drift(tmp_path: Path) -> None:
     """Walls or a medium hold the gas then; nothing is taken off."""
     with Trajectory(write(tmp_path / "run.h5", held=True)) as run:
         assert not result.drift(run, range(11))
-        (msd,) = (catalogue.ANALYSES["msd"].of(run, None),)
+        (msd,) = (catalogue.FUNCTIONS["msd"](run, None),)
         assert msd.tables[""]["msd"][1] == pytest.approx(401.0, rel=0.1)
         assert not any("drift" in note for note in msd.notes)
 
@@ -68,7 +68,7 @@ def test_a_momentum_that_changes_is_no_drift(tmp_path: Path) -> None:
 @pytest.mark.parametrize("inside", [False, True])
 def test_a_file_with_the_drift_in_its_temperatures_is_doubted(tmp_path: Path, inside: bool) -> None:
     with Trajectory(write(tmp_path / "run.h5", inside=inside)) as run:
-        found = catalogue.ANALYSES["pressure"].of(run, None)
+        found = catalogue.FUNCTIONS["pressure"](run, None)
         assert [("temperatures of this file include it" in warning) for warning in found.warnings] == [
             True
         ] * inside

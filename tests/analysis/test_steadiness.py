@@ -96,7 +96,7 @@ def test_a_stretch_of_a_changing_gas_that_is_steady_has_no_mark_and_one_frame_ha
 ) -> None:
     with Trajectory(write(tmp_path / "run.h5", place=frozen, push=heavy)) as trajectory:
         for what in OF_FRAMES:
-            of = catalogue.ANALYSES[what].of
+            of = catalogue.FUNCTIONS[what]
             assert of(trajectory, list(range(15))).warnings == []
             assert of(trajectory, [20]).warnings == []
             assert len(of(trajectory, [0, 20]).warnings) == 1
@@ -105,7 +105,7 @@ def test_a_stretch_of_a_changing_gas_that_is_steady_has_no_mark_and_one_frame_ha
 def test_a_temperature_that_falls_by_itself_marks_no_scaled_distribution(tmp_path: Path) -> None:
     path = write(tmp_path / "run.h5", push=lambda v, frame: v * 0.7**frame)
     with Trajectory(path) as trajectory:
-        assert catalogue.ANALYSES["velocity"].of(trajectory, None).warnings == []
+        assert catalogue.FUNCTIONS["velocity"](trajectory, None).warnings == []
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.99])
@@ -143,13 +143,13 @@ def test_several_quantities_are_compared_at_the_level_of_one() -> None:
 def test_autocorrelation_of_a_gas_that_heats_up_says_that_it_is_not_stationary(tmp_path: Path) -> None:
     rising = 1.5 / (FRAMES - np.arange(FRAMES)) ** 2
     with Trajectory(write(tmp_path / "heats.h5", temperature=rising)) as trajectory:
-        (warning,) = catalogue.ANALYSES["vacf"].of(trajectory, None).warnings
+        (warning,) = catalogue.FUNCTIONS["vacf"](trajectory, None).warnings
         assert warning.startswith(
             f"{NOT_STATIONARY}: T goes from 0.003401 J to 1.5 J in that time: velocities shrink"
         )
         assert NOT_STATIONARY in texts(pictures.figure(trajectory, "vacf"))
     with Trajectory(write(tmp_path / "steady.h5")) as trajectory:
-        assert catalogue.ANALYSES["vacf"].of(trajectory, None).warnings == []
+        assert catalogue.FUNCTIONS["vacf"](trajectory, None).warnings == []
 
 
 def test_time_of_an_autocorrelation_is_logarithmic_where_frames_are_spaced_so(tmp_path: Path) -> None:
@@ -205,7 +205,7 @@ def test_rounding_is_no_change(tmp_path: Path) -> None:
                 shift = i * np.array([0.37, 0.61])
                 writer.write(State(box.wrap(position + shift), np.ones((n, 2)), np.zeros(n), time=0.1 * i))
         with Trajectory(path) as file:
-            found = catalogue.ANALYSES[name].of(file, None)
+            found = catalogue.FUNCTIONS[name](file, None)
             assert found.rows[0].value == pytest.approx(1.0, abs=1e-5)  # single precision
             assert found.warnings == []
 
@@ -232,7 +232,7 @@ def test_a_kind_with_one_disk_has_no_distribution_and_the_others_have(tmp_path: 
         with TrajectoryWriter(path, Disks(n, mass=1.0, radius=radius[-n:]), BOX) as writer:
             writer.write(State(position[:n], velocity[:n], spin[:n]))
     with Trajectory(tmp_path / "61.h5") as file:
-        found = catalogue.ANALYSES["velocity"].of(file, None)
+        found = catalogue.FUNCTIONS["velocity"](file, None)
     names = [row.name for row in found.rows]
     assert names[:3] == [f"{name} of material 0, R = 0.1" for name in ("a20", "a02", "a11")]
     assert all(name.endswith(" of material 0, R = 0.1") for name in names)
@@ -242,7 +242,7 @@ def test_a_kind_with_one_disk_has_no_distribution_and_the_others_have(tmp_path: 
     assert found.rows[0].value == pytest.approx(expected, rel=1e-5)  # the file is in single precision
     assert any("no distribution of material 0, R = 0.4: velocity has 1 disks" in note for note in found.notes)
     with Trajectory(tmp_path / "1.h5") as file, pytest.raises(InputError, match="velocity has 1 disks"):
-        catalogue.ANALYSES["velocity"].of(file, None)
+        catalogue.FUNCTIONS["velocity"](file, None)
 
 
 @pytest.mark.parametrize(

@@ -196,7 +196,7 @@ def test_a_run_of_a_gas_in_motion_is_analysed_as_the_gas_at_rest(
         # Rows of the series stand at the ends of windows, which are shorter: Haff's law is fitted to other points of T.
         # Positions and velocities are stored in single precision, and the drift makes them 20 times as large.
         for name, rows, rtol in (("cooling", 2, 0.02), ("msd", 2, 1e-4), ("vacf", 2, 1e-4)):
-            expected, found = (catalogue.ANALYSES[name].of(each, None) for each in (rest, other))
+            expected, found = (catalogue.FUNCTIONS[name](each, None) for each in (rest, other))
             for one, another in zip(expected.rows[:rows], found.rows[:rows], strict=True):
                 assert another.value == pytest.approx(one.value, rel=rtol, nan_ok=True), (name, one.name)
             assert any(note.startswith("the whole gas drifts at (20, 0)") for note in found.notes)

@@ -21,8 +21,8 @@ from ifrdem.analysis import catalogue
 from ifrdem.analysis import result as outcome
 from ifrdem.analysis import result as stored
 from ifrdem.analysis.catalogue import number
+from ifrdem.analysis.names import ANALYSES
 from ifrdem.cli import main as cli
-from ifrdem.cli.analyse import NAMES
 from ifrdem.errors import InputError
 from ifrdem.plots import pictures
 from ifrdem.quantities import COMPONENTS, EVENT, START, STRESS_SERIES
@@ -142,7 +142,7 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     assert run("analyse", "run.h5") == 0
     shown = capsys.readouterr().out
     record = json.loads(Path("run-analysis/run.json").read_text())
-    assert set(record["analyses"]) | set(record["not_possible"]) == set(NAMES) == set(catalogue.ANALYSES)
+    assert set(record["analyses"]) | set(record["not_possible"]) == set(ANALYSES) == set(catalogue.FUNCTIONS)
     assert set(record["not_possible"]) == {"species", "impact"}
     assert "impact: not possible: run.h5 holds no histories of collisions" in shown
     assert "output.histories of the case" in shown
@@ -202,14 +202,17 @@ def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     assert "cooling: is there already" in shown
     assert "impact: not possible" in shown
     record = json.loads(Path("out/run.json").read_text())
-    assert set(record["analyses"]) == set(NAMES) - {"species", "impact"}
+    assert set(record["analyses"]) == set(ANALYSES) - {"species", "impact"}
     assert set(record["not_possible"]) == {"species", "impact"}
     assert Path("out/run-cooling.csv").stat().st_mtime_ns == before
     assert run("analyse", "run.h5", "-o", "out") == 2
     assert "holds all that the file allows already" in capsys.readouterr().err
     assert run("analyse", "run.h5", "cooling", "-o", "out", "--force") == 0
     assert Path("out/run-cooling.csv").stat().st_mtime_ns > before
-    assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == set(NAMES) - {"species", "impact"}
+    assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == set(ANALYSES) - {
+        "species",
+        "impact",
+    }
     # What has become possible since is said to be so no more.
     add_histories(tmp_path / "run.h5")
     assert run("analyse", "run.h5", "impact", "-o", "out") == 0
@@ -288,9 +291,9 @@ def test_pressure_and_diffusion_of_a_gas_that_changes_warn_that_it_is_not_statio
     path = write(tmp_path / "run.h5", driven=1.0)  # not only cooling, so that tau is no clock for it
     add_histories(path)
     with Trajectory(path) as trajectory:
-        pressure = catalogue.ANALYSES["pressure"].of(trajectory, None)
-        msd = catalogue.ANALYSES["msd"].of(trajectory, None)
-        short = catalogue.ANALYSES["msd"].of(trajectory, list(range(3, 7)))
+        pressure = catalogue.FUNCTIONS["pressure"](trajectory, None)
+        msd = catalogue.FUNCTIONS["msd"](trajectory, None)
+        short = catalogue.FUNCTIONS["msd"](trajectory, list(range(3, 7)))
         label = texts(pictures.figure(trajectory, "msd"))
     for warning in (pressure.warnings[0], msd.warnings[0], short.warnings[0]):
         assert warning.startswith("the gas is not stationary: T goes from ")
@@ -302,8 +305,8 @@ def test_pressure_and_diffusion_of_a_gas_that_changes_warn_that_it_is_not_statio
     with h5py.File(steady, "r+") as file:
         file["observables/temperature/value"][...] = 1.5
     with Trajectory(steady) as trajectory:
-        assert catalogue.ANALYSES["pressure"].of(trajectory, None).warnings == []
-        found = catalogue.ANALYSES["msd"].of(trajectory, None)
+        assert catalogue.FUNCTIONS["pressure"](trajectory, None).warnings == []
+        found = catalogue.FUNCTIONS["msd"](trajectory, None)
         assert not any("not stationary" in warning for warning in found.warnings)
         assert np.isfinite(found.rows[0].value)
 
@@ -319,7 +322,7 @@ def test_without_stored_temperatures_velocities_decide(tmp_path: Path) -> None:
                 place = BOX.wrap(begin + velocity * np.log1p(t), t)
                 writer.write(State(place, velocity / (1.0 + t), np.zeros(N), time=t))
         with Trajectory(tmp_path / "run.h5") as trajectory:
-            found = catalogue.ANALYSES["msd"].of(trajectory, None)
+            found = catalogue.FUNCTIONS["msd"](trajectory, None)
         if "velocity" in fields:
             span = f"T goes from {first:.4g} to {first / 25.0:.4g} in that time"
             assert found.warnings[0].startswith(f"the gas is not stationary: {span}")
@@ -359,15 +362,15 @@ def test_histories_give_angles_of_impact_once_each_and_a_pressure(tmp_path: Path
     path = write(tmp_path / "run.h5")
     psi = add_histories(path)
     with Trajectory(path) as trajectory:
-        found = catalogue.ANALYSES["impact"].of(trajectory, None)
+        found = catalogue.FUNCTIONS["impact"](trajectory, None)
         assert found.result.collisions == len(psi)
         assert found.result.mean_b == pytest.approx(np.sin(psi).mean())
         assert found.result.p_value > 1e-3
         shown = {row.name: row.value for row in found.rows}
         assert shown["p-value of a uniform b (Kolmogorov-Smirnov)"] == found.result.p_value
         assert not any("probability" in name for name in shown)
-        pressure = catalogue.ANALYSES["pressure"].of(trajectory, None)
-        half = catalogue.ANALYSES["impact"].of(trajectory, [0, 5])
+        pressure = catalogue.FUNCTIONS["pressure"](trajectory, None)
+        half = catalogue.FUNCTIONS["impact"](trajectory, [0, 5])
     listed = len(psi) + 1
     expected = 0.5 * 100.0 * listed * 0.4 * 2.0 / (2.0 * 40.0 * 30.0 * SPAN)
     assert pressure.result.collisional == pytest.approx(expected)
@@ -389,7 +392,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
     path = write(tmp_path / "run.h5")
     add_histories(path)
     with Trajectory(path) as trajectory:
-        tracked = catalogue.ANALYSES["impact"].of(trajectory, None).result
+        tracked = catalogue.FUNCTIONS["impact"](trajectory, None).result
     assert tracked.regime_collisions == tracked.collisions
     rate = np.array([100, 700, 0, 200, 1000])  # of all five kinds, in a time of 1
     with h5py.File(path, "r+") as file:
@@ -399,7 +402,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
         columns = ["sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic"]
         group["collisions_by_regime"].attrs["columns"] = columns
     with Trajectory(path) as trajectory:
-        outcome_ = catalogue.ANALYSES["impact"].of(trajectory, None)
+        outcome_ = catalogue.FUNCTIONS["impact"](trajectory, None)
         message = texts(pictures.figure(trajectory, "impact"))
     found = outcome_.result
     assert found.regime_collisions == 4 * 2000
@@ -416,7 +419,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
     with h5py.File(path, "r+") as file:
         file["histories/events/regime"][...] = -1
     with Trajectory(path) as trajectory:
-        assert list(catalogue.ANALYSES["impact"].of(trajectory, None).result.regimes) == ["not known"]
+        assert list(catalogue.FUNCTIONS["impact"](trajectory, None).result.regimes) == ["not known"]
 
 
 def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
@@ -432,7 +435,7 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
         ):
             group[f"{name}/value"] = values
     with Trajectory(path) as trajectory:
-        found = catalogue.ANALYSES["cooling"].of(trajectory, None)
+        found = catalogue.FUNCTIONS["cooling"](trajectory, None)
     haff, _ = found.result
     assert haff.t_H == pytest.approx(5.0, rel=1e-6)
     assert len(found.tables[""]["time"]) == 499
@@ -646,10 +649,10 @@ def test_missing_fields_are_named_with_the_key_that_stores_them(tmp_path: Path) 
     path = write(tmp_path / "run.h5", fields=("position",))
     with Trajectory(path) as trajectory:
         with pytest.raises(InputError, match=r'"velocity" and "angular_velocity" into output\.fields'):
-            catalogue.ANALYSES["velocity"].of(trajectory, None)
+            catalogue.FUNCTIONS["velocity"](trajectory, None)
         with pytest.raises(InputError, match=r'put "velocity" into output\.fields'):
-            catalogue.ANALYSES["fields"].of(trajectory, None)
-        assert 'no "image" in the file' in " ".join(catalogue.ANALYSES["msd"].of(trajectory, None).notes)
+            catalogue.FUNCTIONS["fields"](trajectory, None)
+        assert 'no "image" in the file' in " ".join(catalogue.FUNCTIONS["msd"](trajectory, None).notes)
 
 
 def test_missing_observables_are_named_with_the_key_that_stores_them(
@@ -677,10 +680,10 @@ def test_driven_gases_get_no_haff_law_and_walls_no_contact_value(tmp_path: Path)
     path = write(tmp_path / "run.h5", driven=3.0, box=Box((40.0, 40.0), periodic=(True, False)))
     with Trajectory(path) as trajectory:
         with pytest.raises(InputError, match="energy_input is not 0"):
-            catalogue.ANALYSES["cooling"].of(trajectory, None)
+            catalogue.FUNCTIONS["cooling"](trajectory, None)
         with pytest.raises(InputError, match="periodic box only"):
-            catalogue.ANALYSES["pressure"].of(trajectory, None)
-        assert "no contact value" in catalogue.ANALYSES["rdf"].of(trajectory, None).notes[0]
+            catalogue.FUNCTIONS["pressure"](trajectory, None)
+        assert "no contact value" in catalogue.FUNCTIONS["rdf"](trajectory, None).notes[0]
 
 
 def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) -> None:
@@ -689,7 +692,7 @@ def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) 
     mass[0] = np.inf
     path = write(tmp_path / "run.h5", disks=Disks(N, mass=mass, radius=radius, material=np.arange(N) % 2))
     with Trajectory(path) as trajectory:
-        found = catalogue.ANALYSES["velocity"].of(trajectory, None)
+        found = catalogue.FUNCTIONS["velocity"](trajectory, None)
         assert list(found.result) == ["material 0, R = 0.4", "material 1, R = 0.2"]
         assert [one.sonine.disks for one in found.result.values()] == [149, 150]
         for over, x in (("t", trajectory.times), ("tau", 2.0 * trajectory.observables["collisions"] / N)):
@@ -707,9 +710,9 @@ def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) 
 def test_every_kind_of_box_is_analysed_or_refused_with_a_reason(box: Box, tmp_path: Path) -> None:
     with Trajectory(write(tmp_path / "run.h5", box=box)) as trajectory:
         done, reasons = [], []
-        for name, one in catalogue.ANALYSES.items():
+        for name, one in catalogue.FUNCTIONS.items():
             try:
-                one.of(trajectory, None)
+                one(trajectory, None)
                 done.append(name)
             except InputError as error:
                 reasons.append(str(error))

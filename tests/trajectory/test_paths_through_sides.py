@@ -63,10 +63,10 @@ def test_few_fast_disks_do_not_hide_among_many_slow_ones(tmp_path: Path) -> None
                                atol=1e-12)  # fmt: skip
     bare = written(tmp_path / "bare.h5", path, np.zeros_like(path), ["position"])
     with Trajectory(bare) as trajectory, pytest.raises(InputError, match='"image" into'):
-        catalogue.ANALYSES["msd"].of(trajectory, None)
+        catalogue.FUNCTIONS["msd"](trajectory, None)
     whole = written(tmp_path / "whole.h5", path, np.zeros_like(path), ["position", "image"])
     with Trajectory(whole) as trajectory:
-        found = catalogue.ANALYSES["msd"].of(trajectory, None).result["all disks"].fit
+        found = catalogue.FUNCTIONS["msd"](trajectory, None).result["all disks"].fit
     # Of 12 disks that make all of it, over 60 frames: the error that it states, by the spread over disks.
     assert pytest.approx(0.697, abs=3.5 * found.error) == found.D
     assert found.error < 0.3
@@ -148,5 +148,5 @@ def test_displacements_of_a_run_as_it_comes_are_those_of_its_paths(
     )
     assert main(["run", "gas.toml", "--quiet"]) == 0
     with Trajectory("gas.h5") as trajectory:
-        msd = catalogue.ANALYSES["msd"].of(trajectory, None).result["all disks"].msd
+        msd = catalogue.FUNCTIONS["msd"](trajectory, None).result["all disks"].msd
     np.testing.assert_allclose(msd.value, 25.0 * msd.lag**2, rtol=1e-5, atol=1e-9)  # single precision
