@@ -58,9 +58,7 @@ def is_stationary(T: Array) -> bool:
         change = (n - 1) * float(place @ T) / float(place @ place)
         noise = float(np.mean(np.diff(T, 2) ** 2)) / 6.0 if n > 2 else 0.0
         error = math.sqrt(12.0 * noise * (n - 1) / (n * (n + 1)))
-        # Of n - 2 second differences, which overlap, half are as good as independent; one or two are no noise at all.
-        beyond = 3.0 if n < FEWEST_NOISE else float(student.isf(0.5 * LEVEL, 0.5 * (n - 2)))
-        return abs(change) <= max(0.1 * (float(np.mean(T)) + 0.5 * abs(change)), beyond * error)
+        return abs(change) <= max(0.1 * (float(np.mean(T)) + 0.5 * abs(change)), 3.0 * error)
     halves_of = [noise_about_parabola(part) for part in (T[n // 2 :], T[: n - n // 2])]
     rho, variance, effective = min(halves_of, key=lambda each: each[1])
     place = np.arange(n) - 0.5 * (n - 1)
@@ -78,8 +76,6 @@ def is_stationary(T: Array) -> bool:
 
 FEWEST_CHANGES = 8
 """Rows below which nothing is known of the correlation of their noise: second differences then stand for it."""
-FEWEST_NOISE = 5
-"""Rows below which little is known of the noise itself: a change by 3 standard errors is then marked."""
 
 
 def stationarity_warning(trajectory: Trajectory, T: Array) -> str:

@@ -397,13 +397,10 @@ def test_data_that_show_no_end_have_none(slope: float, rho: float) -> None:
 # -- marks -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("n", "rho", "most"),
-    [(5, 0.0, 0.02), (7, 0.0, 0.02), (100, 0.0, 0.02), (100, 0.9, 0.12), (400, 0.9, 0.05)],
-)
+@pytest.mark.parametrize(("n", "rho", "most"), [(100, 0.0, 0.02), (100, 0.9, 0.12), (400, 0.9, 0.05)])
 def test_marks_of_steady_temperatures(n: int, rho: float, most: float) -> None:
-    """Taken for independent rows, 41 % were marked at rho = 0.9; of 5 rows 8 % by three errors of two differences."""
-    x = 1.0 + (0.1 if n > 10 else 0.3) * correlated(np.random.default_rng(16), n, rho, 150)
+    """Taken for independent rows, 41 % were marked at rho = 0.9."""
+    x = 1.0 + 0.1 * correlated(np.random.default_rng(16), n, rho, 150)
     assert np.mean([not steadiness.is_stationary(one) for one in x.T]) <= most
 
 
