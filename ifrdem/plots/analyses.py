@@ -313,8 +313,55 @@ def _curve(
 ) -> None:
     """A component of a quantity along the bins, with its 95 % interval.
 
-    Means over disks are not drawn of bins with fewer than `FEWEST` disks over all frames, and the axis is that of bins
-    with one disk a frame or more in the mean, if there are any.
+    Means over disks are not drawn of bins with fewer than `FEWEST` disks over all frames, and their axis is that of
+    bins with one disk a frame or more in the mean, if there are any. Of other quantities the axis does without the
+    intervals of bins with fewer than `FEWEST` disks.
+    """
+    value, error, n_eff = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error, found.n_eff))
+    half = np.nan_to_num(error * student_t(n_eff))
+    style = OPEN | {"color": color, "marker": marker, "ms": 3.5, "lw": 0.9, "ls": "-"}
+    shown, filled = np.isfinite(value), found.disks >= FEWEST
+    if name in OF_DISKS:
+        shown = shown & filled
+        filled = found.disks >= found.frames
+    filled = shown & filled if (shown & filled).any() else shown
+    whole = filled if name in OF_DISKS else shown
+    axes.errorbar(
+        found.middles[0],
+        np.where(whole, value, np.nan),
+        np.where(filled, half, 0.0),
+        label=text or None,
+        **style,
+    )
+    limits = axes.dataLim.frozen()
+    rest = shown & ~filled
+    axes.errorbar(found.middles[0][rest], value[rest], half[rest], **(style | {"ls": "none"}))
+    axes.dataLim.set(limits)
+
+
+FEWEST = 20
+"""Disks of a bin, over all frames, below which their mean velocity and temperatures are not drawn."""
+OF_DISKS = ("velocity", "temperatures", "temperature", "rotational_temperature", "theta")
+"""Means over disks: in nearly empty bins those of the history of single ones."""
+TENSOR = ("xx", "yy", "xy", "yx")
+INDICES = ((0, 0), (1, 1), (0, 1), (1, 0))
+COLORS = (TRANSLATION, ROTATION, RATIO, KINDS[2])
+
+
+def _curve(
+    axes: Axes,
+    found: analysis.BinAverages,
+    name: str,
+    at: tuple[int, ...],
+    text: str,
+    color: str,
+    marker: str,
+) -> None:
+    """A component of a quantity along the bins, with its 95 % interval.
+
+    Means over disks are not drawn of bins with fewer than `FEWEST` disks over all frames, and their axis is that of
+    bins with one disk a frame or more in the mean, if there are any. Of other quantities the axis does without the
+    intervals of bins with fewer than `FEWEST` disks.
     """
     value, error, n_eff = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error, found.n_eff))
     half = np.nan_to_num(error * student_t(n_eff))
