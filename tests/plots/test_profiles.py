@@ -268,7 +268,9 @@ def test_a_bin_with_two_disks_in_all_frames_does_not_stretch_an_axis(tmp_path: P
         assert temperatures.get_ylim()[1] < 3.0
         assert figure.axes[0].get_xlim()[1] > 9.0  # all strips are there
         stress = figure.axes[3]
-        assert stress.get_ylim()[1] < 1.2 * max(np.nanmax(np.asarray(one.get_ydata())) for one in stress.lines)
+        assert stress.get_ylim()[1] < 1.2 * max(
+            np.nanmax(np.asarray(one.get_ydata())) for one in stress.lines
+        )
         drawn = {float(x) for line in temperatures.lines for x, y in line.get_xydata() if np.isfinite(y)}
     assert 9.5 not in drawn
 
