@@ -339,47 +339,6 @@ def _curve(
     axes.dataLim.set(limits)
 
 
-FEWEST = 20
-"""Disks of a bin, over all frames, below which their mean velocity and temperatures are not drawn."""
-OF_DISKS = ("velocity", "temperatures", "temperature", "rotational_temperature", "theta")
-"""Means over disks: in nearly empty bins those of the history of single ones."""
-TENSOR = ("xx", "yy", "xy", "yx")
-INDICES = ((0, 0), (1, 1), (0, 1), (1, 0))
-COLORS = (TRANSLATION, ROTATION, RATIO, KINDS[2])
-
-
-def _curve(
-    axes: Axes,
-    found: analysis.BinAverages,
-    name: str,
-    at: tuple[int, ...],
-    text: str,
-    color: str,
-    marker: str,
-) -> None:
-    """A component of a quantity along the bins, with its 95 % interval.
-
-    Means over disks are not drawn of bins with fewer than `FEWEST` disks over all frames, and their axis is that of
-    bins with one disk a frame or more in the mean, if there are any. Of other quantities the axis does without the
-    intervals of bins with fewer than `FEWEST` disks.
-    """
-    value, error, n_eff = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error, found.n_eff))
-    half = np.nan_to_num(error * student_t(n_eff))
-    style = OPEN | {"color": color, "marker": marker, "ms": 3.5, "lw": 0.9, "ls": "-"}
-    if name not in OF_DISKS:
-        axes.errorbar(found.middles[0], value, half, label=text or None, **style)
-        return
-    shown = np.isfinite(value) & (found.disks >= FEWEST)
-    filled = shown & (found.disks >= found.frames)
-    filled = filled if filled.any() else shown
-    drawn = np.where(filled, value, np.nan)
-    axes.errorbar(found.middles[0], drawn, half, label=text or None, **style)
-    limits = axes.dataLim.frozen()
-    rest = shown & ~filled
-    axes.errorbar(found.middles[0][rest], value[rest], half[rest], **(style | {"ls": "none"}))
-    axes.dataLim.set(limits)
-
-
 def _density(axes: Axes, found: analysis.BinAverages) -> None:
     _curve(axes, found, "packing_fraction", (), "all" if found.species else "", TRANSLATION, "o")
     for i, (name, one) in enumerate(found.species.items()):
