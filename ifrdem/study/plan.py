@@ -7,7 +7,6 @@ import itertools
 import json
 import math
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -23,7 +22,7 @@ from ..case import shipped
 from ..case.case import CaseSections
 from ..case.estimate import LEDGER, OBSERVABLES, long_steps
 from ..case.messages import spelled
-from ..errors import InputError, listed, nearest, option_name
+from ..errors import InputError, listed, nearest, option_name, shortened
 from ..tools.versions import __version__
 from .task import OverTime, PerFrame, Task
 
@@ -346,8 +345,8 @@ def axis_of(text: str) -> dict[str, Any]:
 def _toml(value: str, other: Any) -> Any:
     """A value in the form of TOML; `other` for None."""
     try:
-        return other if "\n" in value else tomllib.loads(f"v = {value}")["v"]
-    except ValueError:
+        return other if "\n" in value else case_file.parsed(f"v = {value}")["v"]
+    except InputError:
         return other
 
 
@@ -402,10 +401,11 @@ def _axes(groups: list[dict[str, list[Any]]]) -> tuple[Axis, ...]:
 
 
 def _seeds(given: Any, first: int) -> tuple[int, ...]:
-    need = f"seeds = {given}: must be a number of seeds, 1 or more, or a list such as 1,2,5"
+    shown = shortened(given)
+    need = f"seeds = {shown}: must be a number of seeds, 1 or more, or a list such as 1,2,5"
     if isinstance(given, str):
         parts = [each.strip() for each in given.split(",")]
-        if not all(each.isdecimal() for each in parts):
+        if not all(each.isdecimal() and len(each) < 20 for each in parts):
             raise InputError(need)
         given = int(parts[0]) if len(parts) == 1 else [int(each) for each in parts]
     if isinstance(given, int) and not isinstance(given, bool):
@@ -415,7 +415,7 @@ def _seeds(given: Any, first: int) -> tuple[int, ...]:
     if not isinstance(given, list) or not all(isinstance(each, int) for each in given):
         raise InputError(need)
     if not given or len({*given}) < len(given) or not all(0 <= each < 2**63 for each in given):
-        raise InputError(f"seeds = {given}: must be integers, 0 or more, each once")
+        raise InputError(f"seeds = {shown}: must be integers, 0 or more, each once")
     return tuple(given)
 
 

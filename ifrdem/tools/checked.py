@@ -16,6 +16,7 @@ import inspect
 import itertools
 import math
 import os
+import re
 import sys
 import types
 import typing
@@ -35,6 +36,8 @@ Array = NDArray[np.float64]
 """An array of float64."""
 
 
+MOST_OF_PATH, MOST_OF_NAME = 4095, 255
+"""Bytes of a path, and of the name of a file or folder, at most: on Linux, in nearly all file systems."""
 LEAST, MOST = 1e-100, 1e100
 """Smallest and largest size of a number, other than 0, with whose squares and quotients can be computed."""
 
@@ -235,7 +238,7 @@ class Instance:
 
 @dataclass(frozen=True)
 class PathOfFile:
-    """Check of a path: a text or an `os.PathLike`, not empty and without NUL."""
+    """Check of a path: a text or an `os.PathLike`, not empty, without NUL, and no longer than file systems take."""
 
     needed: str = "a text or a path, not empty and without NUL characters"
 
@@ -243,9 +246,12 @@ class PathOfFile:
         if not isinstance(value, str | os.PathLike) or not (text := os.fspath(value)) or "\0" in str(text):
             raise must_be(name, value, self.needed)
         try:
-            os.fsencode(text)
+            whole = os.fsencode(text)
         except UnicodeEncodeError:
             raise must_be(name, str(text), "a path that the file system can write") from None
+        if len(whole) > MOST_OF_PATH or max(map(len, re.split(rb"[/\\]", whole))) > MOST_OF_NAME:
+            needed = f"a path of {MOST_OF_PATH} bytes at most, each name of {MOST_OF_NAME}"
+            raise must_be(name, str(text), needed)
         return value
 
 
