@@ -12,6 +12,7 @@ import itertools
 import json
 import math
 import pkgutil
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -28,6 +29,7 @@ from typing_extensions import TypeAliasType
 
 import ifrdem
 from ifrdem import Device, InputError, analysis, bullet, theory
+from ifrdem.errors import TheoryError
 from ifrdem.model.laws.pairs import PairLaws
 from ifrdem.plots import impact_angles
 from ifrdem.theory.driven_gas import Driving
@@ -348,11 +350,33 @@ def nonsense() -> Iterator[tuple[str, Any]]:
         ("5e-324", 5e-324), ("1e300", 1e300), ("masked", np.ma.masked_array([1.0, 2.0], [False, True])),
         ("masked number", np.ma.masked), ("shape", np.zeros((2, 3, 4, 5))), ("objects", np.array([None, "x"])),
         ("nan array", np.full((2, 2), np.nan)), ("class", int), ("generator", (object() for _ in range(3))),
-        ("ragged", [[1.0, 2.0], [3.0]]),
+        ("ragged", [[1.0, 2.0], [3.0]]), ("duration", np.timedelta64(1, "s")), ("date", np.datetime64("2021-05-04")),
+        ("durations", np.array([1, 2], "m8[s]")), ("ints without a text", [10**5001, 1]), ("deep", nested(3000)),
+        ("long text", "nonsense " * 33),
+    )  # fmt: skip
+
+
+def nested(depth: int) -> list[Any]:
+    """A list in a list in a list ...; beyond 1000 Python cannot write it."""
+    return functools.reduce(lambda inner, _: [inner], range(depth), [])
+
+
+def looking_valid() -> Iterator[tuple[str, Any]]:
+    """Values that many arguments may have, but that need care: ends of ranges, counts and types."""
+    yield from (
+        ("empty", np.zeros(0)), ("no points", np.zeros((0, 2))), ("equal", [1.0, 1.0]), ("gap", [1.0, math.nan]),
+        ("subnormal", [5e-324, 5e-324]), ("1e308", [1e308, -1e308]), ("1e99", 1e99), ("1e-99", 1e-99),
+        ("count", 2**31 - 1), ("0-d", np.array(1.0)), ("uint64", np.array([2**64 - 1, 1], dtype=np.uint64)),
+        ("float16", np.float16(1.0)), ("long double", np.longdouble("1e4000")), ("falling", [3.0, 2.0, 1.0]),
+        ("one place", np.ones((10**5, 2))), ("objects", np.array([1.0, 2.0], dtype=object)),
+        ("text with a zero", "a\0b"), ("no text", "\ud800"),
     )  # fmt: skip
 
 
 NONSENSE = [name for name, _ in nonsense()]
+
+
+TEXTS = ("text", "long text")
 
 
 def numbers(result: Any) -> Iterator[float]:
@@ -382,7 +406,7 @@ def wrong_answers(call: Callable[..., Any], arguments: Mapping[str, Any]) -> lis
             try:
                 found = called(call, {**arguments, name: value})
             except InputError as error:
-                if name not in str(error) and not (kind == "text" and "nonsense" in str(error)):
+                if name not in str(error) and not (kind in TEXTS and "nonsense" in str(error)):
                     wrong.append(f"{name} = {kind}: not named: {error}")
             except Exception as error:  # reported: only InputError is an answer to nonsense
                 wrong.append(f"{name} = {kind}: {type(error).__name__}")
@@ -422,6 +446,54 @@ def test_nonsense_is_refused_by_the_name_of_its_argument(module: str, name: str)
 )
 def test_nonsense_for_a_fit_is_refused_by_the_name_of_its_argument(name: str) -> None:
     assert wrong_answers(*of_fits()[name]) == []
+
+
+class TooLong(BaseException):
+    """Raised in a call that has taken `MOST_SECONDS` of processor time."""
+
+
+MOST_SECONDS = 30.0
+
+
+def no_answers(call: Callable[..., Any], arguments: Mapping[str, Any]) -> list[str]:
+    """Values that look valid and end in no answer: neither a result, nor a message on the input or the theory."""
+
+    def stop(*_: object) -> None:
+        raise TooLong
+
+    wrong, before = [], signal.signal(signal.SIGPROF, stop)
+    try:
+        for name in arguments.keys() - {"self"}:
+            for kind, value in looking_valid():
+                if kind == "count" and name in COUNTS_OF_RESULTS:
+                    continue
+                signal.setitimer(signal.ITIMER_PROF, MOST_SECONDS)
+                try:
+                    called(call, {**arguments, name: value})
+                except (InputError, TheoryError) as error:
+                    if len(str(error)) > 5000:
+                        wrong.append(f"{name} = {kind}: a message of {len(str(error))} characters")
+                except TooLong:
+                    wrong.append(f"{name} = {kind}: takes longer than {MOST_SECONDS} s")
+                except Exception as error:  # reported
+                    wrong.append(f"{name} = {kind}: {type(error).__name__}: {error}")
+                finally:
+                    signal.setitimer(signal.ITIMER_PROF, 0.0)
+    finally:
+        signal.signal(signal.SIGPROF, before)
+    return wrong
+
+
+COUNTS_OF_RESULTS = {"n", "number"}
+"""Arguments that say how many numbers a call returns: as many take memory and time, or are refused for want of it."""
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers of processor time on this system")
+@pytest.mark.full(keep=("ifrdem.theory-cooling", "ifrdem.theory-sonine_coefficient", "ifrdem-Disks"))
+@pytest.mark.parametrize(("module", "name"), CALLS)
+def test_values_that_look_valid_end_in_an_answer(module: str, name: str) -> None:
+    found = next(each for each in MODULES if each.__name__ == module)
+    assert no_answers(public(found, name), MODULES[found][name]) == []
 
 
 def public_names(module: ModuleType) -> set[str]:
@@ -605,6 +677,18 @@ def test_nonsense_for_files_is_refused_by_the_name_of_its_argument(
     assert wrong_answers(*calls[name]) == []
 
 
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers of processor time on this system")
+@pytest.mark.full(keep=("Trajectory.constants", "Trajectory.read"))
+@pytest.mark.parametrize("name", FILES)
+def test_values_that_look_valid_for_files_end_in_an_answer(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for module in (ifrdem.plots.run, impact_angles):
+        monkeypatch.setattr(module, "save", lambda figure, path: None)
+    assert no_answers(*of_files(tmp_path)[name]) == []
+
+
 def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Calls of simulations, by name: none of them moves a gas."""
     law = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
@@ -695,10 +779,7 @@ def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(
             try:
                 called(call, {**arguments, key: value})
             except InputError as error:
-                if key not in str(error) and not (
-                    name in ("Simulation.from_checkpoint", "Simulation.load_checkpoint")
-                    and "nonsense" in str(error)
-                ):
+                if key not in str(error) and not (kind in TEXTS and "nonsense" in str(error)):
                     wrong.append(f"{key} = {kind}: not named: {error}")
             except Exception as error:  # reported: only InputError is an answer to nonsense
                 wrong.append(f"{key} = {kind}: {type(error).__name__}")
@@ -773,6 +854,19 @@ def test_numbers_of_short_types_of_numpy_are_held_to_the_same_bounds(value: Any)
             call()
     law = ifrdem.IFRLaw(e_n=np.float32(0.5), e_t=-1, mu=0)
     assert (type(law.e_n), law.e_n) == (float, 0.5)
+
+
+@checked.validated
+def _taking_all_memory(n: int) -> None:
+    """A function that needs more memory than there is."""
+    raise MemoryError(f"Unable to allocate {8 * n} B")
+
+
+def test_want_of_memory_is_a_message_and_no_traceback() -> None:
+    with pytest.raises(
+        InputError, match="_taking_all_memory: not enough memory for what was asked: Unable to allocate"
+    ):
+        _taking_all_memory(2**40)
 
 
 def test_aliases_of_types_are_checked_as_their_types() -> None:

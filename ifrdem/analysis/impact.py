@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.laws.ifr import Regime
-from ..tools.checked import Array, Integer, Numbers, validated
+from ..tools.checked import Array, Integer, Integers, Numbers, validated
 from ..tools.intervals import error_of_share, of_share
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
@@ -83,7 +83,7 @@ _Angles = Annotated[ArrayLike, Numbers(("c",), 0.0, _QUARTER, "from 0 to pi / 2 
 @validated
 def impacts(
     psi: _Angles,
-    regime: Annotated[ArrayLike, Numbers(("c",))] | None = None,
+    regime: Annotated[ArrayLike, Integers(("c",))] | None = None,
     *,
     bins: Annotated[int, Integer(1, 1_000_000)] | None = None,
 ) -> Impacts:

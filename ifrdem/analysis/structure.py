@@ -21,6 +21,7 @@ from ..tools.checked import (
     Real,
     Vectors,
     column,
+    must_be,
     validated,
 )
 from ..tools.intervals import of_count, of_intensity, student_t
@@ -172,6 +173,8 @@ def _count_pairs(
     by_cell, centres = np.zeros((0, bins)), np.zeros(0)
     edges = np.linspace(r_min, r_max, bins + 1)
     rings = np.pi * np.diff(edges**2)
+    if not 1e-30 <= r_max <= 1e30:
+        raise must_be("r_max", r_max, "from 1e-30 to 1e30: freud computes in single precision")
     rdf = freud.density.RDF(bins, r_max, r_min=r_min)
     seconds = itertools.repeat(None) if others is None else others
     for points, second, when in zip(position, seconds, time, strict=False):

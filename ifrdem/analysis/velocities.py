@@ -129,7 +129,7 @@ def sonine_density(c: FiniteArray, a2: Real) -> Array:
     >>> float(analysis.sonine_density(1.0, 0.0) - analysis.gaussian(1.0))
     0.0
     """
-    x = np.asarray(c, dtype=float) ** 2
+    x = np.minimum(np.square(np.asarray(c, dtype=float)), 1e4)  # beyond, the Gaussian is 0
     return gaussian(c) * (1.0 + a2 * (0.5 * x * x - 1.5 * x + 0.375))
 
 

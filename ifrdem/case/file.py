@@ -104,7 +104,7 @@ def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Comm
 def load_text(text: str, path: Path) -> dict[str, Any]:
     """Values of a text in TOML; InputError with its path if it is none."""
     try:
-        return _parsed(text)
+        return parsed(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -247,13 +247,13 @@ def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
     path: KeyPath = tuple(int(step) if step.isdecimal() else step for step in re.findall(r"[\w-]+", key))
     try:
         # A line break would let a value bring further keys with it.
-        parsed = value if "\n" in value else _parsed(f"value = {value}")["value"]
+        found = value if "\n" in value else parsed(f"value = {value}")["value"]
     except InputError:
-        parsed = value
-    return path, parsed, value == ""
+        found = value
+    return path, found, value == ""
 
 
-def _parsed(text: str) -> dict[str, Any]:
+def parsed(text: str) -> dict[str, Any]:
     """The tables and keys of a text in TOML.
 
     Raises InputError if it is not TOML, a number is too long for one, or tables, lists or keys stand deeper in each

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -415,7 +414,7 @@ def _case_of(text: str, overrides: str) -> CaseSections:
     """The case that a trajectory holds."""
     if not text:
         raise InputError("the run holds no case, because Python wrote it: no runs can be drawn")
-    raw = tomllib.loads(text)
+    raw = case_file.parsed(text)
     for assignment in overrides.splitlines():
         case_file.override(raw, assignment)
     case = CaseSections.model_validate(raw)

@@ -7,7 +7,6 @@ import itertools
 import json
 import math
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -25,7 +24,7 @@ from ..case.case import CaseSections
 from ..case.estimate import long_steps
 from ..case.gas import CaseGas
 from ..case.messages import spelled
-from ..errors import InputError, cut, listed, nearest, option_name
+from ..errors import InputError, cut, listed, nearest, option_name, shortened
 from ..quantities import LEDGER, OBSERVABLES
 from ..tools import text_file
 from ..tools.versions import __version__
@@ -379,8 +378,8 @@ def axis_of(text: str) -> dict[str, Any]:
 def _toml(value: str, other: Any) -> Any:
     """A value in the form of TOML; `other` for None."""
     try:
-        return other if "\n" in value else tomllib.loads(f"v = {value}")["v"]
-    except ValueError:
+        return other if "\n" in value else case_file.parsed(f"v = {value}")["v"]
+    except InputError:
         return other
 
 
@@ -435,11 +434,11 @@ def _axes(groups: list[dict[str, list[Any]]]) -> tuple[Axis, ...]:
 
 
 def _seeds(given: Any, first: int) -> tuple[int, ...]:
-    shown = cut(str(given))
+    shown = shortened(given)
     need = f"seeds = {shown}: must be a number of seeds, 1 or more, or a list such as 1,2,5"
     if isinstance(given, str):
         parts = [each.strip() for each in given.split(",")]
-        if not all(each.isdecimal() for each in parts):
+        if not all(each.isdecimal() and len(each) < 20 for each in parts):
             raise InputError(need)
         given = int(parts[0]) if len(parts) == 1 else [int(each) for each in parts]
     if isinstance(given, int) and not isinstance(given, bool):

@@ -26,7 +26,7 @@ def stream(seed: int, purpose: int, number: int = 0) -> np.random.Generator:
 
     Raises InputError if the seed is not a whole number of 0 or more.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+    if isinstance(seed, bool | np.timedelta64) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError(f"seed = {seed}: must be an integer, 0 or more")
     key = (purpose, number) if number else (purpose,)
     return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=key))

@@ -20,7 +20,7 @@ from ..model.state import Disks, FrameRows, State
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..quantities import FIELDS
-from ..tools.checked import Comm, Count, validated
+from ..tools.checked import Comm, Count, must_be, validated
 from ..tools.read_only import NotCopied
 from . import layout
 from . import parts as part_files
@@ -109,6 +109,8 @@ class PartsWriter(NotCopied):
         output_path, box, fields, options, of_species = given
 
         def begin() -> Parts:
+            if number is not None and number > max(disks.n, ranks.size):
+                raise must_be("number", number, f"at most the number of disks, {disks.n}")
             if force:
                 part_files.remove(output_path)
             folder = part_files.folder_of(output_path)

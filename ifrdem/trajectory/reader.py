@@ -481,35 +481,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
 
         Raises InputError if it is another one, the file does not hold the field, or it cannot be read (`DamageError`).
         """
-        lengths = self.shape(name)
-        given = selection if isinstance(selection, tuple) else (selection,)
-        if len(given) > len(lengths):
-            raise InputError(f"selection {shortened(selection)} of {name}: {len(lengths)} axes at most")
-        forward: list[Any] = []
-        turned: list[int] = []  # axes of what is read
-        for length, each in zip(lengths, given or (slice(None),), strict=False):
-            refused = InputError(
-                f"selection {shortened(each)} of {name}: must be integers and slices; index the "
-                "result for others, as trajectory.read(name, 3)[[5, 2]]"
-            )
-            if isinstance(each, slice):
-                try:
-                    rows = range(length)[each]
-                except (TypeError, ValueError):
-                    raise refused from None
-                if rows.step < 0:
-                    turned.append(sum(isinstance(one, slice) for one in forward))
-                    rows = rows[::-1]
-                forward.append(slice(rows.start, rows.stop, rows.step) if rows else slice(0, 0))
-            elif isinstance(each, int | np.integer) and not isinstance(each, bool):
-                if not -length <= each < length:
-                    raise FrameError(
-                        f"selection {each} of {name}: there are {length} along this axis, from 0"
-                    )
-                forward.append(int(each) % length)
-            else:
-                raise refused
-        value = np.flip(self._reopening(lambda: self._read_field(name, tuple(forward))), axis=tuple(turned))
+        forward, turned = _forward(name, selection, self.shape(name))
+        value = np.flip(self._reopening(lambda: self._read_field(name, forward)), axis=turned)
         if value.dtype.kind == "f" and not np.isfinite(value).all():  # no writer of ours stores such
             raise DamageError(f"{self.path} is damaged: {name} holds numbers that are not finite")
         return value
@@ -588,11 +561,12 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def constants(self, name: str, disks: slice | int = slice(None)) -> NDArray[Any]:
         """Radii, masses, k or materials of some disks: "radius", "mass", "k", "material".
 
-        Raises InputError if there is no such constant, or it cannot be read (`DamageError`).
+        Raises InputError if there is no such constant or disk, or it cannot be read (`DamageError`).
         """
         if name not in layout.STATIC:
             raise NameMissing(f"there is no constant {name!r}{there_are(str(name), layout.STATIC)}")
-        return self._reopening(lambda: self._constants(name, disks))
+        (some,), turned = _forward("disks", disks, (self.n,))
+        return np.flip(self._reopening(lambda: self._constants(name, some)), axis=turned)
 
     def _constants(self, name: str, disks: slice | int = slice(None)) -> NDArray[Any]:
         path = f"{layout.PARTICLES}/{name}"
@@ -757,7 +731,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         i = _index("frame", index)
         if not -self._frames <= i < self._frames:
             span = f"0 to {self._frames - 1}" if self._frames else "none"
-            raise FrameError(f"frame {i} of {self.path}: there are {self._frames} frames ({span})")
+            raise FrameError(f"frame {shortened(i)} of {self.path}: there are {self._frames} frames ({span})")
         return Frame(self, i % self._frames)
 
     @property
@@ -869,7 +843,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         n = self.n
         if not 0 <= disk < n:
             span = f" (0 to {n - 1})" if n else ""
-            raise FrameError(f"disk {disk} of {self.path}: there are {n} disks{span}")
+            raise FrameError(f"disk {shortened(disk)} of {self.path}: there are {n} disks{span}")
         return disk
 
     def to_pandas(
@@ -974,6 +948,43 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def stated_units(self) -> dict[str, str] | None:
         """Units as for `units`; None if the file states none, not even that they are reduced."""
         return self.units or ({} if self.parameters.get("units") == layout.REDUCED else None)
+
+
+def _forward(
+    name: str, selection: Any, lengths: tuple[int, ...]
+) -> tuple[tuple[int | slice, ...], tuple[int, ...]]:
+    """A selection as HDF5 takes it, without negative numbers and steps, and the axes of what is read to turn round.
+
+    InputError if it is none for axes of these lengths.
+    """
+    given = selection if isinstance(selection, tuple) else (selection,)
+    if len(given) > len(lengths):
+        raise InputError(f"selection {shortened(selection)} of {name}: {len(lengths)} axes at most")
+    forward: list[Any] = []
+    turned: list[int] = []  # axes of what is read
+    for length, each in zip(lengths, given or (slice(None),), strict=False):
+        refused = InputError(
+            f"selection {shortened(each)} of {name}: must be integers and slices; index the "
+            "result for others, as trajectory.read(name, 3)[[5, 2]]"
+        )
+        if isinstance(each, slice):
+            try:
+                rows = range(length)[each]
+            except (TypeError, ValueError):
+                raise refused from None
+            if rows.step < 0:
+                turned.append(sum(isinstance(one, slice) for one in forward))
+                rows = rows[::-1]
+            forward.append(slice(rows.start, rows.stop, rows.step) if rows else slice(0, 0))
+        elif isinstance(each, int | np.integer) and not isinstance(each, bool | np.timedelta64):
+            if not -length <= each < length:
+                raise FrameError(
+                    f"selection {shortened(each)} of {name}: there are {length} along this axis, from 0"
+                )
+            forward.append(int(each) % length)
+        else:
+            raise refused
+    return tuple(forward), tuple(turned)
 
 
 def _index(what: str, given: Any) -> int:

@@ -411,7 +411,9 @@ def converted(
 
 def is_number(value: object) -> bool:
     """True if a value is a real number, of Python's or NumPy's; truth values are none."""
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(
+        value, bool | np.timedelta64
+    )
 
 
 def check_name(what: str, name: object, *, separator: bool = True) -> None:

@@ -391,3 +391,15 @@ NONE, SOME = np.zeros((0, 2)), np.random.default_rng(1).random((60, 2)) * 10.0
 def test_no_disks_and_endless_work_are_refused(call: Callable[[], object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         call()
+
+
+def test_centres_at_one_place_and_endless_lists_of_pairs_are_refused() -> None:
+    """Of 50,000 centres at one place freud overflows its stack, which ended the process without a message."""
+    points, box = np.full((1001, 2), 3.0), Box((10.0, 10.0))
+    with pytest.raises(InputError, match="more than 1000 disks have their centres at one place"):
+        analysis.clusters(points, box, radius=0.1, gap=0.0)
+    spread = np.random.default_rng(1).uniform(0.0, 10.0, (30_000, 2))
+    with pytest.raises(InputError, match=r"neighbours up to 4.9 of 30000 disks are some 3.4e\+08 pairs"):
+        analysis.clusters(spread, box, radius=0.1, gap=4.7)  # n^2 / 2 pi r^2 / A
+    with pytest.raises(InputError, match="r_max = 1e-99: must be from 1e-30"):
+        analysis.pair_correlation(spread[:9], box, r_max=1e-99)

@@ -12,10 +12,11 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 from support.serial_reference import simulate
 
+from ifrdem import theory
 from ifrdem.case import file as case_file
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, TheoryError
 from ifrdem.initial.placement import hexagonal_positions, maxwellian, random_positions
 from ifrdem.kernels.laws.law import collide_pair
 from ifrdem.model.box import Box
@@ -436,3 +437,41 @@ def test_the_quick_integration_ends_where_temperatures_are_no_numbers() -> None:
     """A gas without friction keeps its spins: theta grows without end."""
     assert cooling_until(IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), 2.0, 1.0, collisions=1e6) == (1e6, math.inf)
     assert cooling_until(IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), 2.0, 0.0, collisions=1e6)[1] > 1e290
+
+
+def test_theory_takes_equal_times_and_gives_equal_rows() -> None:
+    """The integrator wants each time once: three frames at one time ended in its ValueError."""
+    smooth = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    once = theory.cooling(smooth, 1.0, 0.5, 2.0, 0.1, 1.0, 0.5, [0.0, 1.0, 3.0])
+    again = theory.cooling(smooth, 1.0, 0.5, 2.0, 0.1, 1.0, 0.5, [0.0, 0.0, 1.0, 1.0, 3.0])
+    for one, other in zip(once, again, strict=True):
+        np.testing.assert_array_equal(other, one[[0, 0, 1, 1, 2]])
+    mixture = theory.Mixture([1.0, 4.0], [0.5, 1.0], smooth, 0.2)
+    T = theory.mixture_cooling(mixture, 1.0, 0.5, [1.0, 1.0]).temperature
+    np.testing.assert_array_equal(T[0], T[1])
+
+
+def test_courses_that_do_not_end_are_refused() -> None:
+    """Of temperatures 99 decades apart the integration of a mixture took no end of steps."""
+    mixture = theory.Mixture([1.0, 4.0], [0.5, 1.0], IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), 0.2)
+    with pytest.raises(TheoryError, match="more than 10000 steps"):
+        theory.mixture_cooling(mixture, 1e99, 0.5, [0.0, 1.0])
+    with pytest.raises(InputError, match=r"k = 1e\+99: must be at most 1e50"):
+        theory.cooling_ratios(IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2), 1e99)
+    with pytest.raises(InputError, match=r"box = 50 x 50: has some 2.7e\+06 waves"):
+        theory.shear_mode_time(IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), 1.0, 1e-3, 0.2, (50.0, 50.0), 1.0)
+
+
+def test_shear_modes_do_not_depend_on_the_unit_of_length() -> None:
+    """With absolute tolerances in units of length, disks of 1e99 took no end; lengths scale out."""
+    law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    tau = [
+        theory.shear_mode_time(law, 1.0, 0.5 * unit, 0.2, (100.0 * unit,) * 2, 1.0).collisions_per_disk
+        for unit in (1.0, 2.0**200)
+    ]
+    assert tau[0] == pytest.approx(tau[1], rel=1e-6)  # of the integration, 1e-9 of each quantity
+
+
+def test_no_velocities_have_no_cumulant() -> None:
+    with pytest.raises(InputError, match=r"velocity has shape \(0, 2\): .* 1 or more"):
+        theory.sonine_coefficient(np.zeros((0, 2)))

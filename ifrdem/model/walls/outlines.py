@@ -107,7 +107,8 @@ def given(
         if unit != 1.0:
             raise InputError(f"{name}, scale = {scale}: only a file has it; points are lengths")
         return points
-    if Path(points).suffix.lower() == ".svg":
+    points = checked.path(f"{name}, points", points)
+    if points.suffix.lower() == ".svg":
         found, ends = of_svg(points, None if tolerance is None else tolerance / unit)
     else:
         found, ends = of_csv(points), False

@@ -25,7 +25,7 @@ from ...kernels.columns import named
 from ...kernels.compiler import runtime
 from ...model.state import COLUMNS, Disks, State
 from ...mpi import current
-from ...tools import files
+from ...tools import checked, files
 from ...tools.versions import package_versions
 from ...trajectory import damage
 from ...trajectory.file import new_file
@@ -172,7 +172,7 @@ def check_extra(path: object, extra: object, arrays: object) -> None:
 
     InputError unless the path is one, `extra` a mapping of what JSON knows, and `arrays` one of arrays of numbers.
     """
-    if not isinstance(path, str | os.PathLike) or not Path(path).name:
+    if not checked.path("path", path).name:
         raise InputError(f"path = {shortened(path)}: must be the path of a file, a text or a Path")
     for name, given in (("extra", extra), ("arrays", arrays)):
         if given is not None and not isinstance(given, Mapping):
