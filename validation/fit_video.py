@@ -17,8 +17,8 @@ import numpy as np
 
 import ifrdem
 from ifrdem.case.shipped import find
-from ifrdem.fit.tabular import TableFormat
 from ifrdem.runs import compare
+from ifrdem.tools.tables import TableFormat
 
 FITTED = {
     "e_n": (0.8702, 8.0e-4),

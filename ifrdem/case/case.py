@@ -12,11 +12,11 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from ..errors import InputError, nearest
-from ..fit.tabular import TableFormat
 from ..initial import radii
 from ..kernels.columns import MOST_IDS
 from ..model.box import Box
 from ..model.gravity import DEFAULT_STEP, MAX_STEP
+from ..tools.tables import TableFormat
 from .laws_section import CoinName, FileKeys, Material, PairOfMaterials
 from .output_section import OutputSection
 from .section import Name, Section, exclusive_with, field, refusal

@@ -464,7 +464,7 @@ def _ranges(texts: list[str] | None, problems: OptionProblems) -> dict[str, tupl
 
 def form_of(table: TableOptions, problems: OptionProblems, known: list[str] | None = None) -> Any:
     """The format of the table; all its lines have the `known` values."""
-    from ..fit.tabular import TableFormat
+    from ..tools.tables import TableFormat
 
     given = table.delimiter or ","
     separator = {"tab": "\t", "\\t": "\t"}.get(given, given)

@@ -2,6 +2,7 @@ from .data import WALL as WALL
 from .data import Collisions as Collisions
 from .data import Data as Data
 from .data import Disk as Disk
+from .data import TableFormat as TableFormat
 from .data import example as example
 from .data import read as read
 from .laws import LAWS as LAWS
@@ -21,4 +22,3 @@ from .result import Estimate as Estimate
 from .result import Fit as Fit
 from .result import Fitted as Fitted
 from .result import Interval as Interval
-from .tabular import TableFormat as TableFormat

@@ -13,20 +13,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, listed, nearest, option_name, refuse
+from ..tools import tables
 from ..tools.checked import LEAST, Lines, Measurements, Number, Numbers, PositivePerDisk, Seed, validated
-from . import tabular
+from ..tools.tables import TableFormat
 from .laws import LAWS
 from .model import MEASURED, AngleProblem, CollisionProblem, FitProblem, Pair, RowError
-from .tabular import TableFormat
 
 Array = NDArray[np.float64]
 
 ANGLES = ("psi", *(name for name, each in MEASURED.items() if each.unit == "deg"))
 COLUMNS = ("psi", *MEASURED)
 
-# Other spellings of the columns, without signs, blanks and units; see `tabular.plain`.
+# Other spellings of the columns, without signs, blanks and units; see `tables.plain`.
 _SPELLINGS: Mapping[str, str] = {
-    **{tabular.plain(name): name for name in COLUMNS},
+    **{tables.plain(name): name for name in COLUMNS},
     **dict.fromkeys(("ψ", "impactangle", "angleofimpact"), "psi"),
     **dict.fromkeys(("δ1", "deltaone"), "delta_1"),
     **dict.fromkeys(("δ2", "deltatwo"), "delta_2"),
@@ -51,7 +51,7 @@ COLLISION_COLUMNS = (*CENTRES, *NORMAL, *MOTION, *AFTER)
 """Columns of whole collisions; mass_1, radius_1, k_1 and those of disk 2 may be added."""
 
 _COLLISION_SPELLINGS: Mapping[str, str] = {
-    **{tabular.plain(name): name for name in _KINDS},
+    **{tables.plain(name): name for name in _KINDS},
     **{f"{new}{i}{end}": f"spin_{i}{'_after' * bool(end)}" for new in ("w", "omega", "ω") for i in "12" for end in ("", "after", "'")},  # noqa: E501
     **{f"v{axis}{i}'": f"v{axis}_{i}_after" for axis in "xy" for i in "12"},
 }  # fmt: skip
@@ -412,8 +412,8 @@ def read(
     moving = ("normal", *MOTION, *AFTER)
     covariances = {f"cov:{a}:{b}": (a, b) for a in moving for b in moving if a != b}
     kinds |= dict.fromkeys(covariances, "number")
-    spellings |= {tabular.plain(name): name for name in covariances}
-    found = tabular.read(path, kinds, spellings, form)
+    spellings |= {tables.plain(name): name for name in covariances}
+    found = tables.read(path, kinds, spellings, form)
     columns, notes, lines = dict(found.columns), [], found.line
     if (quality := columns.pop("quality", None)) is not None:
         good = ~(quality < min_quality)

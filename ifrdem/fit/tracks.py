@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, option_name, refuse
 from ..model.walls.wall import Wall
-from . import tabular
+from ..tools import tables
+from ..tools.tables import TableFormat
 from .data import Disk
-from .tabular import TableFormat
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def read(
 
     Raises InputError with a line for each thing that is wrong.
     """
-    table = tabular.read(path, KINDS, _SPELLINGS, form)
+    table = tables.read(path, KINDS, _SPELLINGS, form)
     columns, source = dict(table.columns), table.source
     missing = [name for name in ("id", "x", "y") if name not in columns]
     if "t" not in columns and "frame" not in columns:
@@ -313,7 +313,7 @@ def read_disks(path: Path | str) -> tuple[dict[int, Disk], dict[int, str]]:
         **dict.fromkeys(("disk", "particle"), "id"),
         "species": "material",
     }
-    table = tabular.read(path, _DISK_KINDS, spellings, gaps=False)
+    table = tables.read(path, _DISK_KINDS, spellings, gaps=False)
     columns, source = table.columns, table.source
     missing = [name for name in ("id", "mass", "radius") if name not in columns]
     if missing:

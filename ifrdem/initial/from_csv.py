@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, listed, nearest
-from ..fit import tabular
-from ..fit.tabular import TableFormat
 from ..model.box import Box
 from ..model.walls.wall import Wall, at_displacements
 from ..mpi import current
 from ..quantities import FIELDS
+from ..tools import tables
 from ..tools.checked import Array
+from ..tools.tables import TableFormat
 from ..trajectory.export import CSV_KEYS, csv_names
 from ..trajectory.reader import SPIN
 
@@ -75,8 +75,8 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
     lines, and keeps the values of its slice (`Communicator`); all raise the same.
     """
     try:
-        table = tabular.read(
-            path, KINDS, {tabular.plain(key): name for name in KINDS for key in (name, EXPORTED.get(name, name))},
+        table = tables.read(
+            path, KINDS, {tables.plain(key): name for name in KINDS for key in (name, EXPORTED.get(name, name))},
             form or TableFormat(), most=MOST_BYTES, most_problems=MOST_REPORTED, gaps=False, n=n, setting=_key,
         )  # fmt: skip
     except InputError as error:

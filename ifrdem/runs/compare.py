@@ -17,9 +17,7 @@ from ..case import file as case_file
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
 from ..errors import InputError, cut, option_name, refuse
-from ..fit import tabular
 from ..fit.figure import save
-from ..fit.tabular import TableFormat
 from ..initial import from_trajectory
 from ..model.box import Box
 from ..model.laws.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning, IFRLaw
@@ -28,6 +26,8 @@ from ..model.state import State
 from ..model.walls.wall import Wall, sides
 from ..plots.disks import draw_walls
 from ..simulation.simulation import Simulation
+from ..tools import tables
+from ..tools.tables import TableFormat
 from ..trajectory.reader import Trajectory
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Me
 
     Raises InputError with a line for each thing that is wrong.
     """
-    table = tabular.read(path, KINDS, _SPELLINGS, form)
+    table = tables.read(path, KINDS, _SPELLINGS, form)
     columns, source, n = table.columns, table.source, len(table)
     missing = [name for name in ("id", "x", "y") if name not in columns]
     if missing:
@@ -461,7 +461,7 @@ def read_draws(path: Path | str) -> list[dict[str, float]]:
     Raises InputError if a column is unknown, a coefficient missing, or a value no number.
     """
     kinds = dict.fromkeys(_NUMBERS, "number")
-    table = tabular.read(path, kinds, {tabular.plain(name): name for name in kinds}, TableFormat())
+    table = tables.read(path, kinds, {tables.plain(name): name for name in kinds}, TableFormat())
     missing = [name for name in REQUIRED_COEFFICIENTS if name not in table.columns]
     if missing:
         raise InputError(f"{path}: missing column {', '.join(missing)}; there are {', '.join(table.columns)}")

@@ -19,10 +19,10 @@ from support import law_examples, mpi
 import ifrdem
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
-from ifrdem.fit.tabular import TableFormat
 from ifrdem.model.laws import files as law_files
 from ifrdem.runs import compare
 from ifrdem.runs.signals import Stops
+from ifrdem.tools.tables import TableFormat
 
 LAW = '''
 import ifrdem

@@ -12,9 +12,9 @@ from support.layout_files import some_disks
 import ifrdem
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
-from ifrdem.fit.tabular import TableFormat
 from ifrdem.model.state import State
 from ifrdem.runs import compare
+from ifrdem.tools.tables import TableFormat
 from ifrdem.trajectory.writer import TrajectoryWriter
 
 CASE = """\

@@ -13,10 +13,10 @@ from ifrdem.analysis import catalogue
 from ifrdem.case.case import CaseSections
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
-from ifrdem.fit.tabular import TableFormat
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.runs import compare
+from ifrdem.tools.tables import TableFormat
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, counted, cut, nearest, option_name, printable, refuse
 from ..mpi import current
-from ..tools import csv as csv_rows
-from ..tools.checked import validated
+from . import csv as csv_rows
+from .checked import validated
 
 Array = NDArray[np.float64]
 
