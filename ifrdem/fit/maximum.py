@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -27,6 +28,7 @@ from .result import (
     Suspect,
     admissibility,
     general_warnings,
+    is_dominated,
     law_warnings,
 )
 from .trends import trends_of
@@ -46,6 +48,7 @@ _PRECISE = 3e-4  # of the distance of an end from the best value
 _TOLERANCE = {"held": 1e-6, "robust": 1e-8, "plain": 1e-10}  # of descents; robust ones converge linearly
 _BETTER = 1e-5  # a loss lower by this is another minimum
 _SUSPICIOUS = 0.01  # probability, among all impacts, of one as far off
+_LOWER = 1e-3  # decrease of the loss that begins the search for intervals anew; their ends are no better
 _FOLDS = 10
 
 
@@ -168,6 +171,10 @@ def _rolling(law: Law, r: float) -> Law:
     return replace(law, fixed=fixed, ranges=ranges, start_ranges=start_ranges)
 
 
+class _LowerMinimumError(Exception):
+    """A descent has ended below the least loss that was expected."""
+
+
 class Search:
     """Descents of the loss of one likelihood, with a coefficient or the angle of transition held if wished."""
 
@@ -176,6 +183,7 @@ class Search:
         self.on_descent: Callable[[], object] | None = on_descent
         self.law: Law = likelihood.law
         self.lowest: tuple[Array, float] | None = None
+        self.least: float = -np.inf
         self._last: tuple[bytes, Points] | None = None
 
     def points(self, values: Array) -> Points:
@@ -288,6 +296,8 @@ class Search:
             self.on_descent()
         if self.lowest is None or loss < self.lowest[1] - _BETTER:
             self.lowest = (values, loss)
+        if loss < self.least:
+            raise _LowerMinimumError
         return values, loss
 
     def best(self, start: Array | None = None) -> tuple[Array, float]:
@@ -361,11 +371,15 @@ class _LawFit:
         problem, search = self._search()
         rise = rise_of(search, self.level, estimated=bool(self.problem.estimated))
         assert search.lowest is not None
-        for _ in range(_MOST_MINIMA):  # until no lower minimum shows while its surroundings are searched
+        for left in reversed(range(_MOST_MINIMA)):  # until no lower minimum shows while its surroundings are searched
             best, loss = min(search.lowest, search.descend(search.lowest[0]), key=lambda each: each[1])
-            ends = intervals(search, best, rise, profile=self.profile)
-            if search.lowest[1] > loss - _BETTER:
+            search.least = loss - _LOWER if left else -np.inf
+            # One impact tens of errors off makes a loss with many minima, whose profile takes long and means nothing.
+            profile = self.profile and not is_dominated(search.points(best).distance, self.robust)
+            with contextlib.suppress(_LowerMinimumError):
+                ends = intervals(search, best, rise, profile=profile)
                 break
+            search.least = -np.inf
         points, quantities = search.points(best), search.quantities(best)
         p, dof = len(best), int(np.sum(problem.redundancy)) - len(best)
         again = self._bootstrap(problem, best, points, bootstrap, seed) if bootstrap else {}

@@ -25,6 +25,7 @@ CONFIDENCE = 0.95
 TELLING = 2.0
 """Difference in AIC from which on the data prefer a law."""
 
+_DOMINANT = 0.9  # part of chi2 that one impact has if it alone decides on the fit
 _TIED = 0.995  # correlation of two coefficients that are known in combination only
 _MOST_NAMED = 20  # suspicious lines
 
@@ -226,6 +227,11 @@ class Fit:
             return float(min(np.min(self.data.disk_1.k), np.min(self.data.disk_2.k)))
         assert self.pair is not None
         return min(self.pair.k_1, self.pair.k_2)
+
+
+def is_dominated(distance: Array, robust: float | None) -> bool:
+    """True if one of the squared distances (n,) is nearly all of chi2, and no Student-t likelihood bounds its effect."""
+    return robust is None and len(distance) > 1 and bool(np.max(distance) > _DOMINANT * np.sum(distance) > 0.0)
 
 
 def admissibility(
