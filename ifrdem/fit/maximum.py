@@ -448,7 +448,7 @@ class _LawFit:
         """
         problem, start, groups = self.problem, None, self.problem.estimated
         total = np.ones(len(groups))
-        for _ in range(60):
+        for step in range(60):
             search = Search(Likelihood(problem, self.law, self.robust), self._descended)
             p = len(self.law.free)
             redundancy = int(np.sum(problem.redundancy))
@@ -474,12 +474,16 @@ class _LawFit:
                     f"{_error_of(unknown)}"
                 )
             factors, least = scoring.factors(total)
+            # Where a point changes its regime the likelihood has a ridge, over which full steps go to and fro.
+            factors = factors ** (0.8 ** max(step - 12, 0))
             if np.all(np.abs(factors - 1.0) < 1e-3):
                 search.best(best)
                 known = np.where(least, np.inf, scoring.errors)
                 return problem, search, dict(zip(groups, known.tolist(), strict=True))
             problem, start = problem.scaled(dict(zip(groups, factors.tolist(), strict=True))), best
             total = total * factors
+            if np.max(total) < 1e-6:
+                break
         one = "positions" if "x_1" in self.data.names else groups[0]
         raise InputError(
             f"{self.data.source}: the residuals do not determine the errors of {' and '.join(groups)}: give one of "
@@ -699,6 +703,8 @@ class _Scoring:
         A, J, w = points.slope, points.jacobian, points.weight
         n, q = points.residual.shape
         present = np.any(A != 0.0, axis=2) | np.any(J != 0.0, axis=2) | (points.residual != 0.0)
+        length = np.sqrt(np.sum(A**2, axis=1, keepdims=True))
+        A = A / np.where(length > 0.0, length, 1.0)  # whatever the units of latent coordinates
         Q = np.eye(q) - A @ np.linalg.pinv(A, rcond=1e-9)
         covariance = covariance_of(points.information)
         if np.isfinite(covariance).all():
