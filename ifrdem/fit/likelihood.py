@@ -76,7 +76,9 @@ class Points:
         """
         singular = np.linalg.svd(self.tangents * self.scale, compute_uv=False)
         seen = singular > 1e-9 * singular[:, :1]
-        return np.asarray(np.sum(np.where(seen, 2.0 * np.log(np.where(seen, singular, 1.0)) - _LN_2_PI, 0.0), axis=1))
+        return np.asarray(
+            np.sum(np.where(seen, 2.0 * np.log(np.where(seen, singular, 1.0)) - _LN_2_PI, 0.0), axis=1)
+        )
 
     @property
     def distance(self) -> Array:
@@ -157,8 +159,8 @@ class Points:
     def optimism(self) -> float:
         """By how much -2 ln L of other impacts exceeds that of these, as expected: 2 tr(V H^-1), 2 p if Gaussian.
 
-        It is the penalty of a likelihood that is not that of the errors (E. Ronchetti, Stat. Probab. Lett. 3, 21 (1985),
-        doi:10.1016/0167-7152(85)90006-9).
+        It is the penalty of a likelihood that is not that of the errors (E. Ronchetti, Stat. Probab. Lett. 3, 21
+        (1985), doi:10.1016/0167-7152(85)90006-9).
         """
         if (scatter := self.scatter) is None:
             return 2.0 * self.jacobian.shape[-1]

@@ -160,7 +160,7 @@ def fit(
         climb = _LawFit(data, problem, law, nu, level, profile, step)
         found[name] = climb.fitted(bootstrap, seed, cross_validate)
     lowest = min(each.AIC for each in found.values())
-    near = [name for name, each in found.items() if each.AIC < lowest + TELLING or each.AIC == lowest]
+    near = [name for name, each in found.items() if lowest + TELLING >= each.AIC]
     best = near[0]
     return Fit(data, pair, found, best, len(near) == 1, level, nu, tuple(general_warnings(data, found)))
 
@@ -376,13 +376,13 @@ class _LawFit:
         problem, search, errors_of_errors = self._search()
         rise = rise_of(search, self.level, estimated=bool(self.problem.estimated))
         assert search.lowest is not None
-        for left in reversed(range(_MOST_MINIMA)):  # until no lower minimum shows while its surroundings are searched
+        for left in reversed(
+            range(_MOST_MINIMA)
+        ):  # until no lower minimum shows while its surroundings are searched
             best, loss = min(search.lowest, search.descend(search.lowest[0]), key=lambda each: each[1])
             search.least = loss - _LOWER if left else -np.inf
             # One impact tens of errors off makes a loss with many minima, whose profile takes long and means nothing.
-            profile = self.profile and not is_dominated(
-                search.points(best).distance, self.robust is not None
-            )
+            profile = self.profile and not is_dominated(search.points(best).distance, self.robust is not None)
             with contextlib.suppress(_LowerMinimumError):
                 ends = intervals(search, best, rise, profile=profile)
                 break
@@ -497,7 +497,7 @@ class _LawFit:
         if self.robust is not None or not self.problem.estimated:
             return found
         # C. M. Hurvich, C.-L. Tsai, Biometrika 76, 297 (1989), doi:10.1093/biomet/76.2.297
-        return found + 2.0 * q * (q + 1) / (R - q - 1) if R > q + 1 else float("inf")
+        return found + 2.0 * q * (q + 1) / (R - q - 1) if q + 1 < R else float("inf")
 
     def _normalisation(self, problem: FitProblem, points: Points) -> Array:
         """The constant of -2 ln L of each impact, (n,); where errors are estimated, integrated over true motions."""
@@ -695,13 +695,13 @@ class _Scoring:
     The likelihood is that of what the fit leaves of the residuals, Q r with the projection Q of each impact, whose
     trace over the values of a group is its redundancy. Its derivative by the variance of a group is (redundancy -
     weighted squares), its expected second derivative the sum of Q_ab^2 over the values a and b of two groups, and of a
-    Student-t likelihood (nu + m) / (nu + m + 2) of that less the product of redundancies over nu + m + 2 (K. L. Lange et
-    al., J. Am. Stat. Assoc. 84, 881 (1989), doi:10.2307/2290063).
+    Student-t likelihood (nu + m) / (nu + m + 2) of that less the product of redundancies over nu + m + 2 (K. L. Lange
+    et al., J. Am. Stat. Assoc. 84, 881 (1989), doi:10.2307/2290063).
     """
 
     def __init__(self, problem: FitProblem, points: Points) -> None:
         A, J, w = points.slope, points.jacobian, points.weight
-        n, q = points.residual.shape
+        q = points.residual.shape[1]
         present = np.any(A != 0.0, axis=2) | np.any(J != 0.0, axis=2) | (points.residual != 0.0)
         length = np.sqrt(np.sum(A**2, axis=1, keepdims=True))
         A = A / np.where(length > 0.0, length, 1.0)  # whatever the units of latent coordinates
@@ -711,11 +711,12 @@ class _Scoring:
             Q = Q - w[:, None, None] * np.einsum("nqa,ab,nrb->nqr", J, covariance, J)
         Q = np.where(present[:, :, None] & present[:, None, :], Q, 0.0)
         self.groups: tuple[str, ...] = problem.estimated
-        member = np.array([[float(one == group) for one in problem.groups] for group in self.groups])
-        redundancy = np.clip(np.einsum("nqq->nq", Q), 0.0, 1.0) @ member.T
+        of_group = np.array([[one == group for one in problem.groups] for group in self.groups])
+        member = (of_group & problem.unknown[:, None, :]).astype(np.float64)  # (n, g, q)
+        redundancy = np.einsum("ngq,nqq->ng", member, Q)
         self.redundancy: Array = np.sum(redundancy, axis=0)
-        self.squares: Array = np.sum((w[:, None] * points.residual**2) @ member.T, axis=0)
-        each = np.einsum("gq,nqr,hr->ngh", member, Q**2, member)
+        self.squares: Array = np.einsum("ngq,n,nq->g", member, w, points.residual**2)
+        each = np.einsum("ngq,nqr,nhr->ngh", member, Q**2, member)
         if points.robust is not None:
             m = (points.robust + points.redundancy + 2.0)[:, None, None]
             each = (m - 2.0) / m * each - redundancy[:, :, None] * redundancy[:, None, :] / m
@@ -752,7 +753,7 @@ def _group_errors(problem: FitProblem, groups: tuple[str, ...]) -> dict[str, flo
     of = {}
     for group in groups:
         members = [i for i, each in enumerate(problem.groups) if each == group]
-        values = np.where(problem.known[:, members], np.nan, problem.s[:, members])
+        values = np.where(problem.unknown[:, members], problem.s[:, members], np.nan)
         of[group] = float(np.nanmedian(values))
     return of
 

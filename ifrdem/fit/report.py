@@ -144,7 +144,9 @@ def _comparison(fit: Fit) -> Iterator[str]:
     for i, (name, each) in enumerate(fit.laws.items()):
         ratio = f"{each.chi2:.4g} / {each.dof}"
         parts = [column[i] - best for column, best in zip(lists, least, strict=True)]
-        cells = "".join(f"{part if math.isfinite(part) else '-':>13{'.2f' * math.isfinite(part)}}" for part in parts)
+        cells = "".join(
+            f"{part if math.isfinite(part) else '-':>13{'.2f' * math.isfinite(part)}}" for part in parts
+        )
         lowest = min(one.cross_validation for one in laws)
         end = f"  {each.cross_validation - lowest:>12.4f}" if crossed else ""
         yield f"  {name:<18}{len(each.law.free):>3}{cells}{ratio:>18}{end}"

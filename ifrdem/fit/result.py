@@ -237,7 +237,7 @@ class Fit:
 
 
 def is_dominated(distance: Array, robust: bool) -> bool:
-    """True if one of the squared distances (n,) is nearly all of chi2, and no Student-t likelihood bounds its effect."""
+    """True if one of the squared distances (n,) is nearly all chi2, and no Student-t likelihood limits its effect."""
     return not robust and len(distance) > 1 and bool(np.max(distance) > _DOMINANT * np.sum(distance) > 0.0)
 
 
@@ -325,7 +325,9 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
     found += advice
     for name in fitted.law.free:
         for end in fitted.law.ranges[name]:
-            if abs(estimates[name].value - end) < 1e-6 * fitted.law.units.get(name, 1.0) and not (name == "rho" and end > 0.0):
+            if abs(estimates[name].value - end) < 1e-6 * fitted.law.units.get(name, 1.0) and not (
+                name == "rho" and end > 0.0
+            ):
                 found.append(f"{name} lies at its limit, {end:g}: the data alone would go beyond")
     chi2, dof, probability, left = fitted.chi2, fitted.dof, fitted.probability, ""
     if _few(fitted) and np.isfinite(probability):  # these are named; do the others follow the law?
@@ -412,7 +414,7 @@ def _poor_errors(fitted: Fitted) -> list[str]:
             end = "compatible with 0" if np.isinf(error) else f"known to a factor of {np.exp(error):.2g}"
             how = option_name(f"--error {group}=VALUE", f"errors = {{'{group}': VALUE}}")
             found.append(
-                f"the error of {group} is poorly known: the residuals leave it {end}; give it, e.g. {how}, if you know it"
+                f"the error of {group} is poorly known: the residuals leave it {end}; if you know it, give {how}"
             )
     return found
 
