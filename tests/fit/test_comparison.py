@@ -13,8 +13,10 @@ from test_fit import ALUMINIUM, impacts
 
 import ifrdem
 from ifrdem import fit
+from ifrdem.fit import model
 from ifrdem.fit.laws import LAWS
 from ifrdem.fit.likelihood import Likelihood
+from ifrdem.fit.maximum import _LawFit
 
 A, E_T, MU = 0.12, -0.8, 0.2
 R, NOISE = 0.01, (0.005, 0.5)  # m, m/s, rad/s
@@ -117,7 +119,7 @@ def _density(psi: float, i: int, each: fit.Fitted, robust: bool) -> float:
 
 def test_the_likelihood_of_errors_is_the_integral_over_the_true_motion() -> None:
     """By quadrature over psi, of the density of all three angles; of the Student-t one up to a common constant."""
-    data = impacts(noise=3, n=5, psi=(12.0, 70.0), error=0.2)
+    data = impacts(noise=3, n=5, psi=(12.0, 70.0), error=0.05)
     data = replace(data, errors=dict.fromkeys(data.errors, np.nan))
     for robust in (False, True):
         found = fit.fit(
@@ -129,34 +131,33 @@ def test_the_likelihood_of_errors_is_the_integral_over_the_true_motion() -> None
         points = Likelihood(problem, each.law, 4.0 if robust else None).at(each.values)
         sizes = np.sum(np.log(2.0 * np.pi * s**2), axis=1)
         mine = points.losses + sizes + points.log_volumes
-        span = np.radians(6.0 * float(np.max(s)))
+        span = np.radians((30.0 if robust else 6.0) * float(np.max(s)))
         true = [
             -2.0
-            * np.log(quad(_density, x - span, x + span, args=(i, each, robust), limit=400)[0] / np.prod(s[i]))
+            * np.log(
+                quad(_density, x - span, x + span, args=(i, each, robust), limit=400, points=[x])[0]
+                / np.prod(s[i])
+            )
             for i, x in enumerate(points.x[:, 0])
         ]
-        if robust:  # the tails of the density reach further than the span by half a percent at most
+        if robust:
             np.testing.assert_allclose(np.diff(mine), np.diff(true), atol=0.03)
         else:
             np.testing.assert_allclose(mine, true, atol=0.01)
             assert each.log_likelihood == pytest.approx(-0.5 * float(np.sum(mine)), abs=1e-9)
 
 
-def test_values_that_are_known_do_not_enter_the_likelihood_of_errors() -> None:
-    """A spin that is set has a share of the error of its kind; its size must cancel."""
-    data = hits(2, n=14, gaussian=True)
+def test_values_that_are_known_do_not_enter_the_likelihood_of_errors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their error is a part of that of their kind, which differs from law to law: its size must cancel."""
+    data, law, found = hits(2, n=14, gaussian=True), LAWS[VISCOELASTIC], []
     exact = replace(data, errors={**data.errors, "vx_1": 0.0})
-    likelihoods = []
-    for name in (CONSTANT, VISCOELASTIC):
-        each = fit.fit(exact, model=[name], profile=False).laws[name]
-        problem, i = each.problem, each.problem.names.index("vx_1")
-        problem.s[:, i], problem.white = problem.s[:, i] / 10.0, problem.white.copy()
-        problem.white[:, i, i] *= 10.0
-        points = Likelihood(problem, each.law).at(each.values)
-        size = np.sum(np.log(2.0 * np.pi * problem.s**2))
-        likelihoods.append((each.log_likelihood, -0.5 * (points.loss + np.sum(points.log_volumes) + size)))
-    for before, after in likelihoods:
-        assert before == pytest.approx(after, abs=1e-3)
+    for part in (1e-3, 3e-3):
+        monkeypatch.setattr(model, "_EXACT", part)
+        problem = exact.problem()
+        points = Likelihood(problem, law).at(np.array([A, E_T, MU]))
+        climb = _LawFit(exact, problem, law, None, 0.95, False, lambda done: None)
+        found.append(points.loss + float(np.sum(climb._normalisation(problem, points))))
+    assert found[0] == pytest.approx(found[1], abs=0.1)  # 14 ln 9 = 31 if it did not
 
 
 def test_an_error_that_may_be_none_is_said_to_be_poorly_known() -> None:
@@ -265,14 +266,15 @@ def test_expected_gain_is_that_of_a_law_fitted_again(robust: bool) -> None:
 # -- Marks and errors on data of known truth -----------------------------------------------------------------
 
 
-def test_marks_are_as_rare_as_promised_and_errors_cover() -> None:
-    """100 tables of smooth disks: suspects in 1 %, chi2 in 2 % (5 or more of 100 by chance in 0.3 and 5 %).
+@pytest.mark.parametrize("tables", [20, pytest.param(100, marks=pytest.mark.full)])
+def test_marks_are_as_rare_as_promised_and_errors_cover(tables: int) -> None:
+    """Of smooth disks: suspects in 1 % of tables, doubts about chi2 in 2 %.
 
-    Errors of e_n, and of the error where it is estimated, are those of the scatter: of 100 the standard deviation is
-    known to 7 %.
+    Errors of e_n, and of the error where it is estimated, are those of the scatter: of 20 the standard deviation is
+    known to 16 %.
     """
     suspects, doubts, pulls, sizes = 0, 0, [], []
-    for seed in range(100):
+    for seed in range(tables):
         data = impacts((0.8, -1.0, 0.0), ("delta_1", "delta_2"), noise=seed, n=6, psi=(20.0, 70.0))
         (each,) = fit.fit(data, M=1.0, model=["smooth"], profile=False).laws.values()
         suspects += bool(each.suspects)
@@ -282,13 +284,13 @@ def test_marks_are_as_rare_as_promised_and_errors_cover() -> None:
         pulls.append((each.values[0] - 0.8) / each.estimates["e_n"].standard_error)
         sizes.append(np.log(each.errors["angles"] / 0.7) / each.errors_of_errors["angles"])
         assert not any("poorly known" in text for text in each.warnings)
-    assert suspects <= 5
-    assert doubts <= 7
+    assert suspects <= 0.04 * tables + 1  # exceeded by chance in one of 1,000 cases
+    assert doubts <= 0.06 * tables + 2
     # Student's t with 11 degrees of freedom has the standard deviation sqrt(11/9) = 1.11
-    assert 0.85 < np.std(pulls) < 1.4
-    assert abs(np.mean(pulls)) < 0.4
-    assert 0.8 < np.std(sizes) < 1.3
-    assert abs(np.mean(sizes)) < 0.5  # the logarithm is too low by 1 / (2 R), a fifth of its error
+    assert 0.65 < np.std(pulls) < 1.6
+    assert abs(np.mean(pulls)) < 0.8
+    assert 0.6 < np.std(sizes) < 1.45
+    assert abs(np.mean(sizes)) < 0.9  # the logarithm is too low by 1 / (2 R), a fifth of its error
 
 
 def test_copied_lines_are_named() -> None:
