@@ -100,7 +100,7 @@ def _gain(best: Fitted, other: Fitted, angles: Array, number: int, robust: float
         one = best.problem.at(best.law, best.values, np.array([angle]))
         points = Likelihood(one, other.law, robust).at(other.values)
         # One Gauss-Newton step on both together: a refit that costs nothing.
-        information = before.information + number * points.information
+        information = before.bread + number * points.information
         gradient = number * np.einsum("n,nqp,nq->p", points.weight, points.jacobian, points.residual)
         covariance = covariance_of(information)
         step = -covariance @ gradient if np.isfinite(covariance).all() else np.zeros_like(gradient)

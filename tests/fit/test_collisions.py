@@ -348,6 +348,11 @@ def test_an_error_of_the_normal_is_an_angle_whatever_its_length(tmp_path: Path) 
     np.testing.assert_allclose(doubled.normal()[1], 0.01, rtol=1e-12)
     disks = {"disk_1": data.disk_1, "disk_2": fit.WALL}
     (tmp_path / "hits.csv").write_text("nx,ny,vx_1,vx_1_after\n2,0,1,-0.9\n", encoding="utf-8")
+    across = fit.read(
+        tmp_path / "hits.csv", {"nx": 0.3, "ny": 0.1, "velocities": 0.01}, disk_1=data.disk_1, disk_2=fit.WALL
+    )
+    assert isinstance(across, fit.Collisions)
+    assert across.normal()[1][0] == pytest.approx(0.05)  # what is across the normal turns it: 0.1 / 2
     read = fit.read(tmp_path / "hits.csv", {"normal": 0.01, "nx": 0.1, "velocities": 0.01}, **disks)
     assert read.errors["nx"][0] == 0.1  # its own comes first
     assert read.errors["ny"][0] == pytest.approx(0.02)
