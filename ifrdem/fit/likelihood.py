@@ -75,9 +75,12 @@ class Points:
         volume of true motions that agree with what was measured.
         """
         singular = np.linalg.svd(self.tangents * self.scale, compute_uv=False)
-        seen = singular > 1e-9 * singular[:, :1]
+        determined = singular > 1e-9 * singular[:, :1]
         return np.asarray(
-            np.sum(np.where(seen, 2.0 * np.log(np.where(seen, singular, 1.0)) - _LN_2_PI, 0.0), axis=1)
+            np.sum(
+                np.where(determined, 2.0 * np.log(np.where(determined, singular, 1.0)) - _LN_2_PI, 0.0),
+                axis=1,
+            )
         )
 
     @property

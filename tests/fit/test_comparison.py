@@ -307,7 +307,7 @@ def test_marks_are_as_rare_as_promised_and_errors_cover(tables: int) -> None:
 
 def test_an_impact_is_suspicious_below_one_percent_among_all() -> None:
     """Of 20 impacts below a probability of 0.01 / 20, by chi-square with 2 degrees of freedom: exp(-distance / 2)."""
-    seen = set()
+    classes = set()
     for shift in (1.5, 2.7, 4.5):
         data = impacts((0.8, -1.0, 0.0), psi=(30.0, 70.0))
         moved = data.measured["delta_1"] + np.where(np.arange(20) == 12, shift, 0.0)
@@ -315,8 +315,8 @@ def test_an_impact_is_suspicious_below_one_percent_among_all() -> None:
         (each,) = fit.fit(data, M=1.0, model=["smooth"], profile=False).laws.values()
         probability = np.exp(-0.5 * each.distance)
         assert [one.index for one in each.suspects] == np.flatnonzero(probability < 5e-4).tolist()
-        seen.add(int(np.searchsorted([5e-4, 0.01], np.min(probability))))
-    assert seen == {0, 1, 2}
+        classes.add(int(np.searchsorted([5e-4, 0.01], np.min(probability))))
+    assert classes == {0, 1, 2}
 
 
 def test_intervals_and_scoring_of_a_robust_fit_follow_from_the_scatter() -> None:

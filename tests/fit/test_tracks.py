@@ -101,10 +101,10 @@ def test_an_exchange_of_ids_is_undone_at_its_frame() -> None:
         true[one] = np.stack([0.5 * t, 0.6 * sign + 0.0 * t], axis=-1)
     mixed = {3: np.concatenate([true[3][:12], true[8][12:]]), 8: np.concatenate([true[8][:12], true[3][12:]])}
     angles = {3: np.where(t < 12.0, 0.01 * t, -0.02 * t), 8: np.where(t < 12.0, -0.02 * t, 0.01 * t)}
-    seen = tracks.Tracks({3: t, 8: t}, mixed, angles, "mixed")
-    found = tracks.exchanges_in(seen, {3: 0.5, 8: 0.5})
+    mixed_up = tracks.Tracks({3: t, 8: t}, mixed, angles, "mixed")
+    found = tracks.exchanges_in(mixed_up, {3: 0.5, 8: 0.5})
     assert found == [tracks.Exchange((3, 8), 12.0)]
-    back = tracks.exchanged(seen, found)
+    back = tracks.exchanged(mixed_up, found)
     for one, x in true.items():
         np.testing.assert_array_equal(back.position[one], x)
     for one, spin in ((3, 0.01), (8, -0.02)):

@@ -50,8 +50,8 @@ def test_radii_do_not_tilt_or_shift_an_estimated_wall() -> None:
     # the second turn is off by 2 mm, so that the first pair of turns does not give the wall by itself
     places[1, 1] += 2e-3
     turns = _Turns(places, up, R, 4e-3)
-    seen = tracks.Tracks({0: x}, {0: places + np.array([0.0, 0.1])}, {}, "turns")
-    found = _line(turns, seen, {0: 0.02})
+    inside = tracks.Tracks({0: x}, {0: places + np.array([0.0, 0.1])}, {}, "turns")
+    found = _line(turns, inside, {0: 0.02})
     assert found is not None
     wall, on = found
     assert on.all()
