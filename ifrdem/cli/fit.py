@@ -160,7 +160,7 @@ class FitOptions:
     level: Annotated[float, LEVEL] = 95.0
     """confidence of the intervals (default: 95)"""
     cross_validate: bool = False
-    """predict each tenth of the impacts from the others"""
+    """predict impacts from the others: each one, or of more than 30 each tenth"""
     design: Annotated[int, counting(1)] = 0
     """expected gain of N further impacts by angle: the next experiment"""
     rolling: bool = False

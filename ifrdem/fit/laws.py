@@ -61,6 +61,26 @@ class Law:
     """Values from which searches start."""
     sticking: str | None = None
     """Of an IFR law."""
+    units: Mapping[str, float] = field(default_factory=dict)
+    """Size of coefficients that have a unit, so that a fit does not depend on it; 1 of the others."""
+
+    @property
+    def sizes(self) -> Array:
+        """Sizes (p,) of the free coefficients, which steps and tolerances are parts of."""
+        return np.array([self.units.get(name, 1.0) for name in self.free])
+
+    def measured_in(self, name: str, unit: float) -> Law:
+        """The law with ranges of a coefficient, if it has it, in `unit`, its size."""
+        if name not in self.ranges:
+            return self
+        low, high = self.ranges[name]
+        start_low, start_high = self.start_ranges.get(name, (0.0, 0.0))
+        return replace(
+            self,
+            ranges={**self.ranges, name: (low * unit, high * unit)},
+            start_ranges={**self.start_ranges, name: (start_low * unit, start_high * unit)},
+            units={**self.units, name: unit},
+        )
 
     @property
     def free(self) -> tuple[str, ...]:

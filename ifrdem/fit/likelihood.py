@@ -44,12 +44,13 @@ Array = NDArray[np.float64]
 NU = 4.0
 """Degrees of freedom of a robust fit: tails as heavy as tables of measurements have (Lange et al., JASA 84, 881, 1989)."""  # noqa: E501
 
-_STEP = 1e-6  # of a one-sided difference by a coefficient: error 1e-6, round-off 1e-10
+_STEP = 1e-6  # of a one-sided difference by a coefficient, over its size: error 1e-6, round-off 1e-10
 _MOST_STEPS = 40
 _CLOSE = 1e-10  # gain of a step below which the search ends: a step of 1e-5 standard errors
 _ROUNDING = 1e-13  # the same over the distance
 _SHORTEST = 1e-4  # length of a step, over that of Gauss-Newton
 _LARGEST_GAIN = 10.0  # decrease that is still possible at most, over the gain of the next step
+_LN_2_PI = float(np.log(2.0 * np.pi))
 _RIDGE = 1e-12  # fixes a direction that no measured value determines
 
 
@@ -68,14 +69,19 @@ class Points:
 
     @property
     def log_volumes(self) -> Array:
-        """ln det A^T A of each impact, (n,), A the whitened slope by latent coordinates over their `scale`.
+        """ln det A^T A - d ln 2 pi of each impact, (n,), A the whitened slope by latent coordinates over their `scale`.
 
-        Without directions that no measured value determines. exp(-half of it) is the volume of true motions that agree
-        with what was measured.
+        Without directions that no measured value determines; d is the number of the others. exp(-half of it) is the
+        volume of true motions that agree with what was measured.
         """
         singular = np.linalg.svd(self.tangents * self.scale, compute_uv=False)
-        seen = singular > 1e-9 * singular[:, :1]
-        return np.asarray(2.0 * np.sum(np.log(np.where(seen, singular, 1.0)), axis=1))
+        determined = singular > 1e-9 * singular[:, :1]
+        return np.asarray(
+            np.sum(
+                np.where(determined, 2.0 * np.log(np.where(determined, singular, 1.0)) - _LN_2_PI, 0.0),
+                axis=1,
+            )
+        )
 
     @property
     def distance(self) -> Array:
@@ -139,6 +145,30 @@ class Points:
         by = 2.0 * self.weight / (self.robust + self.distance)
         return self.information - np.einsum("n,na,nb->ab", by, along, along)
 
+    @property
+    def bread(self) -> Array:
+        """H (p, p) of the covariance H^-1 V H^-1: `curvature`, or `information` where that is no minimum's."""
+        curvature = self.curvature
+        return self.information if np.linalg.eigvalsh(curvature)[0] <= 0.0 else curvature
+
+    @property
+    def known(self) -> Array:
+        """Information (p, p) of the impacts on the coefficients, the inverse of their covariance: H V^-1 H."""
+        if (scatter := self.scatter) is None:
+            return self.information
+        return np.asarray(self.bread @ _inverse(scatter) @ self.bread)
+
+    @property
+    def optimism(self) -> float:
+        """By how much -2 ln L of other impacts exceeds that of these, as expected: 2 tr(V H^-1), 2 p if Gaussian.
+
+        It is the penalty of a likelihood that is not that of the errors (E. Ronchetti, Stat. Probab. Lett. 3, 21
+        (1985), doi:10.1016/0167-7152(85)90006-9).
+        """
+        if (scatter := self.scatter) is None:
+            return 2.0 * self.jacobian.shape[-1]
+        return 2.0 * float(np.trace(scatter @ _inverse(self.bread)))
+
 
 class Likelihood:
     """-2 ln L of a problem under a law, as a function of its free coefficients, the p last axis of arrays.
@@ -168,12 +198,13 @@ class Likelihood:
         slope = tangents.copy()
         slope[at_edge >= 0, :, 0] = 0.0
         # At an edge between regimes chi moves with the edge; elsewhere it is free to follow.
-        changed = values + _STEP * np.eye(p)
+        steps = _STEP * law.sizes
+        changed = values + np.diag(steps)
         moved = np.tile(x, (p, 1, 1))
         shift = problem.edges(law, changed) - edges
         which = np.broadcast_to(np.maximum(at_edge, 0)[:, None], (p, len(x), 1))
         moved[..., 0] += np.where(at_edge >= 0, np.take_along_axis(shift, which, axis=-1)[..., 0], 0.0)
-        by_value = np.moveaxis(problem.predict(law, changed, moved, rows) - f, 0, -1) / _STEP
+        by_value = np.moveaxis(problem.predict(law, changed, moved, rows) - f, 0, -1) / steps
         by_value = problem.white @ by_value
         along = _solve(slope, by_value)
         residual = np.einsum("nab,nb->na", problem.white, y - np.where(np.isnan(problem.y), 0.0, f))
@@ -302,6 +333,13 @@ def _solve(A: Array, B: Array) -> Array:
     A = A / scale[:, None, :]
     normal = np.swapaxes(A, 1, 2) @ A + _RIDGE * np.eye(A.shape[2])
     return np.linalg.solve(normal, np.swapaxes(A, 1, 2) @ B) / scale[..., None]
+
+
+def _inverse(positive: Array) -> Array:
+    """Inverse of (p, p), without the directions in which it is 0."""
+    unit = unit_of(positive)
+    scaled = positive * np.outer(unit, unit)
+    return np.asarray(np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) * np.outer(unit, unit))
 
 
 def covariance_of(information: Array) -> Array:

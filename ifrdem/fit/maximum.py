@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 from scipy.special import chdtrc, chdtri, fdtri  # chdtrc: tail of the chi-square distribution
 
@@ -27,6 +29,7 @@ from .result import (
     Suspect,
     admissibility,
     general_warnings,
+    is_dominated,
     law_warnings,
 )
 from .trends import trends_of
@@ -46,7 +49,9 @@ _PRECISE = 3e-4  # of the distance of an end from the best value
 _TOLERANCE = {"held": 1e-6, "robust": 1e-8, "plain": 1e-10}  # of descents; robust ones converge linearly
 _BETTER = 1e-5  # a loss lower by this is another minimum
 _SUSPICIOUS = 0.01  # probability, among all impacts, of one as far off
-_FOLDS = 10
+_LOWER = 1e-3  # decrease of the loss that begins the search for intervals anew; their ends are no better
+_FOLDS, _ONE_BY_ONE = 10, 30  # of cross-validation; so many impacts are left out one by one
+_RATIO = 1e3  # largest ratio of estimated errors, each over its first guess
 
 
 @validated
@@ -95,7 +100,7 @@ def fit(
     profile : bool
         Intervals by profile likelihood; without it from the standard errors, in a tenth of the time.
     cross_validate : bool
-        Predict each tenth of the impacts from the others.
+        Predict each impact, of more than 30 each tenth of them, from the others.
     bootstrap : int
         Number of synthetic data sets of a parametric bootstrap; 0 for none.
     seed : int
@@ -137,6 +142,9 @@ def fit(
             problems.append(f"{data.source}: {text}; there are {', '.join(data.names)}")
         r = float(np.max(of_laws.reach(problem.probe())))
         chosen = {name: _rolling(law, r) if "rho" in law.ranges else law for name, law in chosen.items()}
+    if isinstance(problem, CollisionProblem):
+        unit = problem.speed**-0.2
+        chosen = {n: law.measured_in("A", unit) if law.depends_on_speed else law for n, law in chosen.items()}
     if bootstrap != 0 and bootstrap < 40:
         problems.append(f"bootstrap = {bootstrap}: must be 0, or 40 or more for intervals")
     refuse(problems)
@@ -152,7 +160,7 @@ def fit(
         climb = _LawFit(data, problem, law, nu, level, profile, step)
         found[name] = climb.fitted(bootstrap, seed, cross_validate)
     lowest = min(each.AIC for each in found.values())
-    near = [name for name, each in found.items() if each.AIC - lowest < TELLING]
+    near = [name for name, each in found.items() if lowest + TELLING >= each.AIC]
     best = near[0]
     return Fit(data, pair, found, best, len(near) == 1, level, nu, tuple(general_warnings(data, found)))
 
@@ -164,8 +172,12 @@ def _expected_descents(law: Law, bootstrap: int, *, profile: bool) -> int:
 
 def _rolling(law: Law, r: float) -> Law:
     fixed = {name: value for name, value in law.fixed.items() if name != "rho"}
-    ranges, start_ranges = {**law.ranges, "rho": (0.0, r)}, {**law.start_ranges, "rho": (0.0, 0.1 * r)}
-    return replace(law, fixed=fixed, ranges=ranges, start_ranges=start_ranges)
+    ranges, start_ranges = {**law.ranges, "rho": (0.0, 1.0)}, {**law.start_ranges, "rho": (0.0, 0.1)}
+    return replace(law, fixed=fixed, ranges=ranges, start_ranges=start_ranges).measured_in("rho", r)
+
+
+class _LowerMinimumError(Exception):
+    """A descent has ended below the least loss that was expected."""
 
 
 class Search:
@@ -176,6 +188,7 @@ class Search:
         self.on_descent: Callable[[], object] | None = on_descent
         self.law: Law = likelihood.law
         self.lowest: tuple[Array, float] | None = None
+        self.least: float = -np.inf
         self._last: tuple[bytes, Points] | None = None
 
     def points(self, values: Array) -> Points:
@@ -214,8 +227,8 @@ class Search:
         return found
 
     def _transition_slope(self, values: Array) -> Array:
-        at, steps = self.transition(values), 1e-6 * np.eye(len(values))
-        return np.array([(self.transition(values + step) - at) / 1e-6 for step in steps])
+        at, steps = self.transition(values), 1e-6 * self.law.sizes
+        return np.array([(self.transition(values + step) - at) / np.sum(step) for step in np.diag(steps)])
 
     def variance_ratios(self, values: Array) -> dict[str, float]:
         """Factor of the rise of the loss at the ends of the interval of each quantity.
@@ -267,8 +280,8 @@ class Search:
             J = self.points(whole(free)).as_least_squares()[1]
             found = J[:, moving]
             if by_transit is not None:
-                ones, here = np.eye(len(moving)), whole(free)[mu]
-                by = np.array([(whole(free + 1e-6 * one)[mu] - here) / 1e-6 for one in ones])
+                steps, here = np.diag(1e-6 * law.sizes[moving]), whole(free)[mu]
+                by = np.array([(whole(free + step)[mu] - here) / np.sum(step) for step in steps])
                 found = found + J[:, [mu]] * by
             return found
 
@@ -288,6 +301,8 @@ class Search:
             self.on_descent()
         if self.lowest is None or loss < self.lowest[1] - _BETTER:
             self.lowest = (values, loss)
+        if loss < self.least:
+            raise _LowerMinimumError
         return values, loss
 
     def best(self, start: Array | None = None) -> tuple[Array, float]:
@@ -329,8 +344,8 @@ class Search:
         found = []
         for values, other in sorted(self.ends, key=lambda each: each[1]):
             spans = (
-                (ends[name], value, 1e-3 * (1e-3 + abs(value)))
-                for name, value in zip(free, values, strict=True)
+                (ends[name], value, 1e-3 * (1e-3 * size + abs(value)))
+                for name, value, size in zip(free, values, self.law.sizes, strict=True)
             )
             out = any(not end.low - room <= value <= end.high + room for end, value, room in spans)
             if out and other - loss < rise:
@@ -358,14 +373,20 @@ class _LawFit:
 
     def fitted(self, bootstrap: int, seed: int, cross_validate: bool) -> Fitted:
         """The fit with its intervals."""
-        problem, search = self._search()
+        problem, search, errors_of_errors = self._search()
         rise = rise_of(search, self.level, estimated=bool(self.problem.estimated))
         assert search.lowest is not None
-        for _ in range(_MOST_MINIMA):  # until no lower minimum shows while its surroundings are searched
+        for left in reversed(
+            range(_MOST_MINIMA)
+        ):  # until no lower minimum shows while its surroundings are searched
             best, loss = min(search.lowest, search.descend(search.lowest[0]), key=lambda each: each[1])
-            ends = intervals(search, best, rise, profile=self.profile)
-            if search.lowest[1] > loss - _BETTER:
+            search.least = loss - _LOWER if left else -np.inf
+            # One impact tens of errors off makes a loss with many minima, whose profile takes long and means nothing.
+            profile = self.profile and not is_dominated(search.points(best).distance, self.robust is not None)
+            with contextlib.suppress(_LowerMinimumError):
+                ends = intervals(search, best, rise, profile=profile)
                 break
+            search.least = -np.inf
         points, quantities = search.points(best), search.quantities(best)
         p, dof = len(best), int(np.sum(problem.redundancy)) - len(best)
         again = self._bootstrap(problem, best, points, bootstrap, seed) if bootstrap else {}
@@ -382,6 +403,7 @@ class _LawFit:
         loss, chi2 = points.loss, float(np.sum(points.distance))
         given = not self.problem.estimated
         minus_2_ln_L = loss + float(np.sum(self._normalisation(problem, points)))
+        penalty = self._penalty(problem, points)
         q = p + len(self.problem.estimated)
         suspects = self._suspects(problem, points)
         verdict = None
@@ -397,8 +419,8 @@ class _LawFit:
             dof=dof,
             probability=float(chdtrc(dof, chi2)) if given else float("nan"),
             log_likelihood=-0.5 * minus_2_ln_L,
-            AIC=minus_2_ln_L + 2.0 * q,
-            BIC=minus_2_ln_L + q * float(np.log(max(np.sum(problem.redundancy), 1.0))),
+            AIC=minus_2_ln_L + penalty,
+            BIC=minus_2_ln_L + q * float(np.log(len(problem.rows))),
             cross_validation=self._cross_validated(problem, best) if cross_validate else float("nan"),
             x=points.x,
             psi=np.degrees(points.x[:, 0]),
@@ -408,6 +430,7 @@ class _LawFit:
             weight=points.weight,
             problem=problem,
             errors={} if given else _group_errors(problem, self.problem.estimated),
+            errors_of_errors=errors_of_errors,
             suspects=suspects,
             without=self._without(problem, best, suspects),
             admissibility=verdict,
@@ -418,15 +441,19 @@ class _LawFit:
         others = search.others(loss, ends, rise)
         return replace(found, warnings=tuple(law_warnings(found, others, robust=self.robust is not None)))
 
-    def _search(self) -> tuple[FitProblem, Search]:
-        """The problem, with errors estimated from its residuals, and a search that has found the minimum."""
-        problem, start = self.problem, None
-        for _ in range(30):
+    def _search(self) -> tuple[FitProblem, Search, dict[str, float]]:
+        """The problem, with errors estimated from its residuals, and a search that has found the minimum.
+
+        Also the standard error of each estimated error, over it; infinite for one at the least that is tried.
+        """
+        problem, start, groups = self.problem, None, self.problem.estimated
+        total = np.ones(len(groups))
+        for step in range(60):
             search = Search(Likelihood(problem, self.law, self.robust), self._descended)
             p = len(self.law.free)
             redundancy = int(np.sum(problem.redundancy))
-            if redundancy <= p + len(problem.estimated):
-                q = len(problem.estimated)
+            if redundancy <= p + len(groups):
+                q = len(groups)
                 needed = f"must be more than {p + q} for {counted(p, 'coefficient')}"
                 errors = f" and {counted(q, 'error')}" * bool(q)
                 empty = [
@@ -438,29 +465,47 @@ class _LawFit:
                     f"{needed}{errors}{why}"
                 )
             best, _ = search.best() if start is None else search.descend(start)
-            if not problem.estimated:
-                return problem, search
-            factors = _factors(problem, search.points(best), problem.estimated)
-            if all(abs(each - 1.0) < 1e-3 for each in factors.values()):
+            if not groups:
+                return problem, search, {}
+            scoring = _Scoring(problem, search.points(best))
+            if start is None and (unknown := scoring.undetermined):
+                raise InputError(
+                    f"{self.data.source}: the residuals do not determine the error of {unknown}: give it, e.g. "
+                    f"{_error_of(unknown)}"
+                )
+            factors, least = scoring.factors(total)
+            # Where a point changes its regime the likelihood has a ridge, over which full steps go to and fro.
+            factors = factors ** (0.8 ** max(step - 12, 0))
+            if np.all(np.abs(factors - 1.0) < 1e-3):
                 search.best(best)
-                return problem, search
-            problem, start = problem.scaled(factors), best
-        one = "positions" if "x_1" in self.data.names else problem.estimated[0]
+                known = np.where(least, np.inf, scoring.errors)
+                return problem, search, dict(zip(groups, known.tolist(), strict=True))
+            problem, start = problem.scaled(dict(zip(groups, factors.tolist(), strict=True))), best
+            total = total * factors
+            if np.max(total) < 1e-6:
+                break
+        one = "positions" if "x_1" in self.data.names else groups[0]
         raise InputError(
-            f"{self.data.source}: the residuals do not determine the errors of {' and '.join(problem.estimated)} "
-            f"separately: give one of them, e.g. {_error_of(one)}"
+            f"{self.data.source}: the residuals do not determine the errors of {' and '.join(groups)}: give one of "
+            f"them, e.g. {_error_of(one)}"
         )
+
+    def _penalty(self, problem: FitProblem, points: Points) -> float:
+        """Expected excess of -2 ln L of other impacts: AIC less -2 ln L. Infinite for too few values."""
+        R, q = int(np.sum(problem.redundancy)), len(self.law.free) + len(self.problem.estimated)
+        found = points.optimism + 2.0 * len(self.problem.estimated)
+        if self.robust is not None or not self.problem.estimated:
+            return found
+        # C. M. Hurvich, C.-L. Tsai, Biometrika 76, 297 (1989), doi:10.1093/biomet/76.2.297
+        return found + 2.0 * q * (q + 1) / (R - q - 1) if q + 1 < R else float("inf")
 
     def _normalisation(self, problem: FitProblem, points: Points) -> Array:
         """The constant of -2 ln L of each impact, (n,); where errors are estimated, integrated over true motions."""
-        with np.errstate(invalid="ignore"):
-            size = np.log(2.0 * np.pi * problem.s**2)
-        size = np.where(np.isnan(problem.y) | problem.known, 0.0, size)
-        if not self.problem.estimated:
-            return np.asarray(np.sum(size, axis=1))
-        measured = np.sum(~(np.isnan(problem.y) | problem.known), axis=1)
-        taken = np.maximum(measured - problem.redundancy, 0)
-        return np.asarray(np.sum(size, axis=1) + points.log_volumes - taken * np.log(2.0 * np.pi))
+        # Of a value that is known exactly nothing but its error, which is set, would count.
+        left_out = np.isnan(problem.y) | (problem.known if not self.problem.estimated else False)
+        size = np.log(2.0 * np.pi * np.where(left_out, 1.0, problem.s) ** 2)
+        constant = np.sum(np.where(left_out, 0.0, size), axis=1)
+        return np.asarray(constant + points.log_volumes if self.problem.estimated else constant)
 
     def _pairs(self) -> list[tuple[float, float, float, float]]:
         """k_1, k_2, m_1, m_2 of every kind of pair."""
@@ -501,20 +546,22 @@ class _LawFit:
         return dict(zip(self.law.free, map(float, values), strict=True))
 
     def _cross_validated(self, problem: FitProblem, best: Array) -> float:
-        folds = min(_FOLDS, len(problem.rows))
+        """Mean of -2 ln L of impacts that the fit leaves out: one by one, or tenths of many."""
+        n = len(problem.rows)
+        folds = n if n <= _ONE_BY_ONE else _FOLDS
+        # Drawn from the impacts in an order of their own, so that the order of the table does not matter.
+        order = np.lexsort(np.nan_to_num(problem.y, nan=np.inf).T)
+        fold = np.empty(n, dtype=np.int64)
+        fold[order] = np.random.default_rng(1).permutation(n) % folds
         total = 0.0
-        for fold in range(folds):
-            training, held_out = (
-                problem.rows[(problem.rows % folds == fold) == which] for which in (False, True)
-            )
+        for each in range(folds):
+            training, held_out = problem.rows[fold != each], problem.rows[fold == each]
             values, _ = Search(Likelihood(problem.take(training), self.law, self.robust)).descend(best)
             tested = problem.take(held_out)
             points = Likelihood(tested, self.law, self.robust).at(values)
-            total += points.loss
             # Errors differ from law to law: larger ones must not look like success.
-            if self.problem.estimated:
-                total += float(np.sum(self._normalisation(tested, points)))
-        return total / len(problem.rows)
+            total += points.loss + float(np.sum(self._normalisation(tested, points)))
+        return total / n
 
     def _bootstrap(
         self,
@@ -589,7 +636,7 @@ def _end(
     z = float(np.sqrt(rise))
     room = abs(limit - value)
     sign = 1.0 if limit > value else -1.0
-    if room < 1e-9:
+    if room < 1e-9 * search.law.units.get(name, 1.0):
         return limit, True
     # By distance: root of the rise less z, and coefficients.
     evaluated: dict[float, tuple[float, Array]] = {0.0: (-z, best)}
@@ -618,7 +665,7 @@ def _end(
         outside = min(1.5 * outside, room)
     else:
         return limit, True
-    found = brentq(rest, inside, outside, xtol=_PRECISE * max(outside, 1e-9), rtol=1e-10)
+    found = brentq(rest, inside, outside, xtol=_PRECISE * outside, rtol=1e-10)
     return value + sign * float(found), False
 
 
@@ -627,10 +674,7 @@ def covariance_at(points: Points) -> tuple[Array, Array]:
 
     They differ for a robust likelihood, see `Points.scatter`.
     """
-    scatter, curvature = points.scatter, points.curvature
-    if scatter is not None and np.linalg.eigvalsh(curvature)[0] <= 0.0:
-        curvature = points.information
-    inverse = covariance_of(curvature)
+    scatter, inverse = points.scatter, covariance_of(points.bread)
     if scatter is None or not np.isfinite(inverse).all():
         return inverse, inverse
     return inverse @ scatter @ inverse, inverse
@@ -645,41 +689,71 @@ def _flat(information: Array, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name, part in zip(names, vectors[:, 0], strict=True) if abs(part) > 0.05)
 
 
-def _redundancies(points: Points, *, with_coefficients: bool = True) -> Array:
-    """Redundancy (n, q) of each value: 1 less what its own residual is taken up by the fit."""
-    A = points.slope
-    present = np.any(A != 0.0, axis=2) | np.any(points.jacobian != 0.0, axis=2) | (points.residual != 0.0)
-    hat = np.einsum("nqd,ndq->nq", A, np.linalg.pinv(A, rcond=1e-9))
-    if with_coefficients:
+class _Scoring:
+    """Fisher scoring of the errors of groups of quantities, by the likelihood integrated over true motions.
+
+    The likelihood is that of what the fit leaves of the residuals, Q r with the projection Q of each impact, whose
+    trace over the values of a group is its redundancy. Its derivative by the variance of a group is (redundancy -
+    weighted squares), its expected second derivative the sum of Q_ab^2 over the values a and b of two groups, and of a
+    Student-t likelihood (nu + m) / (nu + m + 2) of that less the product of redundancies over nu + m + 2 (K. L. Lange
+    et al., J. Am. Stat. Assoc. 84, 881 (1989), doi:10.2307/2290063).
+    """
+
+    def __init__(self, problem: FitProblem, points: Points) -> None:
+        A, J, w = points.slope, points.jacobian, points.weight
+        q = points.residual.shape[1]
+        present = np.any(A != 0.0, axis=2) | np.any(J != 0.0, axis=2) | (points.residual != 0.0)
+        length = np.sqrt(np.sum(A**2, axis=1, keepdims=True))
+        A = A / np.where(length > 0.0, length, 1.0)  # whatever the units of latent coordinates
+        Q = np.eye(q) - A @ np.linalg.pinv(A, rcond=1e-9)
         covariance = covariance_of(points.information)
         if np.isfinite(covariance).all():
-            J = points.jacobian
-            hat = hat + points.weight[:, None] * np.einsum("nqa,ab,nqb->nq", J, covariance, J)
-    return np.where(present, np.clip(1.0 - hat, 0.0, 1.0), 0.0)
+            Q = Q - w[:, None, None] * np.einsum("nqa,ab,nrb->nqr", J, covariance, J)
+        Q = np.where(present[:, :, None] & present[:, None, :], Q, 0.0)
+        self.groups: tuple[str, ...] = problem.estimated
+        of_group = np.array([[one == group for one in problem.groups] for group in self.groups])
+        member = (of_group & problem.unknown[:, None, :]).astype(np.float64)  # (n, g, q)
+        redundancy = np.einsum("ngq,nqq->ng", member, Q)
+        self.redundancy: Array = np.sum(redundancy, axis=0)
+        self.squares: Array = np.einsum("ngq,n,nq->g", member, w, points.residual**2)
+        each = np.einsum("ngq,nqr,nhr->ngh", member, Q**2, member)
+        if points.robust is not None:
+            m = (points.robust + points.redundancy + 2.0)[:, None, None]
+            each = (m - 2.0) / m * each - redundancy[:, :, None] * redundancy[:, None, :] / m
+        self.information: Array = np.sum(each, axis=0)
 
+    @property
+    def undetermined(self) -> str:
+        """The first group whose values are all taken by the true motions; "" if there is none."""
+        return next((g for g, each in zip(self.groups, self.redundancy, strict=True) if each < 0.5), "")
 
-def _factors(problem: FitProblem, points: Points, groups: tuple[str, ...]) -> dict[str, float]:
-    """Factors of the errors of groups that make the sum of squared residuals equal to the redundancy."""
-    redundancy = _redundancies(points)
-    squares = points.weight[:, None] * points.residual**2
-    found = {}
-    for group in groups:
-        members = [i for i, each in enumerate(problem.groups) if each == group]
-        share = float(np.sum(redundancy[:, members]))
-        ratio = float(np.sum(squares[:, members])) / max(share, 1e-12)
-        if share < 0.5:
-            raise InputError(
-                f"the residuals do not determine the error of {group}: give it, e.g. {_error_of(group)}"
-            )
-        found[group] = float(np.clip(np.sqrt(max(ratio, 1e-12)), 0.05, 20.0))
-    return found
+    @property
+    def errors(self) -> Array:
+        """Standard errors (g,) of the logarithms of the errors."""
+        return np.sqrt(0.5 * np.diag(covariance_of(self.information)))
+
+    def factors(self, total: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Factors (g,) of the errors, which are `total` times their first guesses, and which end at the least ratio."""
+        wanted = self.squares - self.redundancy
+        least = np.zeros(len(total), dtype=bool)
+        while True:
+            free = np.flatnonzero(~least)
+            step = np.linalg.lstsq(self.information[np.ix_(free, free)], wanted[free], rcond=1e-12)[0]
+            factors = np.ones(len(total))
+            factors[free] = np.sqrt(np.clip(1.0 + step, 0.01, 100.0))
+            floor = np.max((total * factors)[free]) / _RATIO
+            below = ~least & (total * factors <= floor * (1.0 + 1e-6))
+            factors[least | below] = (floor / total)[least | below]
+            if not below.any():
+                return factors, least
+            least |= below
 
 
 def _group_errors(problem: FitProblem, groups: tuple[str, ...]) -> dict[str, float]:
     of = {}
     for group in groups:
         members = [i for i, each in enumerate(problem.groups) if each == group]
-        values = np.where(problem.known[:, members], np.nan, problem.s[:, members])
+        values = np.where(problem.unknown[:, members], problem.s[:, members], np.nan)
         of[group] = float(np.nanmedian(values))
     return of
 

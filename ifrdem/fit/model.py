@@ -98,7 +98,9 @@ class RowError(InputError):
         self.text: str = text
 
 
-_EXACT = 1e-4  # an error of a known value, over the least one of its kind: its part of chi2 is 1e-8
+# Error of a known value, over the least one of its kind: its part of chi2 is 1e-6. True motions that agree with a
+# smaller one lie in a curved valley so narrow that the search for the nearest one does not reach its end.
+_EXACT = 1e-3
 
 
 class FitProblem(ABC):
@@ -122,6 +124,8 @@ class FitProblem(ABC):
         Number of values measured beyond those that the latent coordinates take.
     estimated : tuple of str
         Groups of quantities whose error is estimated from the residuals.
+    unknown : array (n, q)
+        True for values whose error is.
     """
 
     start: Array
@@ -148,6 +152,7 @@ class FitProblem(ABC):
             dict.fromkeys(group for group, each in each_group if each.any())
         )
         self.known: NDArray[np.bool_] = present & (s == 0.0)
+        self.unknown: NDArray[np.bool_] = unknown
         for group in dict.fromkeys(groups):
             members, guess = [i for i, each in enumerate(groups) if each == group], self.first_guess(group)
             own = np.where(unknown[:, members], guess, s[:, members])  # of any size at first; then `scaled`
@@ -212,7 +217,7 @@ class FitProblem(ABC):
     def take(self, rows: Index) -> FitProblem:
         """Some of the impacts."""
         other = copy.copy(self)
-        for name in ("y", "s", "white", "known", "start", "spread", "redundancy"):
+        for name in ("y", "s", "white", "known", "unknown", "start", "spread", "redundancy"):
             setattr(other, name, getattr(self, name)[rows])
         other.rows = np.arange(len(rows))
         return other
@@ -225,10 +230,11 @@ class FitProblem(ABC):
         return other
 
     def scaled(self, factors: Mapping[str, float]) -> FitProblem:
-        """Errors of groups of quantities multiplied by factors."""
+        """Errors of groups of quantities multiplied by factors, but for those that are given."""
         other = copy.copy(self)
         by = np.array([factors.get(group, 1.0) for group in self.groups])
-        other.s, other.white = self.s * by, self.white / by
+        by = np.where(self.unknown | self.known, by, 1.0)
+        other.s, other.white = self.s * by, self.white / by[:, None, :]
         other.begin()
         return other
 

@@ -75,7 +75,7 @@ def design(fit: Fit, number: Count = 10, psi: Angles | None = None) -> Design:
     angles = np.arange(5.0, 86.0, 5.0) if psi is None else np.asarray(psi, dtype=np.float64)
     best = fit.laws[fit.best]
     problem = best.problem.at(best.law, best.values, np.radians(angles))
-    known = Likelihood(best.problem, best.law, fit.robust).at(best.values).information
+    known = Likelihood(best.problem, best.law, fit.robust).at(best.values).known
     new = Likelihood(problem, best.law).at(best.values).jacobian
     information = known + number * np.einsum("nqa,nqb->nab", new, new)
     errors = np.array([np.sqrt(np.diag(covariance_of(each))) for each in information])
@@ -85,20 +85,23 @@ def design(fit: Fit, number: Count = 10, psi: Angles | None = None) -> Design:
         number=number,
         errors={name: errors[:, i] for i, name in enumerate(best.law.free)},
         now={name: best.estimates[name].standard_error for name in best.law.free},
-        against={name: _gain(best, each, angles, number) for name, each in others.items()},
+        against={name: _gain(best, each, angles, number, fit.robust) for name, each in others.items()},
     )
 
 
-def _gain(best: Fitted, other: Fitted, angles: Array, number: int) -> Array:
-    """Gain (a,) of -2 ln L over another law, fitted again to what is known and to exact further impacts."""
-    before = Likelihood(other.problem, other.law).at(other.values)
+def _gain(best: Fitted, other: Fitted, angles: Array, number: int, robust: float | None) -> Array:
+    """Gain (a,) of -2 ln L over another law, fitted again to what is known and to exact further impacts.
+
+    All with the errors of the best law, and with the weights that a robust fit gives the impacts under the other law.
+    """
+    before = Likelihood(best.problem, other.law, robust).at(other.values)
     found = []
     for angle in np.radians(angles):
         one = best.problem.at(best.law, best.values, np.array([angle]))
-        points = Likelihood(one, other.law).at(other.values)
+        points = Likelihood(one, other.law, robust).at(other.values)
         # One Gauss-Newton step on both together: a refit that costs nothing.
-        information = before.information + number * points.information
-        gradient = number * np.einsum("nqp,nq->p", points.jacobian, points.residual)
+        information = before.bread + number * points.information
+        gradient = number * np.einsum("n,nqp,nq->p", points.weight, points.jacobian, points.residual)
         covariance = covariance_of(information)
         step = -covariance @ gradient if np.isfinite(covariance).all() else np.zeros_like(gradient)
         change = number * points.loss + gradient @ step

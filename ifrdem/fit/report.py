@@ -132,18 +132,24 @@ def _errors(fit: Fit) -> Iterator[str]:
 
 
 def _comparison(fit: Fit) -> Iterator[str]:
-    """Laws side by side."""
-    lowest, lowest_BIC = (min(getattr(each, name) for each in fit.laws.values()) for name in ("AIC", "BIC"))
-    crossed = any(math.isfinite(each.cross_validation) for each in fit.laws.values())
-    last = "  -2 ln L of an unseen impact" if crossed else ""
-    yield f"  {'law':<18}{'p':>3}{'log-likelihood':>16}{'AIC - best':>12}{'BIC - best':>12}{'chi2 / dof':>18}{last}"
-    for name, each in fit.laws.items():
+    """Laws side by side, by differences to the best: absolute values depend on units."""
+    laws = fit.laws.values()
+    crossed = any(math.isfinite(each.cross_validation) for each in laws)
+    corrected = "AIC" if fit.robust is not None or not next(iter(laws)).errors else "AICc"
+    heads = ["ln L - best", f"{corrected} - best", "BIC - best"]
+    lists = [[getattr(each, name) for each in laws] for name in ("log_likelihood", "AIC", "BIC")]
+    least = [max(lists[0]), min(lists[1]), min(lists[2])]
+    last = "  -2 ln L of an unseen impact - best" if crossed else ""
+    yield f"  {'law':<18}{'p':>3}" + "".join(f"{head:>13}" for head in heads) + f"{'chi2 / dof':>18}{last}"
+    for i, (name, each) in enumerate(fit.laws.items()):
         ratio = f"{each.chi2:.4g} / {each.dof}"
-        end = f"  {each.cross_validation:>12.4f}" if crossed else ""
-        yield (
-            f"  {name:<18}{len(each.law.free):>3}{each.log_likelihood:>16.2f}{each.AIC - lowest:>12.2f}"
-            f"{each.BIC - lowest_BIC:>12.2f}{ratio:>18}{end}"
+        parts = [column[i] - best for column, best in zip(lists, least, strict=True)]
+        cells = "".join(
+            f"{part if math.isfinite(part) else '-':>13{'.2f' * math.isfinite(part)}}" for part in parts
         )
+        lowest = min(one.cross_validation for one in laws)
+        end = f"  {each.cross_validation - lowest:>12.4f}" if crossed else ""
+        yield f"  {name:<18}{len(each.law.free):>3}{cells}{ratio:>18}{end}"
 
 
 def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
@@ -168,10 +174,7 @@ def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
         yield f"  correlation: {', '.join(pairs)}"
     known = math.isfinite(fitted.probability)
     tested = f", probability {fitted.probability:.3g}" if known else " (by the errors)"
-    yield (
-        f"  chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}; "
-        f"AIC = {fitted.AIC:.2f}, BIC = {fitted.BIC:.2f}"
-    )
+    yield f"  chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}"
     if counted := fitted.count():
         yield "  impacts: " + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counted.items())
     for against in ("g_n", "rim speed"):
@@ -228,6 +231,7 @@ def figures(fit: Fit) -> dict[str, Any]:
             "degrees_of_freedom": each.dof,
             **{name: getattr(each, name) for name in plain},
             "errors_by_residuals": dict(each.errors),
+            "errors_of_errors": dict(each.errors_of_errors),
             "impacts": each.count(),
             "psi_fitted": each.psi.tolist(),
             "residuals": residuals,

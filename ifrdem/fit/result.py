@@ -25,6 +25,7 @@ CONFIDENCE = 0.95
 TELLING = 2.0
 """Difference in AIC from which on the data prefer a law."""
 
+_DOMINANT = 0.9  # part of chi2 that one impact has if it alone decides on the fit
 _TIED = 0.995  # correlation of two coefficients that are known in combination only
 _MOST_NAMED = 20  # suspicious lines
 
@@ -88,10 +89,15 @@ class Fitted:
     """chi2, dof, probability: sum of squares, degrees of freedom, and the probability of a larger sum if law and
     errors hold; the probability is NaN if errors were estimated."""
     log_likelihood: float
+    """Where errors are estimated, integrated over the true motions. It depends on units, as each density does: only
+    differences between laws mean something."""
     AIC: float
+    """-2 ln L + 2 q, with q coefficients and estimated errors. Where errors are estimated AICc, infinite for too few
+    values; of a robust fit with the expected optimism, `Points.optimism`, instead of 2 for each coefficient."""
     BIC: float
+    """-2 ln L + q ln n for n impacts."""
     cross_validation: float
-    """Mean of -2 ln L of an impact that the fit did not use, without its constant; NaN if not computed."""
+    """Mean of -2 ln L of an impact that the fit did not use; NaN if not computed."""
     x: Array
     """Fitted true motion before the impacts; of a table of angles psi [rad]; shape (n, d)."""
     psi: Array
@@ -108,6 +114,8 @@ class Fitted:
     """With the errors as they were estimated."""
     errors: Mapping[str, float] = field(default_factory=dict)
     """Estimated errors by group of quantities, in standard units (angles of a table of angles in degrees)."""
+    errors_of_errors: Mapping[str, float] = field(default_factory=dict)
+    """Their standard errors, over them; infinite for one that is as small as is tried."""
     suspects: tuple[Suspect, ...] = ()
     without: Mapping[str, float] = field(default_factory=dict)
     """Coefficients of the other fit: of the Gaussian one for a robust one; of the one without suspects for a
@@ -228,6 +236,11 @@ class Fit:
         return min(self.pair.k_1, self.pair.k_2)
 
 
+def is_dominated(distance: Array, robust: bool) -> bool:
+    """True if one of the squared distances (n,) is nearly all chi2, and no Student-t likelihood limits its effect."""
+    return not robust and len(distance) > 1 and bool(np.max(distance) > _DOMINANT * np.sum(distance) > 0.0)
+
+
 def admissibility(
     law: Law, coefficients: Mapping[str, float], pairs: Sequence[tuple[float, float, float, float]]
 ) -> Admissibility:
@@ -248,7 +261,10 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
 
     `others` are coefficients (p,) and loss of solutions outside of the intervals, the best one first.
     """
-    found = _outliers(fitted, robust) + _trends(fitted)
+    found = _outliers(fitted, robust) + _trends(fitted) + _poor_errors(fitted)
+    if is_dominated(fitted.distance, robust):
+        text = f"{100.0 * float(np.max(fitted.distance)) / fitted.chi2:.3g} % of chi2 is that of one impact"
+        found.append(f"{text}: intervals are from the standard errors, and mean little")
     advice = _missing(fitted)
     if others:
         free, chi2 = others[0]
@@ -309,7 +325,9 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
     found += advice
     for name in fitted.law.free:
         for end in fitted.law.ranges[name]:
-            if abs(estimates[name].value - end) < 1e-6 and not (name == "rho" and end > 0.0):
+            if abs(estimates[name].value - end) < 1e-6 * fitted.law.units.get(name, 1.0) and not (
+                name == "rho" and end > 0.0
+            ):
                 found.append(f"{name} lies at its limit, {end:g}: the data alone would go beyond")
     chi2, dof, probability, left = fitted.chi2, fitted.dof, fitted.probability, ""
     if _few(fitted) and np.isfinite(probability):  # these are named; do the others follow the law?
@@ -385,6 +403,22 @@ def _trends(fitted: Fitted) -> list[str]:
     return found
 
 
+_POOR = 0.5  # standard error of the logarithm of an error
+
+
+def _poor_errors(fitted: Fitted) -> list[str]:
+    """Warnings of estimated errors that the residuals hardly determine."""
+    found = []
+    for group, error in fitted.errors_of_errors.items():
+        if error > _POOR:
+            end = "compatible with 0" if np.isinf(error) else f"known to a factor of {np.exp(error):.2g}"
+            how = option_name(f"--error {group}=VALUE", f"errors = {{'{group}': VALUE}}")
+            found.append(
+                f"the error of {group} is poorly known: the residuals leave it {end}; if you know it, give {how}"
+            )
+    return found
+
+
 def _few(fitted: Fitted) -> bool:
     """True if single impacts are suspicious, rather than the law or the errors."""
     return 0 < len(fitted.suspects) <= max(0.25 * len(fitted.psi), 1.0)
@@ -421,9 +455,24 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
     return found
 
 
+def _copies(data: Data | Collisions) -> list[str]:
+    """A warning of lines that are equal in all values."""
+    columns = [*data.measured.values(), *([data.psi] if isinstance(data, Data) else [])]
+    rows = np.nan_to_num(np.stack(columns, axis=-1), nan=np.inf)
+    alike: dict[bytes, list[int]] = {}
+    for i, row in enumerate(rows):
+        alike.setdefault((row + 0.0).tobytes(), []).append(i)
+    several = [" and ".join(data.where(i) for i in each) for each in alike.values() if len(each) > 1]
+    if not several:
+        return []
+    more = f" and {len(several) - _MOST_NAMED} more such" * (len(several) > _MOST_NAMED)
+    text = "equal in every value: if they are copies, all standard errors are too small"
+    return [f"{'; '.join(several[:_MOST_NAMED])}{more}: {text}"]
+
+
 def general_warnings(data: Data | Collisions, laws: Mapping[str, Fitted]) -> list[str]:
     """Warnings of the data and of the choice between laws."""
-    found = list(data.notes)
+    found = [*data.notes, *_copies(data)]
     angles = isinstance(data, Data)
     if "sqrt_d2_d1" in data.names:
         found.append(
@@ -436,7 +485,10 @@ def general_warnings(data: Data | Collisions, laws: Mapping[str, Fitted]) -> lis
             f"or {option_name('--unit psi=rad', 'units has psi: rad')}"
         )
     order = sorted(laws.values(), key=lambda each: each.AIC)
-    if len(order) > 1 and (difference := order[1].AIC - order[0].AIC) < TELLING:
+    if len(order) > 1 and (few := [each.law.name for each in order if np.isinf(each.AIC)]):
+        needed = "AICc needs two values more than coefficients and errors"
+        found.append(f"too few values to compare {', '.join(few)} with other laws: {needed}")
+    elif len(order) > 1 and (difference := order[1].AIC - order[0].AIC) < TELLING:
         reason = ""
         if angles and len(data.names) == 1 and MEASURED[data.names[0]].unit == "deg":
             reason = (

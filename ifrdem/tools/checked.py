@@ -309,6 +309,7 @@ class Entries:
     """Check of a mapping from texts to values; gives a dict."""
 
     one: Check | None
+    named: bool = True  # keys must be texts
 
     @property
     def needed(self) -> str:
@@ -317,6 +318,8 @@ class Entries:
     def __call__(self, name: str, value: Any) -> dict[Any, Any]:
         if not isinstance(value, Mapping):
             raise must_be(name, value, self.needed)
+        if self.named and (wrong := [key for key in value if not isinstance(key, str)]):
+            raise must_be(f"key of {name}", wrong[0], "a name (a text)")
         return {key: self.one(f"{name}[{key!r}]", each) if self.one else each for key, each in value.items()}
 
 
@@ -503,7 +506,7 @@ def check_of(annotation: Any) -> Check | None:
             return Each(check_of(parts[0]), length=len(parts))  # of one kind each here
         return Each(check_of(parts[0]), "sequence" if origin is not Iterable else "list")
     if origin is Mapping:
-        return Entries(check_of(parts[1]))
+        return Entries(check_of(parts[1]), named=parts[0] is str)
     if origin is np.ndarray:  # of whole numbers: the function makes it one
         return None
     if origin is type:

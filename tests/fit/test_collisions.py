@@ -12,6 +12,7 @@ import pytest
 import ifrdem
 from ifrdem import fit, laws
 from ifrdem.errors import InputError
+from ifrdem.fit import model
 from ifrdem.fit.data import AFTER, MOTION
 from ifrdem.fit.laws import LAWS, own
 from ifrdem.fit.likelihood import Likelihood
@@ -314,14 +315,29 @@ def test_a_table_of_collisions_is_read_with_units_and_known_values(tmp_path: Pat
 
 
 def test_values_known_exactly_have_one_error_each_however_many_there_are() -> None:
-    """A ten thousandth of the least error of their kind, and of a guess where all of a kind are known."""
+    """A thousandth of the least error of their kind, and of a guess where all of a kind are known."""
     data = observed(3)
     known = ("spin_1", "vx_2", "vy_2", "spin_2")
     errors = {name: 0.0 * error if name in known else error for name, error in data.errors.items()}
     problem = replace(data, errors=errors).problem()
     estimated = dict(zip(problem.names, problem.s.T, strict=True))
-    np.testing.assert_allclose([estimated["vx_2"], estimated["vy_2"]], 1e-4 * 0.01, rtol=1e-12)
-    np.testing.assert_allclose([estimated["spin_1"], estimated["spin_2"]], 1e-4 * 0.01 / R[0], rtol=1e-12)
+    np.testing.assert_allclose([estimated["vx_2"], estimated["vy_2"]], 1e-3 * 0.01, rtol=1e-12)
+    np.testing.assert_allclose([estimated["spin_1"], estimated["spin_2"]], 1e-3 * 0.01 / R[0], rtol=1e-12)
+
+
+def test_values_known_exactly_do_not_hide_the_nearest_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Distances with an error of a thousandth and of a hundredth of others agree to their squares, 1e-4.
+
+    With a ten thousandth the search ended in the valley of motions that agree with the known value: 91.7 for 84.1.
+    """
+    data, found = observed(14), []
+    known = replace(data, errors={**data.errors, "vx_2": 0.0})
+    for part in (model._EXACT, 1e-2):
+        monkeypatch.setattr(model, "_EXACT", part)
+        found.append(
+            Likelihood(known.problem(), LAWS["ifr-percussion"]).at(np.array([*TRUTH.values()])).distance
+        )
+    np.testing.assert_allclose(*found, rtol=2e-4)
 
 
 def test_an_error_of_the_normal_is_an_angle_whatever_its_length(tmp_path: Path) -> None:
@@ -332,6 +348,11 @@ def test_an_error_of_the_normal_is_an_angle_whatever_its_length(tmp_path: Path) 
     np.testing.assert_allclose(doubled.normal()[1], 0.01, rtol=1e-12)
     disks = {"disk_1": data.disk_1, "disk_2": fit.WALL}
     (tmp_path / "hits.csv").write_text("nx,ny,vx_1,vx_1_after\n2,0,1,-0.9\n", encoding="utf-8")
+    across = fit.read(
+        tmp_path / "hits.csv", {"nx": 0.3, "ny": 0.1, "velocities": 0.01}, disk_1=data.disk_1, disk_2=fit.WALL
+    )
+    assert isinstance(across, fit.Collisions)
+    assert across.normal()[1][0] == pytest.approx(0.05)  # what is across the normal turns it: 0.1 / 2
     read = fit.read(tmp_path / "hits.csv", {"normal": 0.01, "nx": 0.1, "velocities": 0.01}, **disks)
     assert read.errors["nx"][0] == 0.1  # its own comes first
     assert read.errors["ny"][0] == pytest.approx(0.02)

@@ -206,7 +206,9 @@ def test_two_angles_distinguish_the_kinds_of_sticking(sticking: str) -> None:
     wrong = next(law for name, law in found.laws.items() if name != NAME[sticking])
     constant = float(np.sum(np.log(2.0 * np.pi * right.problem.s**2)))
     assert pytest.approx(right.chi2 + constant + 6.0) == right.AIC
-    assert pytest.approx(right.chi2 + constant + 3.0 * np.log(40.0)) == right.BIC
+    assert (
+        pytest.approx(right.chi2 + constant + 3.0 * np.log(20.0)) == right.BIC
+    )  # impacts, which are independent; not values
     assert right.dof == 37
     assert right.probability > 0.01 > wrong.probability
 

@@ -182,6 +182,8 @@ def test_arrays_are_checked_as_files_are() -> None:
         Data(psi=psi, measured={"delta2": psi}, errors={"psi": 1.0})
     with pytest.raises(InputError, match=r"delta_2: missing from errors"):
         Data(psi=psi, measured={"delta_2": psi}, errors={"psi": 1.0})
+    with pytest.raises(InputError, match=r"key of measured = 0: must be a name"):
+        Data(psi=psi, measured={0: psi}, errors={"psi": 1.0})  # type: ignore[dict-item]
 
 
 def test_example_says_that_it_is_synthetic_and_holds_its_coefficients(tmp_path: Path) -> None:

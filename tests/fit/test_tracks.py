@@ -94,6 +94,23 @@ def test_whole_pixels_have_the_error_of_rounding() -> None:
     np.testing.assert_allclose(every, 0.25 / np.sqrt(12.0), rtol=0.2)
 
 
+def test_an_exchange_of_ids_is_undone_at_its_frame() -> None:
+    """Two disks of radius 0.5 that pass each other, with the ids exchanged from frame 12 on."""
+    t, true = np.arange(30.0), {}
+    for one, sign in ((3, 1.0), (8, -1.0)):
+        true[one] = np.stack([0.5 * t, 0.6 * sign + 0.0 * t], axis=-1)
+    mixed = {3: np.concatenate([true[3][:12], true[8][12:]]), 8: np.concatenate([true[8][:12], true[3][12:]])}
+    angles = {3: np.where(t < 12.0, 0.01 * t, -0.02 * t), 8: np.where(t < 12.0, -0.02 * t, 0.01 * t)}
+    mixed_up = tracks.Tracks({3: t, 8: t}, mixed, angles, "mixed")
+    found = tracks.exchanges_in(mixed_up, {3: 0.5, 8: 0.5})
+    assert found == [tracks.Exchange((3, 8), 12.0)]
+    back = tracks.exchanged(mixed_up, found)
+    for one, x in true.items():
+        np.testing.assert_array_equal(back.position[one], x)
+    for one, spin in ((3, 0.01), (8, -0.02)):
+        np.testing.assert_allclose(back.angle[one], spin * t, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("text", "options", "says"),
     [

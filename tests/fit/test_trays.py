@@ -11,7 +11,7 @@ from support import track_simulator as simulator
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.fit import tracks
-from ifrdem.fit.estimated_walls import estimated
+from ifrdem.fit.estimated_walls import _line, _Turns, estimated
 
 X, Y = simulator.TRAY
 RADIUS = {i: simulator.RADIUS[i % 2] for i in range(20)}
@@ -41,6 +41,23 @@ def test_straight_walls_are_those_of_the_tray(folder: Path) -> None:
         )
         points = np.array([[0.2 * X, 0.2 * Y], [0.8 * X, 0.8 * Y], [0.2 * X, 0.8 * Y]])
         np.testing.assert_allclose(wall.normal(points)[1], at - points @ outward, atol=1e-3 + 5e-3 * 0.5)
+
+
+def test_radii_do_not_tilt_or_shift_an_estimated_wall() -> None:
+    """Turns of disks with radii of 20 mm on the left and 60 mm on the right; the wall is y = 0, without noise."""
+    x, R = np.linspace(0.0, 1.0, 8), np.array([0.02] * 4 + [0.06] * 4)
+    places, up = np.stack([x, R], axis=-1), np.tile([0.0, 1.0], (8, 1))
+    # the second turn is off by 2 mm, so that the first pair of turns does not give the wall by itself
+    places[1, 1] += 2e-3
+    turns = _Turns(places, up, R, 4e-3)
+    inside = tracks.Tracks({0: x}, {0: places + np.array([0.0, 0.1])}, {}, "turns")
+    found = _line(turns, inside, {0: 0.02})
+    assert found is not None
+    wall, on = found
+    assert on.all()
+    points = np.array([[0.0, 0.5], [1.0, 0.5]])
+    np.testing.assert_allclose(wall.normal(points)[1], 0.5, atol=2e-3)
+    assert np.ptp(wall.normal(points)[1]) < 2.5e-3  # least squares of one value that is 2 mm off
 
 
 def circle(seed: int, n: int = 240 * 8) -> tracks.Tracks:

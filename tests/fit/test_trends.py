@@ -80,6 +80,24 @@ def test_restitution_that_falls_with_speed_is_found_and_fitted() -> None:
     assert any("e_n depends on g_n" in each for each in found.laws["ifr-percussion"].warnings)
 
 
+def test_trends_and_coefficients_of_single_impacts_do_not_believe_wrong_errors() -> None:
+    """Errors stated three times too small: a trend's own comes from the scatter. Of 20 a probability below 0.001 has a
+    chance of 2 %, and of pulls of three standard errors nearly all tables would have one.
+    """
+    low = []
+    for seed in range(5):
+        data = collided(np.full(24, 0.85), np.geomspace(0.3, 2.0, 24), seed=seed)
+        stated = replace(data, errors={name: each / 3.0 for name, each in data.errors.items()})
+        found = fit.fit(stated, model=["ifr-percussion"], profile=False).laws["ifr-percussion"]
+        assert found.trends is not None
+        low += [each.probability for each in found.trends.each]
+        assert found.trends.clusters is None
+    assert len(low) == 20
+    assert min(low) > 1e-3
+    pulls = (found.trends.value[:, 0] - 0.85) / (3.0 * found.trends.error[:, 0])
+    assert 0.7 < np.std(pulls) < 1.3  # of 24: 14 %
+
+
 @pytest.mark.full
 def test_trends_without_cause_have_uniform_probabilities() -> None:
     """Over 20 sets: of 80 probabilities 4 are expected below 0.05; 12 or more have a chance of 5e-4."""
