@@ -122,8 +122,12 @@ def install_extra(extra: str) -> str:
     return f"`pip install '.[{extra}]'` in the clone of ifrdem adds it"
 
 
-def cut(text: str, longest: int = 60) -> str:
-    """The beginning of a long text: messages quote no more of a file, a name or a value."""
+MOST_QUOTED = 60
+"""Characters of a name or a value that messages quote at most."""
+
+
+def cut(text: str, longest: int = MOST_QUOTED) -> str:
+    """The beginning of a long text."""
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
@@ -143,7 +147,7 @@ class _Texts(reprlib.Repr):
 
 
 _texts = _Texts()
-_texts.maxother = _texts.maxlong = _texts.maxstring = 60
+_texts.maxother = _texts.maxlong = _texts.maxstring = MOST_QUOTED
 
 
 def shortened(value: object) -> str:

@@ -111,7 +111,6 @@ FIELDS = {each.stored: each for each in FRAME.values() if each.stored}
 EVENT = _by_name(
     Q("time", "time of the collision", "time", type="f8"),
     Q("id", "number of the tracked disk", type="i4"),
-    # 0 or more: a disk; -2 - w: wall w; -1: no collision, a force changed the disk's velocity or spin ("kick").
     Q("partner", "partner of the collision: a disk, a wall, or none", type="i4"),
     Q("position", "position of the disk's centre, inside the box", "length", "axis", "f8"),
     IMAGE,
@@ -155,10 +154,10 @@ EVENT = _by_name(
     # P_n, P_t along n and t = (-n_y, n_x).
     Q("impulse", "normal and tangential impulse of the disk on its partner", "momentum", "axis", "f8"),
     Q("psi", "impact angle, between relative velocity and line of centres, 0 to pi/2", "radian", type="f8"),
-    # `law.Regime`; -1 not known, 9 elastic by the remedy for collapse.
     Q("regime", "regime of the collision", type="i1"),
 )
-"""Quantities of each collision of a tracked disk, in the order of a row of `Events`."""
+"""Quantities of each collision of a tracked disk, in the order of a row of `Events`; `trajectory.layout.MEANINGS` says
+what the numbers of partners and regimes mean."""
 
 START = _by_name(
     Q("position", "positions of the tracked disks at that time, inside the box", "length", "axis", "f8"),

@@ -602,8 +602,6 @@ ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 MOST_IDS = 2**32 - 1
 _PARTS = 3  # of the state: at the beginning and end of a window, and at a moment in it, but with `low_memory`
 GHOST_BYTES = 7  # of ghost records of disks in halos, for each disk
-# Frames at numbers of collisions in tiles take these bytes for each collision in a window.
-PAIR_BYTES = bytes_of("pair_time", "pair")
 SNAPSHOT_DISKS = 500_000  # bound on disks times moments of a window (28 MB), but for a single moment
 CONTACTS_PER_DISK = 8  # for which there is room, on average
 RESTING_BYTES = (  # more, of disks that may rest: room for contacts of each, and the forces at four

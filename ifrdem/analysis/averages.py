@@ -48,6 +48,8 @@ if TYPE_CHECKING:
 
 AXES = ("x", "y", "r")
 MOST_BINS, MOST_CELLS = 10_000, 300
+OF_DISKS = ("velocity", "temperatures", "temperature", "rotational_temperature", "theta")
+"""Means over disks: in nearly empty bins those of the history of single ones."""
 MOST_WORK = 20_000_000
 """Disks times frames above which fewer frames are taken by default (some ten seconds)."""
 EVENTS = 1_000_000
@@ -391,7 +393,7 @@ def _blocks(used: Sequence[int]) -> list[Any]:
 # -- sums over frames and collisions -----------------------------------------------------------------------
 
 Sums = dict[str, Array]
-"""Sums of each block, (blocks, bins): `_OF_DISKS` of disks, and `_OF_BINS`."""
+"""Sums of each block, (blocks, bins): `_OF_DISKS` of disks, those of collisions, and areas."""
 _OF_DISKS = (
     "count", "mass", "p_0", "p_1", "pp_00", "pp_01", "pp_11", "spin", "e_0", "e_1", "r_0", "r_1", "covered"
 )  # fmt: skip

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..model.laws.ifr import IFRLaw
 from ..model.laws.walton import Walton
-from ..quantities import STRESS_SERIES
+from ..quantities import COMPONENTS, STRESS_SERIES
 from ..theory.sonine import cooling_sonine
 from ..tools.checked import Array
 from ..tools.intervals import PERCENT, of_count
@@ -230,11 +230,11 @@ def of_structure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evalua
     k_max, when = 10.0 / float(trajectory.disks.radius.mean()), trajectory.times[used]
     found = structure.structure_factor(_positions(trajectory, used), trajectory.box, k_max=k_max, time=when)
     high = int(np.argmax(found.S))
-    wave = unit(trajectory, "1/length")
+    wave, of_rings = unit(trajectory, "1/length"), (found.S, found.S_error, found.ends)
     rows = [
-        _of_ring("S at the smallest k", "S_smallest_k", found, 0),
+        Reading.at(0, "S at the smallest k", "S_smallest_k", *of_rings),
         Reading("smallest k", float(found.k[0]), unit=wave, key="smallest_k"),
-        _of_ring("highest S", "S_max", found, high),
+        Reading.at(high, "highest S", "S_max", *of_rings),
         Reading("k of the highest S", float(found.k[high]), unit=wave, key="k_of_S_max"),
     ]
     table = {
@@ -246,14 +246,6 @@ def of_structure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evalua
         notes = ["errors treat frames as independent"]
     warnings = stored.part_warnings(trajectory) + _modes_change(trajectory, used)
     return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
-
-
-def _of_ring(name: str, key: str, found: structure.StructureFactor, i: int) -> Reading:
-    """S of one ring, with the interval of the mean of so few modes."""
-    low, high = found.ends
-    return Reading(
-        name, float(found.S[i]), float(found.S_error[i]), key=key, ends=(float(low[i]), float(high[i]))
-    )
 
 
 def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
@@ -287,9 +279,6 @@ def of_profiles(
     return _of_bins(trajectory, found, rows)
 
 
-PER_DISK = ("temperature", "theta", "velocity")  # means over disks: nearly empty bins hold one disk's history
-
-
 def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[Reading]:
     """Lowest and highest value over the bins of some quantities; nearly empty ones only of density and stress."""
     last = found.directions[1] if found.axes[-1] == "y" else found.directions[0]
@@ -304,7 +293,7 @@ def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[R
         value, error, n_eff = (
             getattr(one, key)[(..., *at)].ravel() for one in (found.mean, found.error, found.n_eff)
         )
-        if name in PER_DISK and (filled := found.disks.ravel() >= found.frames).any():
+        if name in averages.OF_DISKS and (filled := found.disks.ravel() >= found.frames).any():
             value = np.where(filled, value, np.nan)
         if not np.isfinite(value).any():
             continue
@@ -626,7 +615,7 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     mean, force = found.stress, unit(trajectory, "energy/length^2")
     pressure = common.MeanValue(mean.pressure, found.pressure_error, found.pressure_n_eff)
     rows = [Reading.of("pressure p = (P_xx + P_yy) / 2", pressure, force, "p")]
-    pairs = {"xx": (0, 0), "xy": (0, 1), "yx": (1, 0), "yy": (1, 1)}
+    pairs = {name: divmod(i, 2) for i, name in enumerate(COMPONENTS)}
 
     def component(at: tuple[int, int], value: Array, error: Array, n_eff: Array) -> common.MeanValue:
         return common.MeanValue(float(value[at]), float(error[at]), float(n_eff[at]))

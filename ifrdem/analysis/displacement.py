@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..tools.checked import Array, Count, Numbers, Real, must_be, validated
+from ..tools.intervals import student_t
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import LEVEL, BoxLike, MeanValue
@@ -62,10 +63,8 @@ class Diffusion:
     @property
     def no_diffusion(self) -> bool:
         """True if the exponent is off 1 by more than `FAR`, and by more than chance (0.27 % in Student's t)."""
-        from scipy.stats import t as student
-
         off = abs(self.exponent - 1.0)
-        beyond = student.isf(0.5 * LEVEL, max(self.disks - 1, 1)) * self.exponent_error
+        beyond = float(student_t(self.disks, 1.0 - LEVEL)) * self.exponent_error
         return off > FAR and not off <= beyond
 
 

@@ -209,12 +209,12 @@ class VelocitySpectrum(Brief, ResultPlot):
     @property
     def across_ends(self) -> tuple[Array, Array]:
         """Ends of the 95 % interval across k, (rings,) each, as `StructureFactor.ends`."""
-        return of_intensity(self.across, (self.across / self.across_error) ** 2)
+        return of_intensity(self.across, self.across_error)
 
     @property
     def along_ends(self) -> tuple[Array, Array]:
         """Ends of the 95 % interval along k, (rings,) each, as `StructureFactor.ends`."""
-        return of_intensity(self.along, (self.along / self.along_error) ** 2)
+        return of_intensity(self.along, self.along_error)
 
     @property
     def vorticity(self) -> Array:

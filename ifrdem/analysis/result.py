@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -187,15 +188,21 @@ class Reading(NamedTuple):
     error: float = float("nan")
     unit: str = ""
     key: str = ""  # short and fixed; without it, the name
-    n_eff: float = float(
-        "nan"
-    )  # independent values with this error (`common.mean_errors`); nan where it is no mean
+    n_eff: float = math.nan  # independent values with this error (`common.mean_errors`)
     ends: tuple[float, float] | None = None  # of the 95 % interval where value +- error is a poor one
 
     @classmethod
     def of(cls, name: str, found: MeanValue, unit: str = "", key: str = "") -> Reading:
         """A mean of a correlated series."""
         return cls(name, found.mean, found.error, unit, key, found.n_eff)
+
+    @classmethod
+    def at(
+        cls, i: int, name: str, key: str, values: Array, errors: Array, ends: tuple[Array, Array]
+    ) -> Reading:
+        """The value at one place of arrays of values, errors and ends of intervals, (n,) each."""
+        low, high = ends
+        return cls(name, float(values[i]), float(errors[i]), key=key, ends=(float(low[i]), float(high[i])))
 
     @property
     def interval(self) -> tuple[float, float]:

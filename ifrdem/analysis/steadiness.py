@@ -25,6 +25,7 @@ import numpy as np
 
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.intervals import student_t
 from ..trajectory.reader import Trajectory
 from .common import LEVEL, MeanValue, cells_of
 from .cooling import correlated, noise_about_parabola
@@ -47,31 +48,30 @@ def is_stationary(T: Array) -> bool:
     rows closer than the gas remembers are not independent. A change is no noise beyond half the level `LEVEL` of
     Student's t with n_eff - 3 degrees of freedom of that half, 3 at least.
     """
-    from scipy.stats import t as student
-
     n = len(T)
     T = np.asarray(T, dtype=float)
     if n < 2 or np.ptp(T) == 0.0:
         return True
-    if n < FEWEST_CHANGES:
-        place = np.arange(n) - 0.5 * (n - 1)
-        change = (n - 1) * float(place @ T) / float(place @ place)
-        noise = float(np.mean(np.diff(T, 2) ** 2)) / 6.0 if n > 2 else 0.0
-        error = math.sqrt(12.0 * noise * (n - 1) / (n * (n + 1)))
-        return abs(change) <= max(0.1 * (float(np.mean(T)) + 0.5 * abs(change)), 3.0 * error)
-    halves_of = [noise_about_parabola(part) for part in (T[n // 2 :], T[: n - n // 2])]
-    rho, variance, effective = min(halves_of, key=lambda each: each[1])
     place = np.arange(n) - 0.5 * (n - 1)
     line = np.asarray(place * ((n - 1) / float(place @ place)), dtype=float)
+
+    def is_small(change: float, noise: float) -> bool:
+        return abs(change) <= max(0.1 * (float(np.mean(T)) + 0.5 * abs(change)), noise)
+
+    if n < FEWEST_CHANGES:
+        noise = float(np.mean(np.diff(T, 2) ** 2)) / 6.0 if n > 2 else 0.0
+        return is_small(float(line @ T), 3.0 * math.sqrt(12.0 * noise * (n - 1) / (n * (n + 1))))
+    halves_of = [noise_about_parabola(part) for part in (T[n // 2 :], T[: n - n // 2])]
+    rho, variance, effective = min(halves_of, key=lambda each: each[1])
     early = np.zeros(n)
     early[: max(n // 10, 1)], early[n // 2 :] = -1.0 / max(n // 10, 1), 1.0 / (n - n // 2)
-    beyond = float(student.isf(0.25 * LEVEL, max(effective - 3.0, 3.0)))
-    for weight in (line, early):
-        change = float(weight @ T)
-        error = math.sqrt(variance * float(weight @ correlated(weight[:, None], rho)[:, 0]))
-        if abs(change) > max(0.1 * (float(np.mean(T)) + 0.5 * abs(change)), beyond * error):
-            return False
-    return True
+    beyond = float(student_t(max(effective - 2.0, 4.0), 1.0 - 0.5 * LEVEL))
+    errors = (
+        math.sqrt(variance * float(each @ correlated(each[:, None], rho)[:, 0])) for each in (line, early)
+    )
+    return all(
+        is_small(float(each @ T), beyond * error) for each, error in zip((line, early), errors, strict=True)
+    )
 
 
 FEWEST_CHANGES = 8
@@ -81,7 +81,11 @@ FEWEST_CHANGES = 8
 def stationarity_warning(trajectory: Trajectory, T: Array) -> str:
     """Warning that the temperature changes, from its first value to its last [energy]."""
     first, last = (trajectory.with_unit(f"{one:.4g}", "energy") for one in (T[0], T[-1]))
-    return f"{NOT_STATIONARY}: T goes from {first} to {last} in that time"
+    return f"{T_CHANGES} from {first} to {last} in that time"
+
+
+T_CHANGES = f"{NOT_STATIONARY}: T goes"
+"""Beginning of that warning."""
 
 
 class Change(NamedTuple):
@@ -102,19 +106,24 @@ def halves(used: Sequence[int]) -> tuple[list[int], list[int]]:
 
 def warnings(changes: Sequence[Change]) -> list[str]:
     """Warn of quantities that change by more than chance; return none or one line."""
-    from scipy.stats import t as student
-
-    changed = [
-        f"{one.what} goes from {one.early:.3g} to {one.late:.3g} ({abs(one.t):.1f} standard errors)"
-        for one in changes
-        if np.isfinite(one.t) and abs(one.t) > student.isf(0.5 * LEVEL / len(changes), one.degrees)
-    ]
-    if not changed:
+    if not (changed := beyond_chance(changes, LEVEL)):
         return []
     return [
-        f"{NOT_STATIONARY}: {', '.join(changed)} from the first half of these frames to the second; the means "
+        f"{NOT_STATIONARY}: {changed} from the first half of these frames to the second; the means "
         "average over that change, and their errors do not include it. Choose other frames"
     ]
+
+
+def beyond_chance(changes: Sequence[Change], level: float) -> str:
+    """Text of the changes that are more than chance, by Student's t; empty without any.
+
+    `level` is the probability that chance alone gives such a text, at most.
+    """
+    return ", ".join(
+        f"{one.what} goes from {one.early:.3g} to {one.late:.3g} ({abs(one.t):.1f} standard errors)"
+        for one in changes
+        if math.isfinite(one.t) and abs(one.t) > student_t(one.degrees + 1, 1.0 - level / len(changes))
+    )
 
 
 def between(what: str, early: MeanValue, late: MeanValue) -> Change:

@@ -225,7 +225,7 @@ def _count_pairs(
     # A pair across two cells is counted once in each, and their covariance is missing: a half of its variance.
     return _Counted(
         edges, count, count / ends, ideal, independent, scatter / np.sqrt(0.5 + 0.5 * same) / ideal, frames
-    )  # fmt: skip
+    )
 
 
 @validated
@@ -305,7 +305,7 @@ class StructureFactor(Brief, ResultPlot):
 
         They are those of as many independent intensities as have this error (`tools.intervals.of_intensity`).
         """
-        return of_intensity(self.S, (self.S / self.S_error) ** 2)
+        return of_intensity(self.S, self.S_error)
 
 
 def mode_intensities(

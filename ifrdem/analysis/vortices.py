@@ -88,18 +88,13 @@ def of_spectrum(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
     found = _spectrum(trajectory, used) if len(used) > 1 else singles[0]
     high = int(np.argmax(found.across))
     wave, of_length = unit(trajectory, "1/length"), unit(trajectory, "length")
-
-    def of_ring(text: str, key: str, name: str, i: int) -> Reading:
-        value, error, ends = (getattr(found, f"{name}{end}") for end in ("", "_error", "_ends"))
-        return Reading(
-            text, float(value[i]), float(error[i]), key=key, ends=(float(ends[0][i]), float(ends[1][i]))
-        )
-
+    across = found.across, found.across_error, found.across_ends
+    along = found.along, found.along_error, found.along_ends
     rows = [
         Reading("smallest k", float(found.k[0]), unit=wave, key="smallest_k"),
-        of_ring("across k, at the smallest k", "across_smallest_k", "across", 0),
-        of_ring("along k, at the smallest k", "along_smallest_k", "along", 0),
-        of_ring("highest across k", "across_max", "across", high),
+        Reading.at(0, "across k, at the smallest k", "across_smallest_k", *across),
+        Reading.at(0, "along k, at the smallest k", "along_smallest_k", *along),
+        Reading.at(high, "highest across k", "across_max", *across),
         Reading("wavelength of the highest", found.wavelength, unit=of_length, key="wavelength"),
     ]
     names = ("k", "across", "across_error", "along", "along_error", "vorticity", "modes")

@@ -12,12 +12,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..quantities import SPECIES_SERIES, STRESS_SERIES
+from ..quantities import COMPONENTS, SPECIES_SERIES, STRESS_SERIES
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
-from .result import FramesFrom
+from .result import FramesFrom, all_frames
 from .steadiness import Change
 
 PARTS = 8
@@ -30,6 +31,8 @@ DRIVES = ("energy_input", "wall_work", "wall_heat")
 """Whole-gas quantities that are 0 in a gas that is not driven."""
 LEVEL = 0.01
 """Share of steady points of a study that are marked as not steady."""
+WINDOW_SERIES = ("temperature", "rotational_temperature", *SPECIES_SERIES[:2], STRESS_SERIES[0])
+"""Series by which the window is found and judged (`window_rows`)."""
 FEWEST_SEEDS = 3
 """Seeds below which runs are not compared with each other, but each with itself."""
 
@@ -101,7 +104,7 @@ def window_rows(series: Mapping[str, Array], species: Sequence[str] = ()) -> dic
     if STRESS_SERIES[0] in series and found["T"].shape[-1] > 1:
         stress = series[STRESS_SERIES[0]]
         filled = np.concatenate((stress[..., 1:2, :], stress[..., 1:, :]), axis=-2)
-        found |= {f"P_{name}": filled[..., i] for name, i in (("xx", 0), ("xy", 1), ("yy", 3))}
+        found |= {f"P_{name}": filled[..., i] for i, name in enumerate(COMPONENTS) if name != "yx"}
     return {name: rows for name, rows in found.items() if name == "T" or np.any(rows != rows[..., :1])}
 
 
@@ -131,21 +134,24 @@ def frames_from(trajectory: Trajectory, place: float, name: str) -> FramesFrom:
 
     `name` is that of the option or key for messages. Raises InputError if no frame is as late.
     """
+    all_frames(trajectory, None)  # raises InputError if there is none
     time, what = place, "t"
     if ends_at_collisions(trajectory):
         what = "collisions_per_disk"
         rows = trajectory.series if "collisions" in trajectory.series else trajectory.observables
         when = trajectory.series.time if rows is trajectory.series else trajectory.times
-        at = int(np.searchsorted(rows[what], place * (1.0 - 1e-12)))
-        time = float(when[at]) if at < len(when) else math.inf
-    slack = 1e-12 * float(np.ptp(trajectory.times)) if len(trajectory) else 0.0
+        time = float(when[since(rows[what], place)].min(initial=math.inf))
+    slack = 1e-12 * float(np.ptp(trajectory.times))
     found = np.flatnonzero(trajectory.times >= time - slack)
     if not len(found):
-        if not len(trajectory):
-            raise InputError(f"{trajectory.path}: no frame to analyse")
         last = trajectory.observables[what][-1] if what != "t" else trajectory.times[-1]
         raise InputError(f"{name} {place:g}: must be before the end of the run, {what} = {last:g}")
     return FramesFrom(found.tolist(), time)
+
+
+def since(places: Array, start: float) -> NDArray[np.bool_]:
+    """True of places from a start on, shape (n,); a difference by rounding does not count."""
+    return np.asarray(places >= start * (1.0 - 1e-12))
 
 
 def steady_starts(trajectory: Trajectory) -> list[FramesFrom]:
@@ -176,11 +182,7 @@ def _rows(trajectory: Trajectory) -> tuple[Array, dict[str, Array]]:
     place = series.time if in_series else trajectory.times
     if ends_at_collisions(trajectory):
         place = rows["collisions_per_disk"]
-    names = (
-        "temperature",
-        "rotational_temperature",
-        *((*SPECIES_SERIES[:2], STRESS_SERIES[0]) if in_series else ()),
-    )
+    names = WINDOW_SERIES if in_series else WINDOW_SERIES[:2]
     species = rows.columns(SPECIES_SERIES[0]) if in_series and SPECIES_SERIES[0] in rows else ()
     found = window_rows({name: np.asarray(rows[name], float) for name in names if name in rows}, species)
     rising = np.concatenate(([True], np.diff(place) > 0.0))

@@ -324,7 +324,7 @@ class RunEstimate:
             collisions_are=collisions_are,
             steady_state=steady,
             wall_collisions=_wall_hits(gas),
-            file_bytes=_trajectory_bytes(n, case, frames=frames, rows=rows, tracked=tracked, events=events),
+            file_bytes=_trajectory_bytes(n, case, frames=frames, rows=rows, events=events),
             array_bytes=n
             * (
                 columns.bytes_per_disk(case.run.low_memory)
@@ -513,9 +513,7 @@ def _field_bytes(output: OutputSection, name: str) -> int:
     return rows_dtype((FIELDS[name],), output.precision).itemsize
 
 
-def _trajectory_bytes(
-    n: int, case: CaseSections, *, frames: int, rows: int, tracked: int, events: int
-) -> int:
+def _trajectory_bytes(n: int, case: CaseSections, *, frames: int, rows: int, events: int) -> int:
     """Bytes of a trajectory file of n disks without compression, with so many events of tracked disks, about."""
     output = case.output
     pistons = sum(each.piston is not None for each in case.wall)

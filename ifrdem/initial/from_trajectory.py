@@ -12,8 +12,9 @@ from ..errors import InputError, nearest_file
 from ..model.box import Box
 from ..model.overlaps import COMPUTED, STORED, check_no_overlap, tolerances
 from ..model.walls.checks import check as check_walls
-from ..model.walls.wall import OF_PISTONS, Wall, sides
+from ..model.walls.wall import Wall, sides
 from ..mpi import current
+from ..quantities import PISTON_SERIES
 from ..tools.checked import Array
 from ..trajectory.reader import Frame, Trajectory
 from . import packing
@@ -141,7 +142,7 @@ def of_frame(
     velocity, spin = (field("velocity"), field("angular_velocity")) if motion else (None, None)
     kept = [*(COUNTS if continues else ()), *(("asleep",) if motion else ())]
     past = {name: field(name) for name in kept if name in trajectory.fields}
-    names = [f"{OF_PISTONS}{name}" for name in ("displacement", "velocity")]
+    names = PISTON_SERIES[:2]
     pistons = None
     if names[0] in trajectory.observables:
         pistons = np.column_stack([trajectory.observables[name][frame.index] for name in names])

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from .. import analysis
+from ..analysis.averages import OF_DISKS
 from ..analysis.motion import Displacement
 from ..analysis.result import NOT_STATIONARY, Evaluation
 from ..tools.checked import Array
@@ -24,6 +25,7 @@ from .style import (
     RATIO,
     ROTATION,
     TRANSLATION,
+    bars,
     color_bar,
     few_labels,
     from_zero,
@@ -173,11 +175,6 @@ def structure(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation)
     grid(axes)
 
 
-def bars(value: Array, ends: tuple[Array, Array]) -> Array:
-    """Lengths of error bars below and above a value, (2, n), to the ends of its interval."""
-    return np.nan_to_num(np.maximum((value - ends[0], ends[1] - value), 0.0))
-
-
 def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """Mean-square displacements, double logarithmic, with ballistic flight and the fitted diffusion.
 
@@ -295,8 +292,6 @@ def profiles(*axes_and_rest: Any) -> None:
 
 FEWEST = 20
 """Disks of a bin, over all frames, below which their mean velocity and temperatures are not drawn."""
-OF_DISKS = ("velocity", "temperatures", "temperature", "rotational_temperature", "theta")
-"""Means over disks: in nearly empty bins those of the history of single ones."""
 TENSOR = ("xx", "yy", "xy", "yx")
 INDICES = ((0, 0), (1, 1), (0, 1), (1, 0))
 COLORS = (TRANSLATION, ROTATION, RATIO, KINDS[2])
@@ -313,9 +308,9 @@ def _curve(
 ) -> None:
     """A component of a quantity along the bins, with its 95 % interval.
 
-    Means over disks are not drawn of bins with fewer than `FEWEST` disks over all frames, and their axis is that of
-    bins with one disk a frame or more in the mean, if there are any. Of other quantities the axis does without the
-    intervals of bins with fewer than `FEWEST` disks.
+    Means over disks (`averages.OF_DISKS`) are not drawn of bins with fewer than `FEWEST` disks over all frames, and
+    their axis is that of bins with one disk a frame or more in the mean, if there are any. Of other quantities the axis
+    does without the intervals of bins with fewer than `FEWEST` disks.
     """
     value, error, n_eff = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error, found.n_eff))
     half = np.nan_to_num(error * student_t(n_eff))

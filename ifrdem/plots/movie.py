@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import io
 import os
 import subprocess
@@ -25,7 +24,7 @@ from PIL import Image
 
 from ..errors import InputError, option_name, printable
 from ..tools.checked import Array
-from ..tools.files import check_apart, write_aside
+from ..tools.files import REMEDIES, check_apart, write_aside
 from ..trajectory import tables
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
@@ -288,11 +287,7 @@ def _ffmpeg(fps: int) -> Encoder:
             process.communicate()
             raise
         if process.returncode:
-            known = (
-                one
-                for one in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-                if os.strerror(one) in messages
-            )
+            known = (one for one in REMEDIES if os.strerror(one) in messages)
             if (number := next(known, None)) is not None:
                 raise OSError(number, os.strerror(number))
             raise OSError(f"ffmpeg: {printable((messages.strip().splitlines() or ['it has failed'])[0])}")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..analysis import result
 from ..errors import InputError
 from ..model.walls.motion import Turn
-from ..model.walls.wall import OF_PISTONS
+from ..quantities import PISTON_SERIES
 from ..tools.checked import Array
 from ..tools.intervals import PERCENT, student_t
 from ..trajectory.reader import Trajectory
@@ -61,8 +61,8 @@ def energy(trajectory: Trajectory, over: str, axes: Axes) -> None:
     if "potential_energy" in trajectory.observables and np.any(trajectory.observables["potential_energy"]):
         x, (value,) = series(trajectory, over, "potential_energy")
         axes.plot(x, value, "-.", color=RATIO, lw=1.5, label="potential energy")
-    if f"{OF_PISTONS}energy" in trajectory.observables:
-        x, (value,) = series(trajectory, over, f"{OF_PISTONS}energy")
+    if "piston_energy" in trajectory.observables:
+        x, (value,) = series(trajectory, over, "piston_energy")
         name = "pistons (kinetic and potential)"
         axes.plot(x, value.sum(axis=1), ":", color=INPUT, lw=1.8, label=name)
     if all(np.min(np.asarray(line.get_ydata()), initial=0.0) >= 0.0 for line in axes.lines):
@@ -119,7 +119,7 @@ def piston(trajectory: Trajectory, over: str, *panels: Axes) -> None:
 
     InputError if the file has no piston.
     """
-    quantities = [f"{OF_PISTONS}{name}" for name in ("displacement", "velocity")]
+    quantities = PISTON_SERIES[:2]
     if quantities[0] not in trajectory.observables:
         raise InputError(
             f"{trajectory.path} has no piston: it requires a wall with piston = {{ mass = ... }} in [[wall]]"

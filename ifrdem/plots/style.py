@@ -53,6 +53,11 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+def bars(value: Array, ends: tuple[Array, Array]) -> Array:
+    """Lengths of error bars below and above a value, (2, n), to the ends of its interval."""
+    return np.nan_to_num(np.maximum((value - ends[0], ends[1] - value), 0.0))
+
+
 def positive(values: Array) -> Array:
     """Values with nan where a logarithmic axis cannot show them, such as the temperature of spins at rest."""
     return np.where(values > 0.0, values, np.nan)

@@ -10,7 +10,7 @@ from ..analysis.result import Columns, Evaluation
 from ..tools.intervals import PERCENT
 from ..trajectory.reader import Trajectory
 from .series import AXES
-from .style import OPEN, RATIO, ROTATION, TRANSLATION, from_zero, grid, label, legend, with_unit
+from .style import OPEN, RATIO, ROTATION, TRANSLATION, bars, from_zero, grid, label, legend, with_unit
 
 
 def correlation_alone(axes: Axes, trajectory: Trajectory | None, found: VelocityCorrelation) -> None:
@@ -46,8 +46,9 @@ def spectrum_alone(axes: Axes, trajectory: Trajectory | None, found: VelocitySpe
         (found.across, found.across_ends, ROTATION, "across $k$"),
         (found.along, found.along_ends, TRANSLATION, "along $k$"),
     ):
-        error = np.nan_to_num(np.maximum((value - ends[0], ends[1] - value), 0.0))
-        axes.errorbar(found.k, value, error, fmt="o", ms=3.5, lw=0.8, color=colour, mfc="none", label=text)
+        axes.errorbar(
+            found.k, value, bars(value, ends), fmt="o", ms=3.5, lw=0.8, color=colour, mfc="none", label=text
+        )
     axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label=f"independent velocities; bars: {PERCENT} intervals")
     axes.set(xscale="log", yscale="log")
     axes.set_xlabel(label(trajectory, "$k$", "1/length"))

@@ -24,7 +24,6 @@ from ..tools.progress import clock_face
 ENDING = files.STATUS
 RUNNING, DONE, INTERRUPTED = "running", "done", "interrupted"
 """States of a run; of others, such as "failed" or "full disk", the message says more."""
-MOST = files.MOST_STATUS  # bytes of a status file
 QUIET = 600.0
 """Seconds without news after which a run on another machine is taken for dead."""
 
@@ -173,7 +172,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     status_file = find(path)
     try:
-        given = json.loads(text_file.read(status_file, most=MOST))
+        given = json.loads(text_file.read(status_file, most=files.MOST_STATUS))
         record = Record.model_validate(given)
     except InputError as error:
         raise InputError(f"{status_file}: {error}") from None

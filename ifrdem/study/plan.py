@@ -160,6 +160,11 @@ class StudyOutput(_Part):
     analyses_from: float | None = Field(default=None, ge=0.0)
     trajectories: bool = False
 
+    @property
+    def has_averages(self) -> bool:
+        """True if there is an analysis over the time of each run."""
+        return any(name in OVER_TIME for name in self.analyses)
+
 
 class ClusterSection(_Part):
     """Place of the runs: processes here, a scheduler of Dask, or jobs of a batch system (dask-jobqueue)."""
@@ -228,11 +233,6 @@ class Plan:
         return (*(len(axis.values) for axis in self.axes), len(self.seeds))
 
     @property
-    def has_averages(self) -> bool:
-        """True if there is an analysis over the time of each run."""
-        return any(name in OVER_TIME for name in self.output.analyses)
-
-    @property
     def points(self) -> Iterator[tuple[int, ...]]:
         """Positions of each point on the axes."""
         return itertools.product(*(range(size) for size in self.shape[:-1]))
@@ -287,7 +287,7 @@ class Plan:
         """The runs of the points that are in order, whose results stand in a folder."""
         for point, case in good.items():
             # The case has the rows of series; only averages over the run have a start.
-            without = {"series", "series_spacing", *["analyses_from"] * (not self.has_averages)}
+            without = {"series", "series_spacing", *["analyses_from"] * (not self.output.has_averages)}
             kept = self.output.model_dump(exclude=without)
             record = case.model_dump(mode="json", exclude={"run": {"name", "threads"}})
             outside = {name: _digest(self.path.parent / name) for name in case.files}
@@ -477,7 +477,7 @@ def _output_overrides(case: dict[str, Any], output: StudyOutput) -> Iterator[str
     if at and not output.analyses:
         raise InputError("analyses_at requires analyses")
     start = output.analyses_from
-    if start is not None and not any(name in OVER_TIME for name in output.analyses):
+    if start is not None and not output.has_averages:
         raise InputError(f"analyses_from = {start:g}: requires an analysis over time: {', '.join(OVER_TIME)}")
     t_end, per_disk = (_number(case, key) for key in ("t_end", "collisions_per_disk"))
     if start is not None and (end := t_end or per_disk) and not start < end:

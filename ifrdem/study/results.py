@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.gas_theory import MOST_KINDS
+from ..analysis.window import since
 from ..case import file as case_file
 from ..case.case import UNITS, CaseSections
 from ..case.gas import CaseGas
@@ -252,7 +253,7 @@ def collect(
     unit = UNITS[case.run.units]["time"] if row_axis == "time" else ""
     variables[row_axis] = Variable((row_axis,), positions, unit)
     variables |= {name: Variable((*swept, SEED), each) for name, each in texts.items()}
-    if plan.has_averages:
+    if plan.output.has_averages:
         variables[START] = Variable(swept, starts, unit)
     if np.isfinite(effective).any():
         variables[f"temperature{N_EFF}"] = Variable((*swept, SEED), effective)
@@ -443,7 +444,7 @@ def averaged(results: Results, start: float, option: str = "start") -> Results:
     the message. Raises InputError if there is no such row after the first.
     """
     row_axis, places = results.row_axis, results.row_places
-    inside = places >= start * (1.0 - 1e-12)
+    inside = since(places, start)
     weights = np.where(inside, np.diff(places, prepend=places[0]), 0.0)
     if not weights.any():
         raise InputError(f"{option} {start:g}: must be at most {places[-1]:g}, the last row of {row_axis}")

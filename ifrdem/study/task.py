@@ -137,13 +137,13 @@ class Task:
             series = trajectory.series
             rows = {"time": series.time, **{name: series[name] for name in series}}
             found = _at_rows(file.case, trajectory.n, rows)
-            found |= self._analysed(trajectory, "time" if file.case.run.t_end else "collisions_per_disk")
+            found |= self._analysed(trajectory)
         if not self.trajectory:
             for ending in (".h5", ".status.json"):
                 outputs.trajectory.with_name(f"{self.key}{ending}").unlink(missing_ok=True)
         return found
 
-    def _analysed(self, trajectory: Trajectory, axis: str) -> dict[str, Variable]:
+    def _analysed(self, trajectory: Trajectory) -> dict[str, Variable]:
         """Numbers, tables and texts of all analyses.
 
         The steady window of a study is that of all seeds of a point, which a run does not know. So a run is analysed in
@@ -164,7 +164,7 @@ class Task:
                     outcomes, dims = _of_windows(trajectory, name, starts), (WINDOW,) * (len(starts) > 1)
                     remarks = [(i, "", one) for i, one in enumerate(outcomes)]
                 else:
-                    outcomes, dims = _of_frames(trajectory, name, self.at, axis), (AT,) * bool(self.at)
+                    outcomes, dims = _of_frames(trajectory, name, self.at), (AT,) * bool(self.at)
                     places = [f" at {place:g}" for place in self.at] or [""]
                     both = list(zip(places, outcomes, strict=True))
                     remarks = [(i, place, one) for i in range(len(starts)) for place, one in both]
@@ -267,16 +267,15 @@ def _of_windows(
     return found
 
 
-def _of_frames(
-    trajectory: Trajectory, name: str, at: tuple[float, ...], axis: str
-) -> list[Evaluation | InputError]:
+def _of_frames(trajectory: Trajectory, name: str, at: tuple[float, ...]) -> list[Evaluation | InputError]:
     """An analysis of the frames at each place; without places, of the frames that it takes."""
     from ..analysis.catalogue import FUNCTIONS
+    from ..analysis.window import ends_at_collisions
 
     if not at:
         return [FUNCTIONS[name](trajectory, None)]
-    per_disk = 2.0 * trajectory.observables["collisions"] / trajectory.n
-    reached = trajectory.times if axis == "time" else per_disk
+    by_collisions = ends_at_collisions(trajectory)
+    reached = trajectory.observables["collisions_per_disk"] if by_collisions else trajectory.times
     frames = np.searchsorted(reached, np.array(at) * (1.0 - 1e-12)).clip(max=len(trajectory) - 1)
     return [FUNCTIONS[name](trajectory, [int(frame)]) for frame in frames]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -12,16 +11,17 @@ from numpy.typing import NDArray
 from ..analysis.common import mean_errors
 from ..analysis.names import OVER_TIME
 from ..analysis.result import NOT_STATIONARY
-from ..analysis.steadiness import is_stationary
+from ..analysis.steadiness import T_CHANGES, beyond_chance, is_stationary
 from ..analysis.window import (
     FEWEST_SEEDS,
     LEVEL,
     SHARES,
+    WINDOW_SERIES,
     changes_between_seeds,
+    since,
     steady_share,
     window_rows,
 )
-from ..quantities import SPECIES_SERIES, STRESS_SERIES
 from .task import WARNINGS, WINDOW, Variable
 
 SAME_RUN = "the seeds give the same run: there is no error. Nothing in this case is drawn at random"
@@ -61,7 +61,7 @@ class PointWindow:
 
 def _own_mark(line: str) -> bool:
     """True of a warning by which an average over time of one run says that its temperature changes."""
-    return any(line.startswith(f"{name}: {NOT_STATIONARY}: T goes") for name in OVER_TIME)
+    return any(line.startswith(f"{name}: {T_CHANGES}") for name in OVER_TIME)
 
 
 def window_of(
@@ -80,7 +80,7 @@ def window_of(
         mean = np.stack([each.mean(axis=0)[known] for each in rows.values()], axis=1)
         share = steady_share(positions[known], mean)
         index, start = SHARES.index(share), share * float(positions[-1])
-    inside = known & (positions >= start * (1.0 - 1e-12))
+    inside = known & since(positions, start)
     rows = {name: each[:, inside] for name, each in rows.items()}
     effective = {seed: float(mean_errors(T).effective) for seed, T in zip(results, rows["T"], strict=True)}
     of_runs: dict[int, list[str]] = {}
@@ -96,27 +96,17 @@ def window_of(
 
 def _rows(results: Mapping[int, RunResult], species: Sequence[str]) -> dict[str, NDArray[np.float64]]:
     """Rows by which the window is found and judged, (seeds, rows) each."""
-    names = ("temperature", "rotational_temperature", *SPECIES_SERIES[:2], STRESS_SERIES[0])
-    recorded = [name for name in names if all(name in result for result in results.values())]
+    recorded = [name for name in WINDOW_SERIES if all(name in result for result in results.values())]
     series = {name: np.stack([result[name].values for result in results.values()]) for name in recorded}
     return window_rows(series, species)
 
 
 def _marks(rows: Mapping[str, NDArray[np.float64]], place: str, seeds: int) -> list[str]:
     """A line on the quantities that change between the halves of the window by more than chance, or none."""
-    from scipy.stats import t as student
-
-    changes = changes_between_seeds(rows)
-    beyond = student.isf(0.5 * LEVEL / len(changes), seeds - 1)
-    changed = [
-        f"{one.what} goes from {one.early:.3g} to {one.late:.3g} ({abs(one.t):.1f} standard errors)"
-        for one in changes
-        if math.isfinite(one.t) and abs(one.t) > beyond
-    ]
-    if not changed:
+    if not (changed := beyond_chance(changes_between_seeds(rows), LEVEL)):
         return []
     return [
-        f"{NOT_STATIONARY} from {place} on: {', '.join(changed)} from the early to the late half, by {seeds} seeds; "
+        f"{NOT_STATIONARY} from {place} on: {changed} from the early to the late half, by {seeds} seeds; "
         "averages over time include that change. Run longer, or begin later (analyses_from)"
     ]
 

@@ -35,7 +35,7 @@ NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
 STATUS = ".status.json"
 """Ending of the file with the live state of a run, next to its trajectory."""
 MOST_STATUS = 1 << 20  # bytes of a status file at most
-_REMEDIES = {
+REMEDIES = {
     errno.ENOSPC: "free some space there, or write to another disk",
     errno.EDQUOT: "delete some of your files there, or write to another disk",
     errno.EFBIG: "allow larger files (`ulimit -f`), or write to another disk",
@@ -195,8 +195,8 @@ def reason(error: BaseException) -> str:
 
 def remedy(error: BaseException) -> str:
     """Clause of a message on what helps then; an empty text if that is unknown."""
-    known = isinstance(error, OSError) and error.errno in _REMEDIES
-    return f"; {_REMEDIES[error.errno]}" if known else ""  # type: ignore[attr-defined]  # an OSError
+    known = isinstance(error, OSError) and error.errno in REMEDIES
+    return f"; {REMEDIES[error.errno]}" if known else ""  # type: ignore[attr-defined]  # an OSError
 
 
 def cause(error: BaseException) -> str:

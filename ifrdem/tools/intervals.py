@@ -12,10 +12,11 @@ FEW = 10
 PERCENT = f"{100.0 * LEVEL:g} %"
 
 
-def student_t(count: ArrayLike) -> NDArray[np.float64]:
+def student_t(count: ArrayLike, level: float = LEVEL) -> NDArray[np.float64]:
     """Half the width of the interval of a mean of `count` values, in standard errors of that mean.
 
-    One value has no standard error; it gets the number of two values.
+    It holds the true value with the probability `level`. One value has no standard error; it gets the number of two
+    values.
 
     Examples
     --------
@@ -24,7 +25,7 @@ def student_t(count: ArrayLike) -> NDArray[np.float64]:
     """
     from scipy.special import stdtrit
 
-    return np.asarray(stdtrit(np.maximum(np.subtract(count, 1), 1), 0.5 * (1.0 + LEVEL)))
+    return np.asarray(stdtrit(np.maximum(np.subtract(count, 1), 1), 0.5 * (1.0 + level)))
 
 
 Interval = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -79,18 +80,20 @@ def of_count(count: ArrayLike) -> Interval:
     return np.where(np.asarray(count) > 0.0, low, 0.0), high
 
 
-def of_intensity(mean: ArrayLike, count: ArrayLike) -> Interval:
-    """Interval of the mean intensity of waves of random phase and Gaussian amplitude, from the mean of `count` of them.
+def of_intensity(mean: ArrayLike, error: ArrayLike) -> Interval:
+    """Interval of the mean intensity of waves of random phase and Gaussian amplitude, from a mean of independent ones.
 
     Intensities of such waves are exponentially distributed, and the sum of n of them over their mean has a gamma
-    distribution with n. A mean over 2 waves may be off by a factor of 3, in one direction: no +- says that.
+    distribution with n, here the number with this standard error, mean / sqrt(n). A mean over 2 waves may be off by a
+    factor of 3, in one direction: no +- says that.
 
     Examples
     --------
-    >>> [round(float(end), 2) for end in of_intensity(1.0, 2)]
+    >>> [round(float(end), 2) for end in of_intensity(1.0, 0.5**0.5)]
     [0.36, 8.26]
     """
     from scipy.special import gammaincinv
 
+    count = np.square(np.divide(mean, error))
     high, low = (np.asarray(mean) * count / gammaincinv(count, end) for end in _ENDS)
     return low, high

@@ -36,10 +36,10 @@ from ..model.laws.law import CollisionLaw
 from ..model.laws.records import checked_record, from_record, is_custom, of_table
 from ..model.state import Disks
 from ..model.walls.free_area import FreeArea
-from ..model.walls.wall import OF_PISTONS, Wall, at_displacements, columns_of
+from ..model.walls.wall import Wall, at_displacements, columns_of
 from ..model.walls.wall import from_json as walls_from_json
 from ..mpi.distribution import GATHERED
-from ..quantities import FIELDS, WALL_SERIES
+from ..quantities import FIELDS, PISTON_SERIES, WALL_SERIES
 from ..tools import checked
 from ..tools.checked import Integer, validated
 from ..tools.notebook import DisksRepr, NotebookRepr, plots, refuse_unknown
@@ -132,10 +132,10 @@ class Frame(ReadOnlyAttributes, DisksRepr):
         The sides of the box are not among them.
         """
         trajectory = self.trajectory
-        if f"{OF_PISTONS}displacement" not in trajectory.observables:
+        if PISTON_SERIES[0] not in trajectory.observables:
             return trajectory.walls
         return at_displacements(
-            trajectory.walls, trajectory.observables[f"{OF_PISTONS}displacement"][self.index].tolist()
+            trajectory.walls, trajectory.observables[PISTON_SERIES[0]][self.index].tolist()
         )
 
     @property

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, install_extra
-from ..model.walls.wall import OF_PISTONS
-from ..quantities import AXES, FIELDS, MECHANISMS, SERIES
+from ..quantities import AXES, FIELDS, MECHANISMS, PISTON_SERIES, SERIES
 from ..tools import checked
 from .descriptions import unit_of_whole_gas
 from .layout import STATIC, version_of
@@ -214,7 +213,7 @@ def _axes(
     name: str, value: NDArray[Any], names: tuple[str, ...], coordinates: dict[str, Any]
 ) -> tuple[str, ...]:
     """Names of the axes after the first."""
-    if name.startswith(OF_PISTONS):
+    if name in PISTON_SERIES:
         coordinates.update({"piston": list(names)} if names else {})
         return ("piston",)
     if value.ndim == 2 and names:

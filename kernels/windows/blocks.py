@@ -369,8 +369,8 @@ def first_meeting(i, n_meet, meet, best, partner, region: ti.template(), block: 
 def list_images(me, way, region: ti.template(), block: ti.template()):
     """List the images of walls that disks of the region may touch in the window if each moves by `way` at most.
 
-    By the first warp, in the order of their numbers. EXTENT is the upper half of the square of the largest distance of
-    a disk from the region's centre.
+    By the first warp, in the order of their numbers. `note.extent` is the upper half of the square of the largest
+    distance of a disk from the region's centre.
     """
     if me < 32:
         extent = ti.cast(

@@ -243,7 +243,7 @@ def test_counts_shares_and_intensities() -> None:
     assert 0.93 < np.mean((low <= expected) & (expected <= high)) < 0.97
     for modes in (1, 2, 20):
         mean = rng.exponential(size=(modes, 4000)).mean(axis=0)
-        low, high = of_intensity(mean, modes)
+        low, high = of_intensity(mean, mean / np.sqrt(modes))
         assert 0.94 < np.mean((low <= 1.0) & (high >= 1.0)) < 0.96
 
 

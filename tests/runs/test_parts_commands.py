@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.analysis.catalogue import ANALYSES
+from ifrdem.analysis.catalogue import FUNCTIONS
 from ifrdem.cli.main import main
 from ifrdem.plots import run
 from ifrdem.trajectory.parts_writer import PartsWriter
@@ -151,7 +151,7 @@ def test_a_part_alone_is_distinguished_from_the_whole_gas(runs, capsys, tmp_path
     with ifrdem.Trajectory(part) as file:
         title = run.title(file)
         warnings = {
-            name: ANALYSES[name].of(file, None).warnings
+            name: FUNCTIONS[name](file, None).warnings
             for name in ("rdf", "structure-factor", "fields", "clusters", "psi6")
         }
         assert (file.part.number, file.part.first) == (1, 100)
@@ -162,7 +162,7 @@ def test_a_part_alone_is_distinguished_from_the_whole_gas(runs, capsys, tmp_path
         with ifrdem.Trajectory(whole) as file:
             assert file.part is None
             assert "packing fraction" in run.title(file)
-            assert ANALYSES["fields"].of(file, None).warnings == []
+            assert FUNCTIONS["fields"](file, None).warnings == []
     assert main(["info", str(part)]) == 0
     printed = capsys.readouterr().out
     assert "1 of a trajectory" in printed

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.analysis.catalogue import ANALYSES
+from ifrdem.analysis.catalogue import FUNCTIONS
 from ifrdem.case import file as case_file
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
@@ -92,7 +92,7 @@ def test_between_walls_stresses_refer_to_the_free_area(folder: Path) -> None:
         ifrdem.Trajectory("flow.h5") as file,
         pytest.raises(InputError, match="`analyse stress` gives the pressure"),
     ):
-        ANALYSES["pressure"].of(file, None)
+        FUNCTIONS["pressure"](file, None)
 
 
 def test_a_study_has_stresses(folder: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from test_study import CASE
 
 import ifrdem
-from ifrdem.analysis.catalogue import ANALYSES
+from ifrdem.analysis.catalogue import FUNCTIONS
 from ifrdem.analysis.window import frames_from, steady_frames
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
@@ -81,7 +81,7 @@ def test_a_single_run_begins_where_a_study_of_one_seed_does(sheared, tmp_path, c
     assert 0.0 < start <= 10.0
     path = found.folder / f"{results.values('run')[0]}.h5"
     with ifrdem.Trajectory(path) as trajectory:
-        own = ANALYSES["stress"].of(trajectory, None)
+        own = FUNCTIONS["stress"](trajectory, None)
     assert own.times == (start, 20.0)
     values = {row.key or row.name: row.value for row in own.rows}
     assert results.values("stress_N_1")[0] == values["N_1"]

@@ -29,8 +29,6 @@ from .shapes import FULL_TURN, SHAPES, Pieces, Shape
 
 SUMS = tuple(name.removeprefix("walls_") for name in WALL_SERIES)
 """Columns of `Simulation.wall_sums`."""
-OF_PISTONS = "piston_"
-"""Prefix of their names in frames and rows of the time series."""
 _STILL, _UNTURNED = Motion(), Turn()
 
 
