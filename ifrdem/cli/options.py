@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import math
 import os
 import re
@@ -281,8 +282,29 @@ def styled(style: str | None) -> Iterator[None]:
                     text_file.read(Path(style), most=MOST_STYLE)
                 except InputError as error:
                     raise InputError(f"--style {style}: {error}") from None
+                _refuse_strange(style)
             stack.enter_context(matplotlib.style.context(style))
         yield
+
+
+def _refuse_strange(style: str) -> None:
+    """Raise InputError for a file with a line that is no setting of Matplotlib, which only logs it, whole."""
+    import matplotlib
+
+    logged: list[str] = []
+    logger, handler = logging.getLogger("matplotlib"), logging.Handler()
+    handler.emit = lambda record: logged.append(record.getMessage())  # type: ignore[method-assign]
+    propagate, logger.propagate = logger.propagate, False
+    logger.addHandler(handler)
+    try:
+        matplotlib.rc_params_from_file(style, use_default_template=False)
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = propagate
+    if logged:
+        further = f" (and {len(logged) - 1} more)" if len(logged) > 1 else ""
+        text = cut(" ".join(logged[0].split()), 200)
+        raise InputError(f"--style {style}: {text}{further}; see `matplotlib.rcParams` for what a style may set")
 
 
 def overrides(given: list[str] | None, **run: str | int | None) -> list[str]:

@@ -56,9 +56,11 @@ def read(path: Path, *, most: int, bom: bool = False) -> str:
     """
     with opened(path) as file:
         try:
-            content = file.read(most + 1)
+            content: bytes | None = file.read(most + 1)
         except OSError as error:
             raise InputError(f"cannot be read: {error.strerror}") from None
+    if content is None:  # some files of the system wait for what is to come, as /proc/kmsg does
+        raise InputError("cannot be read: the system waits for its content; must be a regular file")
     _refuse_larger(len(content), most)
     try:
         return content.decode("utf-8-sig" if bom else "utf-8")

@@ -216,7 +216,7 @@ def harm(path: Path, chance: random.Random) -> str:
 
 def heap(path: Path) -> None:
     """A trajectory of disks under a piston, with a post and a vibrating wall, and all that a file can hold."""
-    n, frames = 12, 4
+    n, frames = 12, 8
     wall = ifrdem.Wall
     walls = [
         wall.line((0.0, 1.0), (0.0, 1.0)),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import os
 import threading
 from pathlib import Path
 
+import matplotlib
 import pytest
 
 import ifrdem
@@ -136,3 +138,40 @@ def test_a_style_is_not_loaded_from_the_web() -> None:
 def test_a_name_with_a_null_character_is_no_file() -> None:
     with pytest.raises(InputError, match="null character"):
         text_file.read(Path("a\0b"), most=10)
+
+
+def test_a_file_that_the_system_has_no_content_of_yet_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reading /proc/kmsg, a regular file that is not waited for, gave None, and a TypeError."""
+
+    class Waiting(io.RawIOBase):
+        def readable(self) -> bool:
+            return True
+
+        def readinto(self, _: object) -> None:
+            return None
+
+    monkeypatch.setattr(text_file, "opened", lambda _path: io.BufferedReader(Waiting()))
+    with pytest.raises(InputError, match="cannot be read: the system waits for its content"):
+        text_file.read(Path("kmsg"), most=10)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y\n1,2\n", r"Missing colon in file '.*', line 1 \('x,y'\) \(and 1 more\)"),
+        ("lines.linewidth: thick\n", "Bad value in file"),
+        ("line.linewidth: 2\n", "Bad key line.linewidth"),
+        ("1" * 5000, "Missing colon"),
+    ],
+)
+def test_a_style_whose_lines_are_no_settings_is_refused(text, message, tmp_path, caplog) -> None:
+    """A table of numbers was taken for a style: Matplotlib logged each line, whole, and drew without it."""
+    path = tmp_path / "a.mplstyle"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as caught:
+        styled(path)
+    assert len(str(caught.value)) < len(str(path)) + 400
+    assert not caplog.records
+    path.write_text("# ours\nlines.linewidth: 2.5\n")
+    with options.styled(str(path)):
+        assert matplotlib.rcParams["lines.linewidth"] == 2.5
