@@ -77,7 +77,8 @@ COST_OF_RATIO: Mapping[float, float] = {
 """Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
 
 Measured 2026-11-23: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread
-(`results/size_ratio.md`). Among walls there is one layer of cells only, and the cost is higher from a ratio of 5 on."""
+(`ifrdem/docs/results/size_ratio.md`). Among walls there is one layer of cells only, and the cost is higher from a ratio
+of 5 on."""
 
 
 def cost_of_ratio(ratio: float) -> float:
@@ -99,12 +100,12 @@ FORCE_SECONDS = {
     "drag": 1e-8, "langevin": 6e-8, "random_torque": 4e-8, "random_force": 1e-7, "table_friction": 9.5e-7,
 }  # fmt: skip
 """Time of one thread per disk and step to apply a force, by its kind. Measured 2026-11-26 for 1,000 and 4,000 disks at
-phi = 0.3 in steps of 0.05 mean free times (`results/forces.md`)."""
+phi = 0.3 in steps of 0.05 mean free times (`ifrdem/docs/results/forces.md`)."""
 ENDS_WINDOW = "rescale"
 """Kind of a force that ends windows, because it needs sums over all disks at that time."""
 AT_RANDOM_TIMES, ACTION_SECONDS = "at random times", 3.4e-7
 """Name of all forces that kick each disk at random times, and time [s] of one thread for such a kick: 0.34 us in
-`results/forces.md`."""
+`ifrdem/docs/results/forces.md`."""
 
 
 RESTING = "table_friction"

@@ -60,7 +60,7 @@ def error_of_share(count: ArrayLike, total: ArrayLike) -> NDArray[np.float64]:
     Examples
     --------
     >>> round(float(error_of_share(0, 100)), 4)
-    0.007
+    0.0069
     """
     p = np.add(count, 0.5) / np.add(total, 1.0)
     return np.asarray(np.sqrt(p * (1.0 - p) / np.add(total, 2.0)))

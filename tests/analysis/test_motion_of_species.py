@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 import ifrdem
 from ifrdem import analysis, theory
-from ifrdem.analysis import catalogue, motion
+from ifrdem.analysis import catalogue, motion, window
 from ifrdem.plots import analyses as draw
 
 BOX = ifrdem.Box((50.0, 50.0))
@@ -113,7 +113,7 @@ def test_way_at_the_thermal_speed_of_a_gas_that_does_not_cool() -> None:
     assert motion.thermal_path(when, tau, np.array([3.0, 3.0, 1.5])) == pytest.approx(slower, rel=1e-12)
 
 
-@pytest.mark.parametrize("drive", motion.DRIVES)
+@pytest.mark.parametrize("drive", window.DRIVES)
 def test_a_gas_that_is_driven_or_does_not_collide_has_no_time_of_its_own(tmp_path: Path, drive: str) -> None:
     disks = ifrdem.Disks(4, mass=1.0, radius=0.1)
     for name, given in (("driven", {drive: 0.1}), ("free", {drive: 0.0}), ("still", {drive: 0.0})):

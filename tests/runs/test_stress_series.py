@@ -53,7 +53,7 @@ def test_rows_are_means_since_the_row_before(folder: Path, capsys: pytest.Captur
         assert file.to_xarray().series_stress.sel(component="yy")[3] == series["stress/yy"][3]
         pictures.figure(file, "stress").draw_without_rendering()
     capsys.readouterr()
-    assert main(["analyse", "flow.h5", "stress"]) == 0
+    assert main(["analyse", "flow.h5", "stress", "--from", "0"]) == 0
     assert "friction -P_xy / P_yy" in capsys.readouterr().out
     found = json.loads(Path("flow-analysis/flow.json").read_text())["analyses"]["stress"]["values"]
     mean = (rows[-1].virial - rows[0].virial) / (4.0 * area)

@@ -116,7 +116,7 @@ def test_warnings_of_runs_are_kept_and_counted(tmp_path, capsys):
     found = study(tmp_path, short, STUDY.format(seeds=4))
     texts = found.results().values("warnings")
     assert all("the gas is not stationary from t = 0.75 on: T goes from " in text for text in texts)
-    assert all("stress: errors from " in text for text in found.results().values("notes"))
+    assert all("stress: P_ab: flux of momentum " in text for text in found.results().values("notes"))
     capsys.readouterr()
     assert cli.main(["study", str(tmp_path / "study.toml"), "-o", str(tmp_path / "s"), "--workers", "0"]) == 0
     assert "4 of 4 runs with warnings" in capsys.readouterr().err
@@ -269,8 +269,8 @@ def test_a_dry_run_checks_the_options_of_a_cluster(tmp_path, capsys, options, me
 def test_names_that_are_too_long_are_refused():
     """OSError before."""
     for given in ("a" * 300, "a" * 300 + ".toml", "a/" * 3000 + "b.toml"):
-        with pytest.raises(InputError, match=r"no such file|File name too long"):
+        with pytest.raises(InputError, match="must be a path of 4095 bytes at most, each name of 255"):
             ifrdem.Study(given)
     for output in ("a" * 300, "a/" * 3000 + "b"):
-        with pytest.raises(InputError, match=r"File name too long|does not exist"):
+        with pytest.raises(InputError, match="must be a path of 4095 bytes at most, each name of 255"):
             ifrdem.Study("cooling", output=output).check()
