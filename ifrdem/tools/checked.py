@@ -595,7 +595,7 @@ def validated(function: F) -> F:
         except MemoryError as error:
             of = function.__qualname__.removesuffix(".__init__")
             raise InputError(
-                f"{of}: not enough memory for what was asked: {error or 'no more is free'}"
+                f"{of}: not enough memory for what was asked: {str(error) or 'no more is free'}"
             ) from error
 
     return checking  # type: ignore[return-value]
