@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -253,6 +254,16 @@ def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
     return path, found, value == ""
 
 
+def _float(text: str) -> float:
+    """The number that a text in TOML is; ValueError where it is too large or too small for one: not inf, and not 0."""
+    found = float(text)
+    if math.isinf(found) and "inf" not in text:
+        raise ValueError(f"{cut(text)} is too large for a number: at most 1.8e308")
+    if found == 0.0 and re.search("[1-9]", re.split("[eE]", text)[0]):
+        raise ValueError(f"{cut(text)} is too small for a number: 5e-324 at least, or 0")
+    return found
+
+
 def parsed(text: str) -> dict[str, Any]:
     """The tables and keys of a text in TOML.
 
@@ -271,6 +282,6 @@ def parsed(text: str) -> dict[str, Any]:
         key = re.sub(r"\s", "", found[0])
         raise InputError(f"the key {cut(key, 43)} has more than {DEEPEST} parts, the most allowed")
     try:
-        return tomllib.loads(text)
+        return tomllib.loads(text, parse_float=_float)
     except ValueError as error:  # of the parser, or a whole number with thousands of digits
         raise InputError(f"not valid TOML: {error}") from None

@@ -313,11 +313,16 @@ def _header(
             problems.append(f"line {line}: column '{cut(text)}': {name} is {what}, not in {unit}")
         names.append(name)
         factors.append(factor or 1.0)
-    problems += [
-        f"line {line}: column '{name}' is given twice"
-        for name in dict.fromkeys(names)
-        if name and names.count(name) > 1
-    ]
+    for name in dict.fromkeys(names):
+        texts = [printable(text) for text, other in zip(present, names, strict=True) if other == name != ""]
+        if len(texts) > 1:
+            alike = len(set(texts)) == 1
+            which = (
+                ""
+                if alike
+                else f", by {' and '.join(map(repr, texts))}; {setting('columns', texts[-1], name)} chooses one"
+            )
+            problems.append(f"line {line}: column '{name}' is given twice{which}")
     problems += [
         f"line {line}: column '{name}' requires a column '{name.removesuffix('_error')}'"
         for name in names

@@ -216,9 +216,9 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
         particles.orientation = _about_z(np.cos(half), np.sin(half))
     if SPIN in trajectory.fields:
         # HOOMD's angmom p is 2 q (0, L), L in the body's axes: L = Im(q* p) / 2. Immovable disks are at rest.
-        momentum = 2.0 * np.where(disks.movable, disks.inertia, 0.0) * frame.spin
-        stored = _single("angular momentum, doubled", momentum)
-        particles.angmom = _about_z(-np.sin(half) * stored, np.cos(half) * stored)
+        doubled = 2.0 * np.where(disks.movable, disks.inertia, 0.0) * frame.spin
+        momentum = _single("angular momentum, doubled", doubled)
+        particles.angmom = _about_z(-np.sin(half) * momentum, np.cos(half) * momentum)
     for name in ("velocity", "image"):
         # Images of a sheared box are counted along other axes than those of the parallelogram.
         if name in trajectory.fields and not (name == "image" and box.shear_rate):

@@ -884,6 +884,16 @@ def test_a_collapse_that_is_no_text_is_refused(tmp_path):
         case_file.read(path, ['run.collapse=["tc"]'])
 
 
+@pytest.mark.parametrize(
+    ("text", "reason"), [("1e-400", "too small for a number"), ("1e400", "too large for a number")]
+)
+def test_a_number_that_rounds_to_nothing_or_infinity_is_refused(tmp_path, text, reason):
+    """TOML leaves it to the reader: a mass of 1e400 was immovable, a friction of 1e-400 none."""
+    (tmp_path / "case.toml").write_text(SMALL.replace("mu = 0.21", f"mu = {text}"))
+    with pytest.raises(InputError, match=f"not valid TOML: {text} is {reason}"):
+        case_file.read(tmp_path / "case.toml")
+
+
 DISSIPATING = ['output.fields=["position","dissipated"]']
 FALLING = ["species[0].speed_rms=0", "box.periodic=[true,false]", "box.gravity=[0,-1e36]",
            'box.material="aluminium"']  # fmt: skip

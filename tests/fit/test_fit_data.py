@@ -97,7 +97,10 @@ def test_obvious_spellings_are_understood(tmp_path: Path, column: str, name: str
             "psi,delta_2,vx_1\n10,4,1\n",
             r"\(psi, delta_2\) and of whole collisions \(vx_1\)",
         ),
-        ("psi,delta_2,delta2\n10,4,4\n", r"column 'delta_2' is given twice"),
+        (
+            "psi,delta_2,delta2\n10,4,4\n",
+            r"column 'delta_2' is given twice, by 'delta_2' and 'delta2'; .*'delta2'.* chooses",
+        ),
         ("psi,delta_2,delta_1_error\n10,4,1\n", r"column 'delta_1_error' requires a column 'delta_1'"),
     ],
 )

@@ -656,3 +656,15 @@ def test_what_is_no_file_of_results_is_refused(tmp_path, make):
     make(tmp_path / "s.nc")
     with pytest.raises(InputError, match=r"s\.nc: (is not a file|is not an HDF5 file|there is no such file)"):
         Results.read(tmp_path / "s.nc")
+
+
+@pytest.mark.parametrize("seeds", [10**5001, "9" * 5001, [10**5001]], ids=["number", "text", "list"])
+def test_seeds_that_python_cannot_write_are_refused(case, tmp_path, seeds):
+    with pytest.raises(ifrdem.InputError, match=r"seeds = .{1,80}: must be"):
+        ifrdem.Study(case, vary=[VARY], seeds=seeds, output=tmp_path / "out")
+
+
+def test_values_that_stand_deep_in_each_other_are_refused(case, tmp_path):
+    deep = "[" * 3000 + "]" * 3000
+    with pytest.raises(ifrdem.InputError, match=r"species\[0\]\.speed_rms = .*: must be a number"):
+        ifrdem.Study(case, vary=[f"species[0].speed_rms={deep},1"], seeds=1, output=tmp_path / "out").run()

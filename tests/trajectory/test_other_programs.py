@@ -15,9 +15,11 @@ from support.layout_files import FIELDS, some_disks, some_state, write
 from ifrdem.errors import InputError
 from ifrdem.initial import from_csv
 from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 from ifrdem.trajectory.export import export
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.views import write_views
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 # Packages of others warn of each other's and Python's future; that is theirs.
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -117,6 +119,23 @@ def test_a_universe_warns_of_walls_next_to_a_periodic_side(run):
         axis, side = ("x", 60) if box.periodic[1] else ("y", 40)
         assert texts[0].startswith(f"{path}: walls along {axis}: MDAnalysis takes all sides as periodic")
         assert f"has {side} there, twice the side" in texts[0]
+
+
+@pytest.mark.parametrize(("times", "dt"), [((0.0, 0.4, 0.8, 1.2), 0.4), ((0.0, 0.1, 1.0, 10.0), None)])
+def test_a_universe_has_the_time_step_of_even_frames_and_says_where_there_is_none(tmp_path, times, dt):
+    """Without it MDAnalysis takes 1 for the step, so that lags of all its analyses are wrong."""
+    disks, box = Disks(1, 1.0, 0.5), Box((5.0, 5.0))
+    with TrajectoryWriter(tmp_path / "a.h5", disks, box) as file:
+        for time in times:
+            file.write(State([[1.0, 1.0]], [[0.0, 0.0]], [0.0], time))
+    with Trajectory(tmp_path / "a.h5") as trajectory, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        universe = trajectory.universe()
+        assert [step.time for step in universe.trajectory] == list(times)
+        said = any("not evenly spaced in time" in str(one.message) for one in caught)
+        assert said == (dt is None)
+        if dt is not None:
+            assert universe.trajectory.dt == pytest.approx(dt, rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["extxyz", "nc"])
