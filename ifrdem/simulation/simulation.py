@@ -126,7 +126,8 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         Lines, segments, containers and posts, at rest or moving. Where a wall stands at a side of the box, it is hit
         first.
     gravity : two floats or RotatingGravity
-        Acceleration of all disks [length/time^2], only in directions that are not periodic; or one that rotates, as in
+        Acceleration of all disks [length/time^2], only in directions that are not periodic, and not among immovable
+        disks (`Wall.post` is an obstacle that stays); or one that rotates, as in
         the frame of a slow drum (`ifrdem docs heaps`), between walls only.
     forces : sequence of forces.Force
         Drives and drag that act between collisions, each at the middle of its own steps; at a time at which several do,

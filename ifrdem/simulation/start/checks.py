@@ -455,10 +455,11 @@ def check_between_collisions(
                 f"gravity = {gravity}: disks would fall for ever in the periodic direction {'xy'[axis]}; make it "
                 "not periodic, with a floor"
             )
-    if forces and disks.n and not np.all(np.isfinite(disks.mass)):
-        raise InputError(
-            "forces are not supported where disks of infinite mass are: use walls (Wall.post) instead"
-        )
+    for what, acts in (("gravity is", any(gravity)), ("forces are", bool(forces))):
+        if acts and not np.all(disks.movable):
+            raise InputError(
+                f"{what} not supported where disks of infinite mass are: use walls (Wall.post) instead"
+            )
     if any(gravity) and forces:
         from ...model.forces import TableFriction  # imports Taichi, as the making of a force did
 

@@ -7,7 +7,17 @@ import warnings
 import numpy as np
 import pytest
 
-from ifrdem import Box, Disks, IFRLaw, InputError, Simulation, State, Trajectory, TrajectoryWriter
+from ifrdem import (
+    Box,
+    Disks,
+    IFRLaw,
+    InputError,
+    RotatingGravity,
+    Simulation,
+    State,
+    Trajectory,
+    TrajectoryWriter,
+)
 from ifrdem.model.observables import measure
 
 
@@ -71,6 +81,21 @@ def test_an_immovable_disk_must_be_at_rest(velocity, spin):
     state = State(position=[[3.0, 6.0], [6.0, 6.0]], velocity=[[0.0, 0.0], velocity], spin=[0.0, spin])
     with pytest.raises(InputError, match="disk 1 has an infinite mass and moves"):
         Simulation(disks, box, IFRLaw(e_n=0.8, e_t=-0.9, mu=0.2), state)
+
+
+@pytest.mark.parametrize("gravity", [(0.0, -1.0), RotatingGravity((0.0, -1.0), rate=0.1)])
+def test_gravity_is_refused_where_immovable_disks_are(gravity):
+    """It acted on them too: they fell, and at the floor, inf - inf, ended the run with a velocity that is no number."""
+    disks, _ = two([2.0, np.inf])
+    state = State(position=[[3.0, 6.0], [6.0, 6.0]], velocity=np.zeros((2, 2)), spin=np.zeros(2))
+    law, box = IFRLaw(e_n=0.8, e_t=-0.9, mu=0.2), Box((12.0, 12.0), (False, False))
+    with pytest.raises(
+        InputError, match=r"gravity is not supported where disks of infinite mass are: .*Wall\.post"
+    ):
+        Simulation(disks, box, law, state, gravity=gravity)
+    gas = Simulation(disks, box, law, state)
+    with pytest.raises(InputError, match="gravity is not supported"):
+        gas.set_gravity((0.0, -1.0))
 
 
 def test_radius_and_k_must_still_be_finite():
