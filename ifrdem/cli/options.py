@@ -304,7 +304,9 @@ def _refuse_strange(style: str) -> None:
     if logged:
         further = f" (and {len(logged) - 1} more)" if len(logged) > 1 else ""
         text = cut(" ".join(logged[0].split()), 200)
-        raise InputError(f"--style {style}: {text}{further}; see `matplotlib.rcParams` for what a style may set")
+        raise InputError(
+            f"--style {style}: {text}{further}; see `matplotlib.rcParams` for what a style may set"
+        )
 
 
 def overrides(given: list[str] | None, **run: str | int | None) -> list[str]:
