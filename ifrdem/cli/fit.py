@@ -578,6 +578,10 @@ def collisions(
         if each not in ("y", "angle")
     ]
     source = Path(tracks)
+    if not Path(output or source).name:  # the root, or "."
+        raise InputError(
+            f"{'TRACKS' if output is None else '-o'} {output or tracks}: is a folder, must be a file"
+        )
     path = Path(output) if output is not None else source.with_name(f"{source.stem}_collisions.csv")
     of_walls, report = (path.with_name(f"{path.stem}_{end}.csv") for end in ("walls", "report"))
     _check_files([path, report, *([of_walls] if wall or walls else [])], source, force, problems)

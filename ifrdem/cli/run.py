@@ -326,6 +326,8 @@ def new(
         echo(text, end="")
         return
     path = Path(output or f"{Path(kind).stem}.toml")
+    if not path.name:  # the root, or "."
+        raise InputError(f"-o {output}: is a folder, must be a file")
     # Start and measured positions of a shipped case.
     data = sorted(shipped.FOLDER.glob(f"{Path(kind).stem}*.csv"))
     check_files([path, *(path.with_name(each.name) for each in data)], force=force)

@@ -592,3 +592,21 @@ def test_a_place_that_is_no_place_and_a_file_larger_than_the_disk_are_refused(
         assert main(["run", case, *arguments]) == 2
         assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["collisions", "{}", "--fps", "10", "--disk", "1,1"],
+        ["collisions", "tracks.csv", "--fps", "10", "--disk", "1,1", "-o", "{}"],
+        ["new", "cases/coins_from_video.toml", "-o", "{}"],
+        ["new", "study", "-o", "{}"],
+    ],
+)
+@pytest.mark.parametrize("place", ["/", ".", "./"])
+def test_a_folder_without_a_name_is_no_file(words, place, capsys) -> None:
+    """Names beside "/" and "." ended in a ValueError of pathlib."""
+    assert main([each.format(place) for each in words]) == 2
+    assert re.fullmatch(
+        rf"ifrdem: (TRACKS|-o) {place}: is a folder, must be a file\n", capsys.readouterr().err
+    )
