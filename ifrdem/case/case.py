@@ -15,6 +15,7 @@ from ..errors import InputError, nearest
 from ..initial import radii
 from ..kernels.columns import MOST_IDS
 from ..model.box import Box
+from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.gravity import DEFAULT_STEP, MAX_STEP
 from ..tools.tables import TableFormat
 from .laws_section import CoinName, FileKeys, Material, PairOfMaterials
@@ -33,6 +34,22 @@ IMPACT_SCAN = "impact_scan"
 GROWN = "lubachevsky_stillinger"
 PLACED = ("random", GROWN, "hexagonal")
 PLACEMENTS = (*PLACED, IMPACT_SCAN)
+REMEDIES: Mapping[str, tuple[str, type[Collapse]]] = {
+    "velocity_cutoff": ("velocity_cutoff", VelocityCutoff),
+    "tc": ("contact_time", ContactTime),
+    "rest": ("resting_speed", Rest),
+}
+"""Remedies for collapse by their names in run.collapse: the key of the number, and the class."""
+_FORCES = {
+    "random_force": "RandomKicks", "random_torque": "SpinKicks", "langevin": "Langevin", "drag": "Drag",
+    "rescale": "Rescale", "table_friction": "TableFriction",
+}  # fmt: skip
+_AT_RANDOM_TIMES = {"random_force": "PoissonKicks", "random_torque": "PoissonSpinKicks"}
+
+
+def force_class(kind: str, at_random_times: bool) -> str:
+    """Name of the class of a kind of force in `model.forces`; of an unknown kind, the kind."""
+    return (_AT_RANDOM_TIMES if at_random_times else {}).get(kind) or _FORCES.get(kind, kind)
 
 
 class RunSection(Section):
@@ -81,9 +98,7 @@ class RunSection(Section):
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Mistakes, those in the numbers of each remedy for collapse included."""
         chosen, problems = data.get("collapse", "none"), []
-        for kind, number in (
-            ("velocity_cutoff", "velocity_cutoff"), ("tc", "contact_time"), ("rest", "resting_speed"),
-        ):  # fmt: skip
+        for kind, (number, _) in REMEDIES.items():
             if number in data and kind != chosen:
                 text = f'{number} cannot be combined with collapse = "{chosen}": it is of collapse = "{kind}"'
                 problems.append(text)
@@ -131,14 +146,20 @@ class BoxSection(Section):
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Also whether sides that are walls have a material, and gravity has a floor. An open box needs no size."""
-        if data.get("open") is True:
-            walled = ("periodic", "material", "gravity", "gravity_rotation_rate", "shear_rate")
-            problems = exclusive_with(data, "open", *walled)
-            sized = {"packing_fraction", "lengths"} & set(data)
-            return problems + _without_aspect(data) + (super().problems(data) if sized else [])
-        problems = super().problems(data) + _without_aspect(data)
+        """Also whether sides that are walls have a material, and there is gravity to turn. Open space needs no size."""
+        is_open, sized = data.get("open") is True, {"packing_fraction", "lengths"} & set(data)
+        problems = super().problems(data) if sized or not is_open else []
+        problems += _without_aspect(data)
         periodic, gravity = data.get("periodic", [True, True]), data.get("gravity", [0.0, 0.0])
+        if turns := data.get("gravity_rotation_rate"):
+            if not isinstance(gravity, list) or not any(gravity):
+                problems.append(
+                    f"gravity_rotation_rate = {turns}: there is no gravity to turn; gravity is missing"
+                )
+        elif "gravity_rotation_step" in data:
+            problems.append("gravity_rotation_step requires gravity_rotation_rate")
+        if is_open:
+            return problems + exclusive_with(data, "open", "periodic", "material")
         if not isinstance(periodic, list) or [*map(type, periodic)] != [bool, bool]:
             return problems
         if not all(periodic) and "material" not in data:
@@ -147,30 +168,6 @@ class BoxSection(Section):
             )
         if all(periodic) and "material" in data:
             problems.append("material: both directions are periodic, so there are no walls at the sides")
-        if not all(periodic) and data.get("shear_rate", 0.0) != 0.0:
-            problems.append(
-                f"shear_rate = {data['shear_rate']}: the box must be periodic along x and y; shear between walls by "
-                "walls that move or have a surface_speed"
-            )
-        if turns := data.get("gravity_rotation_rate"):
-            if not isinstance(gravity, list) or not any(gravity):
-                problems.append(
-                    f"gravity_rotation_rate = {turns}: there is no gravity to turn; gravity is missing"
-                )
-            if any(periodic):
-                problems.append(
-                    f"gravity_rotation_rate = {turns}: disks would fall for ever where a side is periodic; periodic "
-                    "must be [false, false]"
-                )
-        elif "gravity_rotation_step" in data:
-            problems.append("gravity_rotation_step requires gravity_rotation_rate")
-        if isinstance(gravity, list) and len(gravity) == 2:
-            problems += [
-                f"gravity = {gravity}: disks would fall for ever along {axis}, which is periodic; periodic = "
-                f"{str([p and axis != each for p, each in zip(periodic, 'xy', strict=True)]).lower()} gives it a floor"
-                for axis, along, pull in zip("xy", periodic, gravity, strict=True)
-                if along and isinstance(pull, int | float) and pull != 0.0
-            ]
         return problems
 
     def start_region(self, covered: float) -> Box | None:

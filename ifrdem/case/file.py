@@ -6,19 +6,21 @@ import copy
 import math
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from ..errors import InputError, cut, listed, nearest, option_name
 from ..mpi import Communicator
 from ..tools import text_file
+from . import exclusions
 from .case import IMPACT_SCAN, CaseSections
 from .gas import CaseGas, validate_case
-from .messages import KeyPath, location_of, problems, spelled
+from .messages import KeyPath, kind_key_in, location_of, problems, spelled
 from .section import Problem
 
 MOST_BYTES = 10_000_000
@@ -176,17 +178,45 @@ def validated(raw: Mapping[str, Any]) -> tuple[CaseSections | None, list[Problem
         return CaseSections.model_validate(raw), []
     except ValidationError as error:
         found, errors = problems(error), error.errors(include_url=False)
+    known = _without(raw, errors)
     if any(each["type"] != "extra_forbidden" for each in errors):
-        return None, found
-    known: Any = copy.deepcopy(raw)
-    for each in errors:
-        *above, last = location_of(each["loc"]).key
-        node: Any = known
-        for step in above:
-            node = node[step]
-        del node[last]
+        return None, found + exclusions.problems(known)
     case, more = validated(known)
     return case, found + more
+
+
+def _without(raw: Mapping[str, Any], errors: Iterable[ErrorDetails]) -> dict[str, Any]:
+    """A parsed case without the keys that are wrong by themselves; a list of tables keeps its length."""
+    known = copy.deepcopy(dict(raw))
+    for each in errors:
+        steps = [*location_of(each["loc"]).key]
+        if each["type"] == "union_tag_invalid":
+            steps.append(kind_key_in(each))
+        if each["type"] != "extra_forbidden" and isinstance(
+            _at(known, steps), dict
+        ):  # a mistake of several keys
+            continue
+        while len(steps) > 2 and isinstance(steps[-1], int):  # a list of numbers is wrong as a whole
+            steps.pop()
+        *above, last = steps or [""]
+        node = _at(known, above)
+        if isinstance(node, list) and isinstance(last, int) and last < len(node):
+            node[last] = None
+        elif isinstance(node, dict):
+            node.pop(last, None)
+    return known
+
+
+def _at(node: Any, steps: Sequence[str | int]) -> Any:
+    """What is at a place of a parsed case; None if nothing is."""
+    for step in steps:
+        if isinstance(node, dict):
+            node = node.get(step)
+        elif isinstance(node, list) and isinstance(step, int) and step < len(node):
+            node = node[step]
+        else:
+            return None
+    return node
 
 
 def override(raw: dict[str, Any], assignment: str) -> None:

@@ -33,8 +33,8 @@ from ..simulation.simulation import Simulation
 from ..simulation.start import checks
 from ..simulation.steps.turning import FASTEST_DRUM
 from ..tools import seeds
-from . import pair_rules, rules
-from .case import GROWN, IMPACT_SCAN, CaseSections, ForceSection
+from . import exclusions, pair_rules, rules
+from .case import GROWN, IMPACT_SCAN, CaseSections, ForceSection, force_class
 from .objects import choose_runtime, collapse_of, device_of, gravity_of, record_of
 from .pair_rules import PairVerdict
 from .section import Problem
@@ -582,17 +582,12 @@ class CaseGas:
             ("run", "t_end"): lambda: checks.check_duration(
                 self.begin[0], run.t_end or 0.0, smallest, self.box, alone
             ),
-            ("run", "low_memory"): lambda: checks.check_low_memory(
-                run.low_memory, collapse_of(run), self.box, walls, case.force
-            ),
             ("run", "collapse"): lambda: checks.check_collapse(
                 collapse_of(run),
                 self.kinds,
                 self.box,
                 walls,
                 gravity,
-                [each.kind for each in case.force],
-                type(self.law()),
                 self._coefficient("e_n"),
                 device_of(run),
             ),
@@ -745,13 +740,16 @@ def validate_case(
         *rules.check_count(case),
     ]
     found += rules.check_forces(case)
+    excluded = exclusions.problems(exclusions.parsed(case))
+    found += excluded
     box, start_region, given = Box.open(), None, None
     gas = CaseGas(case, species, materials, verdicts, box, walls)
     kinds = gas.kinds
     try:
         start_region = case.box.start_region(kinds.covered)
     except InputError as error:
-        found.append(Problem("box", None, str(error)))
+        if not any(each.key == "box.shear_rate" for each in excluded):  # said already
+            found.append(Problem("box", None, str(error)))
     else:
         box = box if case.box.open or start_region is None else start_region
         wall_problems = shape_problems or [*rules.check_walls(case, walls, box, kinds.radius)]
@@ -774,25 +772,10 @@ def forces_of(case: CaseSections) -> list[Force]:
     """The forces of a case, in its order. Imports the runtime if there are any."""
     if not case.force:
         return []
-    from ..model.forces import (
-        Drag,
-        Langevin,
-        PoissonKicks,
-        PoissonSpinKicks,
-        RandomKicks,
-        Rescale,
-        SpinKicks,
-        TableFriction,
-    )
-
-    kinds: dict[str, Callable[..., Force]] = {
-        "random_force": RandomKicks, "random_torque": SpinKicks, "langevin": Langevin, "drag": Drag, "rescale": Rescale,
-        "table_friction": TableFriction,
-    }  # fmt: skip
-    at_random_times = {"random_force": PoissonKicks, "random_torque": PoissonSpinKicks}
+    from ..model import forces
 
     def made(each: ForceSection) -> Force:
-        kind = at_random_times[each.kind] if each.at_random_times else kinds[each.kind]
+        kind: type[Force] = getattr(forces, force_class(each.kind, each.at_random_times))
         return kind(**each.model_dump(exclude={"kind"}, exclude_none=True))
 
     return [made(each) for each in case.force]

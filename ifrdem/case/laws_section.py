@@ -68,6 +68,9 @@ LAW = (
     "executed, with its coefficients as keys"
 )
 
+IFR_LAWS = ("ifr", "rough", "smooth")
+"""Those laws that are an `IFRLaw`; the first one is the default."""
+
 
 class IFRPair(PairSection):
     """The IFR law, independent friction-restitution."""

@@ -71,7 +71,7 @@ def _translated(error: Mapping[str, Any], location: Location) -> Problem:
     elif kind == "choice":
         text = context["text"]
     elif kind in ("union_tag_invalid", "union_tag_not_found"):
-        name = context["discriminator"].strip("'").removesuffix("()")
+        name = kind_key_in(error)
         about = location.models[0].about(name)[0]
         key = (*key, name)
         if kind == "union_tag_not_found":
@@ -96,6 +96,11 @@ def _translated(error: Mapping[str, Any], location: Location) -> Problem:
         if kind not in ("literal_error", "unknown_name") and (about := _about(location)):
             text += f" ({about})"
     return Problem(spelled(key), value, text)
+
+
+def kind_key_in(error: Mapping[str, Any]) -> str:
+    """The key of the kind of a section, in an error of pydantic that there is no such kind."""
+    return str(error["ctx"]["discriminator"]).strip("'").removesuffix("()")
 
 
 def _length(kind: str, value: Any, context: Mapping[str, Any], about: str) -> str:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from ..kernels.compiler import runtime
-from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
+from ..model.collapse import Collapse
 from ..model.gravity import Gravity, RotatingGravity
 from ..simulation.device import Device
-from ..simulation.engine import EngineOptions
-from .case import BoxSection, CaseSections, RunSection
+from .case import REMEDIES, BoxSection, CaseSections, RunSection
 
 
 def choose_runtime(run: RunSection) -> None:
@@ -22,11 +21,10 @@ def device_of(run: RunSection) -> Device:
 
 def collapse_of(run: RunSection) -> Collapse | None:
     """The remedy for inelastic collapse of a run; None without."""
-    if run.velocity_cutoff is not None:
-        return VelocityCutoff(run.velocity_cutoff)
-    if run.contact_time is not None:
-        return ContactTime(run.contact_time)
-    return None if run.resting_speed is None else Rest(run.resting_speed)
+    if run.collapse not in REMEDIES:
+        return None
+    key, kind = REMEDIES[run.collapse]
+    return kind(getattr(run, key))
 
 
 def gravity_of(box: BoxSection) -> Gravity:
@@ -46,8 +44,3 @@ def record_of(case: CaseSections) -> list[str]:
         "stress": output.stress,
     }  # fmt: skip
     return [name for name, enabled in quantities.items() if enabled]
-
-
-def options_of(case: CaseSections) -> EngineOptions:
-    """Options of the engine of a case, but for its seed and what it records."""
-    return EngineOptions(device_of(case.run), gravity=gravity_of(case.box), collapse=collapse_of(case.run))

@@ -22,7 +22,8 @@ else:
     FieldName = Literal[tuple(FIELDS)]
 Interval = Annotated[float, Field(gt=0.0)]
 ROWS_PER_FRAME = 10  # of series, up to, where a case does not say
-_TRACKED = ("histories", "histories_sample", "histories_region", "histories_all")
+TRACKED = ("histories", "histories_sample", "histories_region", "histories_all")
+"""Keys that say which disks are tracked."""
 
 
 class OutputSection(Section):
@@ -114,7 +115,7 @@ class OutputSection(Section):
         """Keys that exclude each other."""
         problems = []
         alternatives = [(what, f"{what}_interval", f"{what}_collisions") for what in ("frames", "series")]
-        for keys in (*alternatives, _TRACKED):
+        for keys in (*alternatives, TRACKED):
             given = [key for key in keys if data.get(key, False) is not False]
             if len(given) > 1:
                 problems.append(f"must have at most one of {', '.join(keys)}; given: {', '.join(given)}")

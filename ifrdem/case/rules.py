@@ -30,12 +30,11 @@ from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall, pieces
 from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
-from ..simulation.start.checks import check_pistons, unrecordable
 from ..simulation.steps.schedule import first_after, time_of
 from ..simulation.windows.tiling import tiles_on_ranks
+from . import exclusions
 from .case import GROWN, IMPACT_SCAN, CaseSections
 from .laws_section import FileKeys
-from .objects import options_of, record_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species
@@ -185,15 +184,9 @@ def check_clock(case: CaseSections, time: float = 0.0, collisions: int = 0) -> I
 
 
 def check_forces(case: CaseSections) -> Iterator[Problem]:
-    """Problems: forces that the gas or the box do not allow."""
+    """Problems: forces that lack a number."""
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
-        if force.kind == "random_force" and not force.at_random_times and _disks(case) < 2:
-            text = "requires at least 2 disks: random kicks keep the total momentum"
-            yield problem_at(case, f"{key}.kind", text)
-        if force.kind == "table_friction" and any(case.box.gravity):
-            text = "along a table, table friction is not supported: leave out box.gravity"
-            yield problem_at(case, f"{key}.kind", text)
         if force.kind == "table_friction" and force.gravity is None and case.run.units != "SI":
             yield problem_at(case, f"{key}.gravity", "missing: 9.81 m/s^2 is meant in SI units only")
 
@@ -216,23 +209,11 @@ def check_walls(
 ) -> Iterator[Problem]:
     """Problems: walls that do not fit the box, or leave no room."""
     if box.is_open:
-        if walls:
-            text = "walls in an open box are not supported: leave out box.open and give lengths"
-            yield Problem("wall", None, text)
-        return
-    if box.shear_rate and walls:
-        rate = f"box.shear_rate = {box.shear_rate:g}"
-        text = f"walls in a sheared box are not supported ({rate}), whose flow and images would pass through them"
-        yield Problem("wall", None, f"{text}: leave out box.shear_rate; walls that move shear too")
         return
     if case.box.lengths is None and walls:
         text = "cannot be combined with walls: give box.lengths, and `ifrdem check` prints the fraction"
         yield problem_at(case, "box.packing_fraction", text)
         return
-    try:
-        check_pistons(walls, _disks(case), options_of(case))
-    except InputError as error:
-        yield Problem("wall", None, str(error))
     placed = []
     for i, wall in enumerate(walls):
         key = f"wall[{i}]"
@@ -267,13 +248,6 @@ def _outside(wall: Wall, box: Box) -> bool:
 def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
     """Problems: output that the gas or the box does not allow."""
     output, region = case.output, case.output.histories_region
-    pistons = [f"wall[{i}].piston" for i, each in enumerate(case.wall) if each.piston is not None]
-    refused = unrecordable(
-        record_of(case), is_open=case.box.open, walled=case.walled, piston=next(iter(pistons), ""),
-        rests='run.collapse = "rest"' if case.run.resting_speed is not None else "",
-    )  # fmt: skip
-    for name, reason in refused:
-        yield Problem({"wall": "output.wall_sums", "stress": "output.stress"}[name], "true", reason)
     if output.wall_sums and len(case.wall) > MOST_SUMMED:
         text = (
             f"{len(case.wall)} walls: of {MOST_SUMMED} at most; make polylines of those that belong together"
@@ -297,13 +271,6 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
             if x_low >= length_x or y_low >= length_y or x_high <= 0.0 or y_high <= 0.0:
                 text = f"lies outside of the box, {length_x:.5g} x {length_y:.5g}"
                 yield problem_at(case, "output.histories_region", text)
-    if output.tracks and box.shear_rate:
-        text = "not supported in a sheared box: leave histories out, or shear between walls that move"
-        yield Problem("output.histories", None, text)
-    if output.tracks and case.box.gravity_rotation_rate:
-        rate = f"box.gravity_rotation_rate = {case.box.gravity_rotation_rate:g}"
-        text = f"not where gravity turns ({rate}): leave histories out"
-        yield Problem("output.histories", None, text)
 
 
 NOT_GROWN_ON_RANKS = (
@@ -314,22 +281,13 @@ NOT_GROWN_ON_RANKS = (
 
 def usable_ranks(case: CaseSections, kinds: DiskKinds, box: Box, ranks: int) -> tuple[int, str]:
     """Largest number of ranks of MPI, up to `ranks`, that can share a gas, and the reason if it is smaller, else ""."""
-    run, keys = case.run, list[str]()
-    if run.precision != "f64":
-        keys.append(f'run.precision = "{run.precision}"')
-    if case.box.open:
-        keys.append("box.open = true")
-    if case.box.gravity_rotation_rate:
-        keys.append(f"box.gravity_rotation_rate = {case.box.gravity_rotation_rate:g}")
-    if run.resting_speed is not None:
-        keys.append('run.collapse = "rest"')
-    keys += [f"wall[{i}].piston" for i, each in enumerate(case.wall) if each.piston]
+    keys = exclusions.undivided(case)
     grown = case.start.positions == GROWN and case.start.file is None
     if grown and kinds.n > distribution.GATHERED:
         keys.append(f'start.positions = "{GROWN}" of more than {distribution.GATHERED} disks')
     if keys:
         return 1, f"{' and '.join(keys)} cannot be divided among ranks"
-    if run.device != "cpu":  # the engine of a GPU has other, smaller tiles
+    if case.run.device != "cpu":  # the engine of a GPU has other, smaller tiles
         return ranks, ""
     tiles = tiles_on_ranks(kinds, box)
     found = most_ranks(tiles, ranks)

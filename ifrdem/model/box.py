@@ -21,6 +21,7 @@ from ..tools.checked import (
     PositiveColumn,
     validated,
 )
+from . import rules
 from .density import disk_area, packing_fraction
 
 FASTEST_FLOW = 1e140
@@ -87,11 +88,8 @@ class Box:
                 f"{text}: across the box the flow would differ by {across:.3g}, more than {FASTEST_FLOW:g}, whose "
                 "square can be computed with"
             )
-        if shear_rate != 0.0 and not all(periodic):
-            raise InputError(
-                f"{text}: the box must be periodic along x and y, and is not along {'xy'[periodic.index(False)]}; "
-                "shear between walls by walls that move instead (Box without shear_rate, Wall.line with a surface)"
-            )
+        for rule in rules.refusals(rules.Facts(periodic=(periodic[0], periodic[1]), shear_rate=shear_rate)):
+            raise InputError(f"{text}: cannot be combined with periodic = {periodic}: {rule.why}")
         object.__setattr__(self, "periodic", periodic)
 
     @classmethod

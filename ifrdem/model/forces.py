@@ -230,10 +230,6 @@ class RandomKicks(Force):
     def __init__(self, step: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
         super().__init__(step, **_strength(self, power, diffusion))
 
-    def check(self, disks: Disks) -> None:
-        if disks.n < 2:
-            raise InputError(f"random kicks keep the total momentum: 2 disks at least, not {disks.n}")
-
     @staticmethod
     def measure(disk: Any, step: Any, p: Any) -> Any:
         kick = _velocity_kick(disk, step, p)

@@ -55,7 +55,7 @@ from .start import checks
 from .start.features import features_of, validate_record
 from .start.start import StartCounts, StartSlice
 from .steps.schedule import RunPoint
-from .steps.turning import TurningGravity, check_turning
+from .steps.turning import TurningGravity
 
 if TYPE_CHECKING:
     from ..model.forces import Force
@@ -228,18 +228,24 @@ class Engine:
         given, comm, tracked = self.options, self.comm, tracking is not None
         self.box: Box = box
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        check_turning(given.gravity, box.periodic, tracked, comm.size)
         self.precision: str = given.device.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
         comm.run_on_all(lambda: checks.check_forces(forces))
         with comm:
             counts = StartCounts.of(disks, state)
+        self.n: int = counts.n
+        self._facts: dict[str, Any] = {
+            "n": self.n,
+            "immovable": counts.immovable,
+            "tracked": tracked,
+            "ranks": comm.size,
+        }
+        comm.run_on_all(lambda: self._check_exclusions(given.gravity, forces, law))
         materials = len(self._law_table)
         comm.run_on_holders(
             lambda: checks.check(disks, box, state, counts, materials, self.walls, forces, given, comm.size)
         )
-        self.n: int = counts.n
         self._before, self._asleep_before = [counts.collisions, counts.wall_collisions], counts.asleep
         with comm:
             start = StartSlice.of(disks, state)
@@ -249,22 +255,9 @@ class Engine:
         time = float(start.state.time)
         self.turning = TurningGravity(given.gravity, time)
         self.gravity: tuple[float, float] = self.turning.gravity
-        self._check_collapse(self._law_table, law, self.gravity, forces)
+        self._check_collapse(self._law_table, law, self.gravity)
         for force in forces:
             comm.run_on_all(lambda force=force: force.check(self.disks))
-        pistons = [f"a piston (wall {i})" for i, wall in enumerate(walls) if wall.piston is not None]
-        rests = f"collapse = {given.collapse}" if given.resting_speed else ""
-        for name, reason in checks.unrecordable(
-            given.record,
-            is_open=box.is_open,
-            walled=bool(self.walls),
-            rests=rests,
-            piston=next(iter(pistons), ""),
-        ):
-            raise InputError(f'record = "{name}": {reason}')
-        checks.check_pistons(walls, self.n, given, comm.size)
-        checks.check_ranks(comm.size, self.n, box, given, tracked)
-        self._check_low_memory(forces)
         self._check_alike(forces)
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
@@ -487,26 +480,25 @@ class Engine:
         compared += [(type(force).__name__, force.values, force.step) for force in forces]
         self.comm.require_equal(repr(compared), "box, law, walls, forces or options")
 
+    def _check_exclusions(self, gravity: Gravity, forces: Sequence[Force], law: type[CollisionLaw]) -> None:
+        """Refuse what cannot go together with this gravity, these forces and this law."""
+        checks.check_exclusions(
+            self.box, self.walls[: self.given_walls], gravity, forces, law, self.options, **self._facts
+        )
+
+    @property
+    def _given_gravity(self) -> Gravity:
+        """Gravity as it was set: that which rotates, or the present one."""
+        return self.gravity if self.turning.rotation is None else self.turning.rotation
+
     def _check_collapse(
-        self,
-        law_table: NDArray[np.float64],
-        law: type[CollisionLaw],
-        gravity: tuple[float, float],
-        forces: Sequence[Force],
+        self, law_table: NDArray[np.float64], law: type[CollisionLaw], gravity: tuple[float, float]
     ) -> None:
-        """Refuse a law, gravity or forces that cannot be combined with the remedy for inelastic collapse."""
+        """Refuse a law or gravity to which the speed of the remedy for inelastic collapse does not suit."""
         checks.check_collapse(
-            self.options.collapse, self.kinds, self.box, self.walls, gravity, forces, law,
+            self.options.collapse, self.kinds, self.box, self.walls, gravity,
             law.column(law_table, "e_n") if law.is_proved and "e_n" in law.coefficients else None, self.options.device,
         )  # fmt: skip
-
-    def _check_low_memory(self, forces: Sequence[Force]) -> None:
-        """Raise InputError if `low_memory` cannot be combined with the gas or these forces."""
-        given = self.options
-        try:
-            checks.check_low_memory(given.device.low_memory, given.collapse, self.box, self.walls, forces)
-        except InputError as error:
-            raise InputError(f"low_memory = True: {error}") from None
 
     def _wake(self) -> None:
         """Wake all disks at the present time, between windows, before their support changes."""
@@ -516,7 +508,8 @@ class Engine:
     def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
         """Set another law for later collisions; arguments as for the engine."""
         law_table = np.ascontiguousarray(law_table, dtype=np.float64)
-        self._check_collapse(law_table, law, self.gravity, ())
+        self._check_exclusions(self._given_gravity, self.force_steps.forces, law)
+        self._check_collapse(law_table, law, self.gravity)
         with self.exclusive_update():
             self._end_window()
             self._wake()
@@ -533,12 +526,10 @@ class Engine:
 
         def checked() -> ForceSteps:
             checks.check_forces(forces)
+            self._check_exclusions(self._given_gravity, forces, self._law)
             steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
-            checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
             hottest = checks.hottest(self.walls, steps.forces)
             checks.check_magnitudes(self.disks_here, self.box, 0.0, self.precision, hottest)
-            self._check_collapse(self._law_table, self._law, self.gravity, steps.forces)
-            self._check_low_memory(forces)
             return steps
 
         steps = self.comm.run_on_all(checked)
@@ -569,8 +560,8 @@ class Engine:
                 "simulation from this state"
             )
         gravity = checked.PAIR("gravity", gravity)
-        checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
-        self._check_collapse(self._law_table, self._law, gravity, ())
+        self._check_exclusions(gravity, self.force_steps.forces, self._law)
+        self._check_collapse(self._law_table, self._law, gravity)
         with self.exclusive_update():
             self._end_window()
             self._wake()

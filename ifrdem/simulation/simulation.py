@@ -242,7 +242,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             check_no_overlap(box, disks.radius, begin.position, tolerance=near, time=begin.time)
 
         comm.result_of_holders(apart)
-        self._tracking = self._follow_disks(tracked, kinds.n, box, walls)
+        self._tracking = self._follow_disks(tracked, kinds.n, [*walls, *sides(box)])
         self._stopping = False
         self._pinches_checked = False
         self._external_energy = 0.0  # from changes between runs
@@ -262,21 +262,17 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             self._check_laws(self._laws, begin if known else None)
 
     def _follow_disks(
-        self, tracked: Sequence[int] | NDArray[np.integer], n: int, box: Box, walls: Sequence[Wall]
+        self, tracked: Sequence[int] | NDArray[np.integer], n: int, walls: Sequence[Wall]
     ) -> Tracking | None:
         ids = checked_ids(tracked, n)
         if not len(ids):
             return None
-        if box.shear_rate:
-            raise InputError(
-                "tracked: not supported in a sheared box; with walls that move, shear can be tracked"
-            )
 
         def disks_of(requested: NDArray[np.int32]) -> Disks:
             rows = [getattr(self.disks_here, name) for name in COLUMNS]
             return Disks(len(requested), *self.comm.rows_of(n, requested, rows))
 
-        return Tracking(ids, n, disks_of, self._laws.table, [*walls, *sides(box)])
+        return Tracking(ids, n, disks_of, self._laws.table, walls)
 
     def __repr__(self) -> str:
         """A line on the gas and its law, and one on its present time and collisions."""

@@ -66,9 +66,9 @@ fields = ["position", "velocity", "angular_velocity", "collisions"]
         (
             'units = "reduced"',
             'units = "reduced"\nprecision = "f32"',
-            'wall: wall 0 is a piston: precision = "f32"',
+            'wall[0].piston: cannot be combined with run.precision = "f32"',
         ),
-        ("number = 40", "number = 30000", "30000 disks, more than 20000, not supported"),
+        ("number = 40", "number = 30000", "wall[0].piston: cannot be combined with 30000 disks"),
         (
             "piston =",
             'motion = { kind = "steady", speed = 0.1 }\npiston =',

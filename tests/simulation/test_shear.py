@@ -439,9 +439,9 @@ def test_temperature_and_stress_approach_those_of_kinetic_theory(start: float) -
     [
         (
             {"periodic": (True, False)},
-            "shear_rate = 0.1: the box must be periodic along x and y, and is not along y",
+            r"shear_rate = 0\.1: cannot be combined with periodic = \(True, False\)",
         ),
-        ({"periodic": (False, True)}, "is not along x"),
+        ({"periodic": (False, True)}, r"combined with periodic = \(False, True\)"),
         ({"shear_rate": float("nan")}, "shear_rate = nan: must be a finite number"),
     ],
 )
@@ -455,12 +455,12 @@ def test_walls_gravity_and_immovable_disks_are_refused_in_a_sheared_box() -> Non
     box = Box((10.0, 10.0), shear_rate=0.1)
     state = State(np.array([[2.0, 2.0], [5.0, 5.0]]), np.zeros((2, 2)), np.zeros(2))
     smooth = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
-    with pytest.raises(InputError, match=r"walls: not supported in a sheared box \(shear_rate = 0.1\)"):
+    with pytest.raises(InputError, match=r"walls: cannot be combined with box\.shear_rate = 0\.1"):
         Simulation(disks, box, smooth, state, walls=[Wall.line((0.0, 1.0), (0.0, 1.0))])
-    with pytest.raises(InputError, match=r"gravity = .* periodic direction y"):
+    with pytest.raises(InputError, match=r"gravity = .* combined with box\.periodic"):
         Simulation(disks, box, smooth, state, gravity=(0.0, -1.0))
     heavy = Disks(2, mass=np.array([1.0, np.inf]), radius=0.5)
-    with pytest.raises(InputError, match=r"disk 1 has an infinite mass: .*sheared box"):
+    with pytest.raises(InputError, match=r"disks of infinite mass: .*box\.shear_rate = 0\.1"):
         Simulation(heavy, box, smooth, state)
 
 

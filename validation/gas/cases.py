@@ -26,13 +26,14 @@ from typing import Any
 from ...case import file as case_file
 from ...case import report as reporting
 from ...case.file import CaseFile
-from ...case.objects import options_of
+from ...case.gas import forces_of
+from ...case.objects import collapse_of, device_of, gravity_of
 from ...case.summary import REFUSED_HERE
 from ...errors import EngineError, InputError, Stopped
 from ...runs import run as running
 from ...runs.outputs import Outputs
+from ...simulation.engine import EngineOptions
 from ...simulation.start import checks
-from ...simulation.steps.turning import check_turning
 from ..report.registry import Result
 
 QUESTION = "Do check and the first step of a run agree on 2,000 random cases?"
@@ -356,11 +357,12 @@ def _on_ranks(file: CaseFile) -> str | None:
     count, why = gas.usable_ranks(2)
     if count == 1 and "cannot be divided" not in why:  # too few tiles, which the engine finds later
         return None
-    options = options_of(case)
+    options = EngineOptions(device_of(case.run), gravity=gravity_of(case.box), collapse=collapse_of(case.run))
     try:
-        checks.check_pistons(gas.walls, gas.n, options, ranks=2)
-        check_turning(options.gravity, gas.box.periodic, case.output.tracks, 2)
-        checks.check_ranks(2, gas.n, gas.box, options, case.output.tracks)
+        checks.check_exclusions(
+            gas.box, gas.walls, options.gravity, forces_of(case), type(gas.law()), options,
+            n=gas.n, immovable=False, tracked=case.output.tracks, ranks=2,
+        )  # fmt: skip
     except InputError as error:
         return None if why else f"on ranks: {error}"
     return f"on ranks: {why}" if why else None

@@ -82,9 +82,6 @@ def check(
     `materials` is how many the law's table has, if it is known; overlaps up to `tolerance` [length] do not count.
     InputError names wall and disk, and by how much they overlap.
     """
-    if walls and box.is_open:
-        instead = "use a box with sides, large enough for the disks not to reach them"
-        raise InputError(f"walls are not supported in an open box: {instead}")
     if (count := pieces(walls)) > MOST_WALLS:
         most = f"{MOST_WALLS} at most are supported, pieces of polylines and the sides of the box included"
         raise InputError(f"{count} walls: {most}")

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, shortened
+from ...errors import InputError, refuse, shortened
 from ...kernels.columns import ADDRESSABLE, MOST_IDS, SINGLE_TILE, most_disks
+from ...model import rules
 from ...model.box import Box
 from ...model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
-from ...model.gravity import RotatingGravity
+from ...model.gravity import Gravity, RotatingGravity
+from ...model.laws.ifr import IFRLaw
 from ...model.overlaps import tolerances
 from ...model.state import Disks, State
 from ...model.walls.checks import check as check_walls
@@ -137,8 +139,8 @@ def check_duration(
         room = MOST_COUNTED - travelled
         if error > COARSEST * radius or (speed == alone and boxes > room):
             raise InputError(
-                f"{what} {distance:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding, or "
-                f"after {travelled} boxes for their counter: must be a time of at most "
+                f"{what} {distance:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding or the "
+                f"counter of boxes ({travelled} so far): must be a time of at most "
                 f"{duration * min(COARSEST * radius / error, room / boxes):.2g}"
             )
 
@@ -149,17 +151,15 @@ def check_collapse(
     box: Box,
     walls: Sequence[Wall],
     gravity: tuple[float, float],
-    forces: Sequence[Any],
-    law: type,
     e_n: NDArray[np.float64] | None,
     device: Device,
 ) -> None:
-    """Refuse a remedy for inelastic collapse that does not hold in this gas; arguments as for `Engine`.
+    """Refuse a remedy for inelastic collapse whose speeds do not suit this gas; arguments as for `Engine`.
 
     `e_n` (M, M) is that of each pair of materials; None for a law that has none. Walls include the sides of the box.
     """
     if isinstance(collapse, Rest):
-        _check_resting(disks, box, gravity, collapse, forces, law, device)
+        _check_jumps(disks, gravity, collapse)
     elif e_n is not None:
         materials = np.unique(disks.material).tolist()
         _check_rebound(e_n, materials, walls, box, gravity, collapse, device.precision)
@@ -272,11 +272,8 @@ def check(
             f"{n} disks and {thermal} thermal walls: the engine's 32-bit indices allow {ADDRESSABLE // thermal} disks "
             "with so many"
         )
-    if box.shear_rate:
-        _check_sheared(disks, box, walls)
     check_magnitudes(disks, box, counts.speed, options.device.precision, hottest(walls, forces))
     check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.device.precision)
-    check_between_collisions(disks, box, options.start_gravity, forces)
     check_walls(
         walls, box, state.position, disks.radius, materials, float(state.time),
         collisions=counts.collisions,
@@ -304,129 +301,68 @@ def check_number(n: int, ranks: int = 1, partners: bool = False, *, low_memory: 
         raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}{instead}")
 
 
-def _check_resting(
-    disks: Disks, box: Box, gravity: tuple[float, float], collapse: Rest, forces: Sequence[Any], law: type,
-    device: Device,
-) -> None:  # fmt: skip
-    """Refuse disks at rest where the model of them does not hold (`kernels/events/rest.py`); arguments of `Engine`."""
-    from ...model.laws.ifr import IFRLaw
-
-    name = f"collapse = {collapse}"
-    if device.name != "cpu" or device.precision != "f64":
-        raise InputError(f'{name}: must be on a CPU in double precision (device "cpu", precision "f64")')
-    if disks.n > SINGLE_TILE:
-        raise InputError(
-            f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to "
-            f"{SINGLE_TILE}"
-        )
-    if not any(gravity):
-        raise InputError(
-            f"{name}: gravity = {gravity}, but only gravity holds disks on their supports; give one"
-        )
-    if law is not IFRLaw:
-        raise InputError(
-            f"{name}: the law is a {law.__name__}, but a contact that lasts needs mu and rho of an IFRLaw"
-        )
-    if forces:
-        raise InputError(
-            f"{name}: forces = {list(forces)}: disks at rest would not feel them; leave one of them out"
-        )
-    if not disks.movable.all():
-        raise InputError(
-            f"{name}: disk {int(np.argmin(disks.movable))} has an infinite mass; use walls (Wall.post) instead"
-        )
-    if box.shear_rate:
-        raise InputError(f"{name}: not supported in a sheared box")
+def _check_jumps(disks: Disks, gravity: tuple[float, float], collapse: Rest) -> None:
+    """Refuse a resting speed at which disks would jump too high for what rest means (`kernels/events/rest.py`)."""
     pull = math.hypot(*gravity)
     jump = 0.5 * collapse.speed**2 / pull
     if disks.n and jump > MOST_JUMP * float(disks.radius.min()):
         most = math.sqrt(2.0 * pull * MOST_JUMP * float(disks.radius.min()))
         raise InputError(
-            f"{name}: disks would jump {jump:.3g} high, v_s^2 / 2g, more than a hundredth of the smallest radius, "
-            f"{disks.radius.min():.3g}; the resting speed must be at most {most:.3g}"
+            f"collapse = {collapse}: disks would jump {jump:.3g} high, v_s^2 / 2g, more than a hundredth of the "
+            f"smallest radius, {disks.radius.min():.3g}; the resting speed must be at most {most:.3g}"
         )
 
 
-def unrecordable(
-    record: Collection[str], *, is_open: bool, walled: bool, rests: str, piston: str
-) -> Iterator[tuple[str, str]]:
-    """What of `record` a gas does not have, and why.
+def check_exclusions(
+    box: Box, walls: Sequence[Wall], gravity: Gravity, forces: Sequence[Force], law: type, options: EngineOptions, *,
+    n: int, immovable: bool, tracked: bool, ranks: int,
+) -> None:  # fmt: skip
+    """Refuse what cannot go together (`model.rules`): InputError with a line for each exclusion.
 
-    It is in open space, has walls at sides of the box or elsewhere, disks that rest, or a piston: the last two in the
-    words of the caller, "" where there are none.
+    Arguments as for `Engine`, whose walls are those without the sides of the box; gravity and forces are those to be.
     """
-    if "wall" in record and not walled:
-        yield "wall", "there are no walls"
-    if "stress" in record:
-        if is_open:
-            yield "stress", "an open box has no area that a stress could refer to"
-        if rests:
-            text = "forces between resting disks, which are no collisions, carry a part of it"
-            yield "stress", f"cannot be combined with {rests}: {text}"
-        if piston:
-            yield "stress", f"cannot be combined with {piston}, which changes the area of the gas"
+    device, collapse = options.device, options.collapse
+    pistons = [w for w, wall in enumerate(walls) if wall.piston is not None]
+    kinds = [_library_classes(force) for force in forces]
+    turns = isinstance(gravity, RotatingGravity)
+    facts = rules.Facts(
+        is_open=box.is_open, periodic=box.periodic, shear_rate=box.shear_rate, walls=len(walls), pistons=len(pistons),
+        gravity=gravity.start if isinstance(gravity, RotatingGravity) else gravity, turns=turns,
+        forces=frozenset[str]().union(*kinds), collapse=type(collapse).__name__ if collapse else "",
+        law="" if law is IFRLaw else law.__name__, record=options.record, device=device.name,
+        precision=device.precision, low_memory=device.low_memory, tracked=tracked, n=n, immovable=immovable,
+        ranks=ranks, order=options.order or "",
+    )  # fmt: skip
+
+    def said(name: str) -> str:
+        """An argument, with its value."""
+        first, _, kind = name.partition(".")
+        if first == "forces" and kind:
+            i = next(i for i, each in enumerate(kinds) if kind in each)
+            return f"forces[{i}] = {forces[i]}"
+        sides = f"walls at sides of the box (periodic = {box.periodic})"
+        words = {
+            "box.open": "box = Box.open()", "box.periodic": f"box.periodic = {box.periodic}",
+            "box.shear_rate": f"box.shear_rate = {box.shear_rate:g}", "gravity": f"gravity = {gravity}",
+            "walls": "walls" if walls else sides if facts.walled else "walls = []",
+            "walls.piston": f"walls[{next(iter(pistons), 0)}].piston", "forces": f"forces = {list(forces)}",
+            "collapse": f"collapse = {collapse}", "law": f"law = {law.__name__}", "record": f'record = "{kind}"',
+            "device.name": f'device.name = "{device.name}"', "device.low_memory": "device.low_memory = True",
+            "device.precision": f'device.precision = "{device.precision}"', "order": f'order = "{options.order}"',
+            "disks.n": f"{n} disk{'s' * (n != 1)}", "disks.mass": "disks of infinite mass", "tracked": "tracked",
+            "comm": f"comm of {ranks} ranks",
+        }  # fmt: skip
+        return words.get(name) or words[first]
+
+    broken = rules.refusals(facts)
+    refuse([f"{said(rule.at)}: cannot be combined with {said(rule.with_)}: {rule.why}" for rule in broken])
 
 
-def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: int = 1) -> None:
-    """Refuse pistons where the whole box is not computed in order, or gravity turns; arguments as for `Engine`."""
-    refused = {
-        f'device = "{options.device.name}"': options.device.name != "cpu",
-        f'precision = "{options.device.precision}"': options.device.precision != "f64",
-        f'order = "{options.order}"': options.order == "tiled",
-        f"several ranks (here are {ranks})": ranks > 1,
-        f"{n} disks, more than {SINGLE_TILE},": n > SINGLE_TILE,
-        f"collapse = {options.collapse}": isinstance(options.collapse, Rest),
-    }
-    for w, wall in enumerate(walls):
-        if wall.piston is None:
-            continue
-        if isinstance(options.gravity, RotatingGravity):
-            raise InputError(
-                f"wall {w} is a piston: cannot be combined with gravity that rotates ({options.gravity})"
-            )
-        for what, present in refused.items():
-            if present:
-                raise InputError(
-                    f"wall {w} is a piston: {what} not supported: every disk looks for it after each of its hits; run "
-                    f"it on a CPU in double precision, with up to {SINGLE_TILE} disks that do not rest"
-                )
-
-
-def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
-    """Refuse what cannot be on several ranks of MPI (`windows/ranks.py`), if there are several."""
-    if size == 1:
-        return
-    refused = {
-        f"precision = '{options.device.precision}'": options.device.precision != "f64",
-        "order = 'serial'": options.order == "serial",
-        f"tracked disks (histories) of more than {ADDRESSABLE} disks": tracked and n > ADDRESSABLE,
-        "an open box": box.is_open,
-        f"collapse = {options.collapse}": isinstance(options.collapse, Rest),
-    }
-    for what, present in refused.items():
-        if present:
-            raise InputError(
-                f"{what}: not supported on several ranks (here are {size}); run it without mpiexec"
-            )
-
-
-def check_low_memory(
-    low_memory: bool, collapse: Collapse | None, box: Box, walls: Sequence[Wall], forces: Sequence[Any]
-) -> None:
-    """Refuse `low_memory` for gases in which the bits of a state depend on the length of its window.
-
-    Arguments as for `Engine`; walls include the sides of the box.
-    """
-    refused = {
-        "walls": len(walls) > 0,
-        "forces": len(forces) > 0,
-        "a sheared box": box.shear_rate != 0.0,
-        'collapse = "tc" (ContactTime)': isinstance(collapse, ContactTime),
-        'collapse = "rest" (Rest)': isinstance(collapse, Rest),
-    }
-    for what, present in refused.items():
-        if low_memory and present:
-            raise InputError(f"cannot be combined with {what}: frames would differ in their last digits")
+def _library_classes(force: Force) -> frozenset[str]:
+    """Names of the classes of this library that a force is of."""
+    return frozenset(
+        kind.__name__ for kind in type(force).__mro__ if kind.__module__ == "ifrdem.model.forces"
+    )
 
 
 def check_motion(disks: Disks, state: State) -> None:
@@ -437,51 +373,6 @@ def check_motion(disks: Disks, state: State) -> None:
         raise InputError(
             f"disk {i} has an infinite mass and moves (velocity {state.velocity[i]}, spin {state.spin[i]}): "
             "an immovable disk must be at rest"
-        )
-
-
-def check_between_collisions(
-    disks: Disks, box: Box, gravity: tuple[float, float], forces: Sequence[Force]
-) -> None:
-    """Refuse gravity and forces that cannot act on these disks; arguments as for `Engine`."""
-    for axis, pull in enumerate(gravity):
-        if pull != 0.0 and box.is_open:
-            raise InputError(
-                f"gravity = {gravity}: disks would fall for ever in an open box; use a box that is not periodic, "
-                "with a floor"
-            )
-        if pull != 0.0 and box.periodic[axis]:
-            raise InputError(
-                f"gravity = {gravity}: disks would fall for ever in the periodic direction {'xy'[axis]}; make it "
-                "not periodic, with a floor"
-            )
-    for what, acts in (("gravity is", any(gravity)), ("forces are", bool(forces))):
-        if acts and not np.all(disks.movable):
-            raise InputError(
-                f"{what} not supported where disks of infinite mass are: use walls (Wall.post) instead"
-            )
-    if any(gravity) and forces:
-        from ...model.forces import TableFriction  # imports Taichi, as the making of a force did
-
-        if any(isinstance(force, TableFriction) for force in forces):
-            raise InputError(
-                f"gravity = {gravity}: along a table, table friction is not supported (a coin would have to stay where "
-                "friction holds it); leave one of them out"
-            )
-
-
-def _check_sheared(disks: Disks, box: Box, walls: Sequence[Wall]) -> None:
-    """Refuse what cannot be in a sheared box."""
-    if walls:
-        raise InputError(
-            f"walls: not supported in a sheared box (shear_rate = {box.shear_rate:g}), whose flow and images would "
-            "pass through them; use a box without shear_rate"
-        )
-    if not np.all(disks.movable):
-        i = int(np.argmin(disks.movable))
-        raise InputError(
-            f"disk {i} has an infinite mass: immovable disks are not supported in a sheared box (shear_rate = "
-            f"{box.shear_rate:g}), whose flow carries everything along"
         )
 
 

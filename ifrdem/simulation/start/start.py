@@ -26,6 +26,8 @@ class StartCounts:
         The largest velocity component or R |omega| [length/time].
     collisions, wall_collisions, asleep : int
         Collisions of two disks and with walls so far, and disks that sleep.
+    immovable : bool
+        True if a disk has an infinite mass.
     """
 
     n: int
@@ -33,22 +35,23 @@ class StartCounts:
     collisions: int
     wall_collisions: int
     asleep: int
+    immovable: bool
 
     @classmethod
     def of(cls, disks: Disks, state: State) -> StartCounts:
         """The counts of disks that the root has, or each rank a slice of; InputError if the state has others."""
         comm = current()
 
-        def here() -> tuple[int, float, int, int, int]:
+        def here() -> tuple[int, float, int, int, int, bool]:
             if state.n != disks.n:
                 raise InputError(f"the state has {state.n} disks: must be {disks.n}")
             met, hits = (int(each.sum(dtype=np.int64)) for each in (state.collisions, state.wall_collisions))
             speed = fastest(disks, state.velocity, state.spin)
-            return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
+            return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep)), not disks.movable.all()
 
         found = [each for each in comm.allgather(comm.run_on_holders(here)) if each]
-        n, speed, met, hits, asleep = zip(*found, strict=True)
-        return cls(sum(n), max(speed), sum(met) // 2, sum(hits), sum(asleep))
+        n, speed, met, hits, asleep, immovable = zip(*found, strict=True)
+        return cls(sum(n), max(speed), sum(met) // 2, sum(hits), sum(asleep), any(immovable))
 
 
 @dataclass(frozen=True)

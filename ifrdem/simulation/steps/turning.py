@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 
-from ...errors import InputError
 from ...model.gravity import Gravity, RotatingGravity
 from .schedule import first_after, time_of
 
@@ -70,19 +69,3 @@ class TurningGravity:
         angle = math.copysign(self.next_step * self.rotation.step, self.rotation.rate)
         (x, y), c, s = self._start, math.cos(angle), math.sin(angle)
         return c * x - s * y, s * x + c * y
-
-
-def check_turning(gravity: Gravity, periodic: tuple[bool, bool], tracked: bool, ranks: int) -> None:
-    """Refuse gravity that cannot rotate here: InputError."""
-    if not isinstance(gravity, RotatingGravity):
-        return
-    name = f"gravity = {gravity}"
-    if any(periodic):
-        along = " and ".join(axis for axis, each in zip("xy", periodic, strict=True) if each)
-        raise InputError(
-            f"{name}: disks would fall for ever along {along}, which is periodic; use a box that is not"
-        )
-    if tracked:
-        raise InputError(f"{name}: cannot be combined with tracked disks (histories); use more frames")
-    if ranks > 1:
-        raise InputError(f"{name}: not supported on several ranks (here are {ranks}); run it without mpiexec")

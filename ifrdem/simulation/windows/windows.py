@@ -393,7 +393,7 @@ class Windows:
 
         The latter overwrites the state at the end of the window: a shorter window is run, which ends at the moment. The
         bits are the same, because they depend on the length of a window only with walls, forces within windows, shear
-        and contact times, which `checks.check_low_memory` refuses.
+        and contact times, which `model.rules` refuses.
         """
         a = self.arrays
         if a.keeps_moments:

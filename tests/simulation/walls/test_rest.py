@@ -13,10 +13,12 @@ from support.gases import boxed
 
 from ifrdem import Device, Rest
 from ifrdem.errors import InputError
+from ifrdem.forces import Drag
 from ifrdem.initial import maxwellian, random_positions
 from ifrdem.kernels.columns import RESTING_BYTES
 from ifrdem.model.box import Box
 from ifrdem.model.laws.ifr import IFRLaw
+from ifrdem.model.laws.walton import Walton
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
@@ -513,6 +515,17 @@ def test_frames_series_and_checkpoints_change_no_bit(tmp_path: Path) -> None:
 def test_where_the_model_does_not_hold_it_is_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         gas([[6.0, 2.5]], **change)
+
+
+def test_what_rest_excludes_cannot_be_set_between_runs() -> None:
+    """The table of exclusions is asked by each change; a change that it refuses would begin to run."""
+    run = gas([[6.0, 2.5]])
+    with pytest.raises(InputError, match=r"collapse = Rest.* combined with gravity = \(0\.0, 0\.0\)"):
+        run.set_gravity((0.0, 0.0))
+    with pytest.raises(InputError, match=r"collapse = Rest.* combined with law = Walton"):
+        run.set_law(Walton(e_n=0.5, beta_0=0.0, mu=0.3))
+    with pytest.raises(InputError, match=r"collapse = Rest.* combined with forces = \[<Drag"):
+        run.set_forces([Drag(0.1, rate=1.0)])
 
 
 def test_a_belt_supports_no_disk() -> None:

@@ -131,8 +131,8 @@ def test_a_drum_flows_its_ledger_closes_and_looks_and_checkpoints_change_no_bit(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"box": Box((12.0, 12.0), periodic=(True, False))}, "for ever along x, which is periodic"),
-        ({"tracked": [0]}, "cannot be combined with tracked disks"),
+        ({"box": Box((12.0, 12.0), periodic=(True, False))}, r"combined with box.periodic = \(True, False\)"),
+        ({"tracked": [0]}, "tracked: cannot be combined with gravity = Rot"),
     ],
 )
 def test_gravity_that_cannot_turn_is_refused(change: dict[str, Any], message: str) -> None:
