@@ -262,17 +262,11 @@ def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
         ("types", disks.material.astype(str)),
     ):
         made.add_TopologyAttr(name, values)
-    # H5MD has the time of each frame; MDAnalysis has a time step too, of 1 if none is given.
+    # MDAnalysis has a time step besides the times of frames: 1 if none is given, with a warning where it is used.
     steps = np.diff(trajectory.times)
     even = len(steps) > 0 and float(np.ptp(steps)) <= 1e-9 * float(trajectory.times[-1] - trajectory.times[0])
     given = {"dt": float(steps.mean())} if even and steps[0] > 0.0 else {}
     made.load_new(str(trajectory.path), format="H5MD", convert_units=False, **given)
-    if not given and len(steps):
-        text = (
-            f"{trajectory.path}: frames are not evenly spaced in time: MDAnalysis takes dt = 1 between them, which is "
-            "wrong; ts.time of each frame is right"
-        )
-        warnings.warn(text, UserWarning, stacklevel=3)
     box, version = trajectory.box, version_of(trajectory.file)
     if version < (1, 4):
         text = (

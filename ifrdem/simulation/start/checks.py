@@ -139,8 +139,8 @@ def check_duration(
         room = MOST_COUNTED - travelled
         if error > COARSEST * radius or (speed == alone and boxes > room):
             raise InputError(
-                f"{what} {distance:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding or the "
-                f"counter of boxes ({travelled} so far): must be a time of at most "
+                f"{what} {distance:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding or "
+                f"the counter of boxes ({travelled} so far): must be a time of at most "
                 f"{duration * min(COARSEST * radius / error, room / boxes):.2g}"
             )
 
