@@ -175,7 +175,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         given = json.loads(text_file.read(status_file, most=files.MOST_STATUS))
         record = Record.model_validate(given)
     except InputError as error:
-        raise InputError(f"{status_file}: {error}") from None
+        raise InputError(f"{status_file} is not a status file of ifrdem: {error}") from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         name = str(next(iter(first["loc"]), ""))
