@@ -24,6 +24,7 @@ from types import FrameType
 from typing import Any
 
 from ..errors import EngineError, InputError
+from ..home import has_home
 from ..kernels.compiler import runtime
 from ..mpi import current
 from ..tools import files
@@ -323,7 +324,7 @@ def kernel_cache_trouble() -> str | None:
     """Reason why compiled kernels cannot be kept for other processes, with a remedy; None if they can."""
     named = runtime.variable("OFFLINE_CACHE_FILE_PATH")
     again = f"every process compiles its kernels again; set {named} to a folder"
-    if not (runtime.has_home() or os.environ.get(named)):
+    if not (has_home() or os.environ.get(named)):
         return f"kernel cache: this user has no home folder: {again}"
     folder = _usual_cache()
     try:

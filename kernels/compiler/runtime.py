@@ -5,19 +5,17 @@ A process has one runtime. It is chosen before the kernels are imported: by `cho
 is installed. This module imports neither.
 """
 
-import atexit
 import contextlib
 import functools
 import importlib
 import importlib.metadata
 import os
-import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
 from ...errors import EngineError, InputError, nearest
+from ...home import has_home
 from . import start_patches
 
 NAMES = ("taichi", "quadrants")
@@ -33,7 +31,6 @@ LISTENERS: list[Callable[[str], object]] = []
 _announced: set[Hashable] = set()
 
 _loaded: str | None = None
-_made_home: str | None = None
 
 
 @functools.cache
@@ -150,22 +147,6 @@ def announce(name: str, key: Hashable) -> None:
 def forget_announced() -> None:
     """Have all kernels announced again, after the end of the runtime."""
     _announced.clear()
-
-
-def has_home() -> bool:
-    """True if the user has a home folder. The variable HOME is set, without which the runtimes abort the process.
-
-    Batch systems and containers may leave it out. For a user who has no entry either, it names a new private folder,
-    which is removed when this process ends: a fixed name in a folder for all could be made by another user.
-    """
-    global _made_home
-    if not os.environ.get("HOME"):
-        home = os.path.expanduser("~")  # "~" itself for a user without an entry
-        if not os.path.isabs(home):
-            home = _made_home = tempfile.mkdtemp(prefix="ifrdem-home-")
-            atexit.register(shutil.rmtree, home, ignore_errors=True)
-        os.environ["HOME"] = home
-    return os.environ["HOME"] != _made_home
 
 
 def load() -> Any:
