@@ -514,7 +514,8 @@ def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
     try:
         found = stored.collisions(trajectory)
     except InputError as error:
-        notes.append(f"not from impulses: {error}, or set output.stress = true for `analyse stress`")
+        stress = "" if "stress" in trajectory.series else ", or set output.stress = true for `analyse stress`"
+        notes.append(f"not from impulses: {error}{stress}")
         if box.shear_rate:  # which has no histories
             notes[-1] = "not from impulses: `analyse stress` gives the pressure tensor of a sheared gas"
     else:
@@ -660,6 +661,12 @@ def of_cooling(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
         used = (when >= begin) & (when <= end)
     when, T, T_rot, count = when[used], T[used], T_rot[used], count[used]
     n = trajectory.n
+    if len(when) < cooling.FEWEST_HAFF:
+        where = f" from t = {begin:g} to {end:g}" if frames is not None else ""
+        raise InputError(
+            f"{trajectory.path}: {len(when)} row{'s' * (len(when) != 1)} of T{where}: must be {cooling.FEWEST_HAFF} "
+            "or more for Haff's law; choose a longer time"
+        )
     haff = cooling.haff_fit(when, T, disks=n)
     energy, time = unit(trajectory, "energy"), unit(trajectory, "time")
     rows = [

@@ -18,6 +18,8 @@ MODES = 5
 POINTS_PER_MODE = 4
 FEWEST = 10
 """Least number of points that distinguish noise from waves."""
+FEWEST_HAFF = 4
+"""Least number of points for Haff's law."""
 CHANCE = 1e-3
 """Probability below which waves are no chance."""
 OUTRIGHT = 2.5
@@ -45,8 +47,8 @@ class Goodness:
     describes: bool
     """False where the waves are neither chance nor within the scatter that is allowed."""
     n_eff: float
-    """Independent values as good as the points, less those that the other parameters take: a parameter's interval is
-    Student's t with n_eff - 1 degrees of freedom, 1 at least."""
+    """Independent values as good as the points, less those that the other parameters take, 1 at least: a parameter's
+    interval is Student's t with n_eff - 1 degrees of freedom, 1 at least."""
 
 
 def fit(
@@ -99,7 +101,7 @@ def fit(
     rho, kept = _autoregression(left - own @ (own.T @ left), own)
     covariance = covariance_of(found.jac, rho, whole / max(kept, 1e-300))
     errors = np.sqrt(np.diag(covariance)) if describes else np.full(len(start), np.nan)
-    n_eff = _independent(n, rho) - len(start) + 1.0
+    n_eff = max(_independent(n, rho) - len(start) + 1.0, 1.0)
     return found.x, errors, Goodness(float(np.sqrt(whole / n)), tau, misfit, p_value, describes, n_eff)
 
 
@@ -276,7 +278,7 @@ def haff_fit(
     >>> bool(abs(found.t_H - 2.0) < 0.05), bool(abs(found.T0 - 3.0) < 0.05)
     (True, True)
     """
-    t, T = _window(first, last, 4, time=time, temperature=temperature)
+    t, T = _window(first, last, FEWEST_HAFF, time=time, temperature=temperature)
     if np.any(T <= 0.0):
         raise InputError("temperature: must be above 0 for Haff's law")
     x = t - t[0]
@@ -397,10 +399,11 @@ def _window(first: float | None, last: float | None, least: int, **columns: Arra
     begin, end = -np.inf if first is None else first, np.inf if last is None else last
     used = (at >= begin) & (at <= end)
     if np.count_nonzero(used) < least:
-        ends = f"first = {begin:g}, last = {end:g}"
-        raise InputError(
-            f"{x} has {np.count_nonzero(used)} points from {ends}: must be {least} or more for a fit"
+        ends = ", ".join(
+            f"{name} = {one:g}" for name, one in (("first", first), ("last", last)) if one is not None
         )
+        where = f" with {ends}" if ends else ""
+        raise InputError(f"{x} has {np.count_nonzero(used)} points{where}: must be {least} or more for a fit")
     if np.any(np.diff(at[used]) <= 0.0):
         raise InputError(f"{x}: must be in rising order")
     return at[used], value[used]

@@ -227,6 +227,19 @@ class Evaluation(Brief):
     warnings: list[str] = field(default_factory=list)
     frames: int = 0  # how many were used; 0 if what was used is no frames
 
+    def __post_init__(self) -> None:
+        if not any(TOO_SHORT in warning for warning in self.warnings):
+            object.__setattr__(self, "warnings", [*self.warnings, *_too_short(self.rows)])
+
+
+TOO_SHORT = "too short: fewer than two independent values; the error is a guess"
+
+
+def _too_short(rows: Iterable[Reading]) -> list[str]:
+    """Warning that names the means with an error from fewer than two independent values; empty without any."""
+    names = [row.name for row in rows if row.ends is None and row.error > 0.0 and row.n_eff < 2.0]
+    return [f"{TOO_SHORT} ({', '.join(names)})"] if names else []
+
 
 def few_rows(n: int, what: str) -> list[str]:
     """A note if a mean is over so few rows or frames that nothing is known of their correlation; else empty."""

@@ -292,6 +292,8 @@ def profiles(*axes_and_rest: Any) -> None:
 
 FEWEST = 20
 """Disks of a bin, over all frames, below which their mean velocity and temperatures are not drawn."""
+FEWEST_INDEPENDENT = 3.0
+"""n_eff below which an interval, of 4.3 (n_eff = 3) to 12.7 (2) standard errors, does not set an axis."""
 TENSOR = ("xx", "yy", "xy", "yx")
 INDICES = ((0, 0), (1, 1), (0, 1), (1, 0))
 COLORS = (TRANSLATION, ROTATION, RATIO, KINDS[2])
@@ -310,7 +312,8 @@ def _curve(
 
     Means over disks (`averages.OF_DISKS`) are not drawn of bins with fewer than `FEWEST` disks over all frames, and
     their axis is that of bins with one disk a frame or more in the mean, if there are any. Of other quantities the axis
-    does without the intervals of bins with fewer than `FEWEST` disks.
+    does without the intervals of bins with fewer than `FEWEST` disks. Of all it does without the intervals of n_eff
+    below `FEWEST_INDEPENDENT`, which reach beyond it.
     """
     value, error, n_eff = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error, found.n_eff))
     half = np.nan_to_num(error * student_t(n_eff))
@@ -321,15 +324,16 @@ def _curve(
         filled = found.disks >= found.frames
     filled = shown & filled if (shown & filled).any() else shown
     whole = filled if name in OF_DISKS else shown
+    certain = filled & (n_eff >= FEWEST_INDEPENDENT)
     axes.errorbar(
         found.middles[0],
         np.where(whole, value, np.nan),
-        np.where(filled, half, 0.0),
+        np.where(certain, half, 0.0),
         label=text or None,
         **style,
     )
     limits = axes.dataLim.frozen()
-    rest = shown & ~filled
+    rest = shown & ~certain
     axes.errorbar(found.middles[0][rest], value[rest], half[rest], **(style | {"ls": "none"}))
     axes.dataLim.set(limits)
 

@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis
 from ifrdem.analysis import catalogue, common, steadiness
-from ifrdem.analysis.result import Reading
+from ifrdem.analysis.result import Evaluation, Reading
 from ifrdem.tools.intervals import of_count, of_intensity, of_share, student_t
 
 Array = NDArray[Any]
@@ -446,6 +446,16 @@ def test_marks_of_coefficients_of_velocities(n: int, rho: float) -> None:
     assert marks <= 3
 
 
+def test_n_eff_of_a_fit_lies_between_one_and_the_number_of_rows() -> None:
+    """A random walk about Haff's law: rho is nearly 1, and n (1 - rho) / (1 + rho) - 1 was below 0."""
+    t, found = np.linspace(0.0, 20.0, 30), []
+    for walk in np.cumsum(np.random.default_rng(19).normal(size=(10, 30)), axis=1):
+        noise = 0.01 * walk
+        found.append(analysis.haff_fit(t, 3.0 * (1.0 + t / 5.0) ** -2 * np.exp(noise), disks=30).n_eff)
+        found.append(analysis.ratio_fit(t, 0.6 - 0.6 * np.exp(-t / 3.0) + noise, disks=30).n_eff)
+    assert 1.0 == min(found) <= max(found) <= 30.0
+
+
 # -- what is printed ---------------------------------------------------------------------------------------
 
 
@@ -461,6 +471,19 @@ def test_marks_of_coefficients_of_velocities(n: int, rho: float) -> None:
 )
 def test_numbers_say_how_many_values_they_are_worth(row: Reading, text: str) -> None:
     assert catalogue.number(row) == text
+
+
+def test_errors_from_fewer_than_two_values_are_marked() -> None:
+    """Those of 20 rows of white noise never are."""
+    slow, sure = Reading("slow", 1.0, 0.1, n_eff=1.9), Reading("sure", 1.0, 0.1, n_eff=2.0)
+    constant = Reading("constant", 1.0, 0.0, n_eff=1.0)
+    own = Reading("with ends", 1.0, 0.1, n_eff=1.0, ends=(0.5, 3.0))
+    without = Reading("without", 1.0)
+    found = Evaluation(None, [slow, sure, constant, own, without], {}, [], (0.0, 1.0), ["another"])
+    text = "too short: fewer than two independent values; the error is a guess (slow)"
+    assert found.warnings == ["another", text]
+    assert not Evaluation(None, [sure, constant, own, without], {}, [], (0.0, 1.0)).warnings
+    assert np.all(common.mean_errors(np.random.default_rng(20).normal(size=(20, 2000))).effective > 2.0)
 
 
 def test_an_interval_is_by_student_s_t_of_n_eff() -> None:

@@ -251,6 +251,22 @@ def test_analyses_of_another_run_and_foreign_files_in_the_folder_are_not_mixed_o
         assert Path("out/run.json").read_text() == text
 
 
+def test_too_short_a_time_for_haffs_law_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(Path("run.h5"))  # frames at 40 / 11 and 4
+    assert run("analyse", "run.h5", "cooling", "--from", "3.5") == 2
+    assert "run.h5: 2 rows of T from t = 3.5 to 4: must be 4 or more" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("stressed", [True, False])
+def test_a_pressure_asks_for_stresses_only_where_there_are_none(tmp_path: Path, stressed: bool) -> None:
+    with Trajectory(write(tmp_path / "run.h5", stressed=stressed)) as trajectory:
+        (note,) = (one for one in catalogue.of_pressure(trajectory, None).notes if "not from impulses" in one)
+    assert ("output.stress" in note) is not stressed
+
+
 def test_a_gas_that_does_not_cool_by_haffs_law_is_reported_and_gets_no_errors(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

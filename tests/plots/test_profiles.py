@@ -6,6 +6,8 @@ import itertools
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +21,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
-from ifrdem.plots import pictures, profiles, run
+from ifrdem.plots import analyses, pictures, profiles, run
 from ifrdem.plots.temperatures import theory
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
@@ -273,6 +275,21 @@ def test_a_bin_with_two_disks_in_all_frames_does_not_stretch_an_axis(tmp_path: P
         )
         drawn = {float(x) for line in temperatures.lines for x, y in line.get_xydata() if np.isfinite(y)}
     assert 9.5 not in drawn
+
+
+def test_intervals_of_n_eff_near_one_do_not_stretch_an_axis() -> None:
+    """0.1 +- 0.1 with n_eff 2 reaches from -1.2 to 1.4 (t = 12.7), 0.3 +- 0.01 with n_eff 20 to 0.321 (t = 2.09)."""
+    value, error, n_eff = np.array([[0.1, 0.3, 0.3], [0.1, 0.01, 0.01], [2.0, 20.0, 20.0]])
+    mean, errors, effective = (SimpleNamespace(packing_fraction=one) for one in (value, error, n_eff))
+    found: Any = SimpleNamespace(
+        mean=mean, error=errors, n_eff=effective, disks=np.full(3, 100), frames=10, middles=(np.arange(3.0),),
+        species={},
+    )  # fmt: skip
+    axes = Figure().subplots()
+    analyses._density(axes, found)
+    assert 0.321 < axes.get_ylim()[1] < 0.35
+    ends = [segment[:, 1] for bars in axes.collections for segment in bars.get_segments()]
+    assert max(end.max() for end in ends) == pytest.approx(1.37, abs=0.01)  # drawn all the same, and clipped
 
 
 def test_profiles_of_an_open_box_have_no_empty_panels(tmp_path: Path) -> None:
