@@ -59,11 +59,14 @@ def _window(results: Results) -> list[str]:
     if START not in results.variables or not np.isfinite(results.values(START)).any():
         return []
     unit = results.variables[START].unit
-    place = f"{results.row_axis} = {_range(results.values(START))}"
-    place = place if unit in ("", REDUCED) else f"{place} {written(unit)}"
+    places = _range(results.values(START))
+    places = places if unit in ("", REDUCED) else f"{places} {written(unit)}"
+    start = f"from {results.row_axis} = {places} on"
+    if len({*results.values(START)[np.isfinite(results.values(START))].tolist()}) > 1:
+        start = f"from a {results.row_axis} on that each point has of its own, {places} (analyses_from)"
     n_eff = results.variables.get(f"temperature{N_EFF}")
     of_runs = "" if n_eff is None else f"; n_eff of T in a run: {_range(n_eff.values)}"
-    return [f"  analyses over time average from {place} on{of_runs}"]
+    return [f"  analyses over time average {start}{of_runs}"]
 
 
 def _range(values: NDArray[np.float64]) -> str:
