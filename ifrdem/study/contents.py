@@ -15,6 +15,8 @@ from ..tools.intervals import FEW, PERCENT
 from ..trajectory.descriptions import REDUCED
 from .results import N_EFF, ROWS, SEED, START, Results, averaged, half_interval, warnings_of
 
+TO = " to "
+
 
 def describe(path: str | os.PathLike[str], start: float | None = None) -> str:
     """Title, seeds, and a line for each quantity of one number and each point: its mean over seeds and standard error.
@@ -62,8 +64,10 @@ def _window(results: Results) -> list[str]:
     places = _range(results.values(START))
     places = places if unit in ("", REDUCED) else f"{places} {written(unit)}"
     start = f"from {results.row_axis} = {places} on"
-    if len({*results.values(START)[np.isfinite(results.values(START))].tolist()}) > 1:
-        start = f"from a {results.row_axis} on that each point has of its own, {places} (analyses_from)"
+    if TO in places:
+        start = (
+            f"to the end of each run; where they begin differs between points: {results.row_axis} = {places}"
+        )
     n_eff = results.variables.get(f"temperature{N_EFF}")
     of_runs = "" if n_eff is None else f"; n_eff of T in a run: {_range(n_eff.values)}"
     return [f"  analyses over time average {start}{of_runs}"]
@@ -71,7 +75,7 @@ def _window(results: Results) -> list[str]:
 
 def _range(values: NDArray[np.float64]) -> str:
     """ "1.5 to 3", or the one value that there is."""
-    return " to ".join(dict.fromkeys(f"{one:.3g}" for one in (np.nanmin(values), np.nanmax(values))))
+    return TO.join(dict.fromkeys(f"{one:.3g}" for one in (np.nanmin(values), np.nanmax(values))))
 
 
 def _rows(results: Results, name: str, intervals: bool) -> list[tuple[str, ...]] | None:
