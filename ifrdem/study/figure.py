@@ -110,7 +110,7 @@ def draw(
     if not mean.dims:
         raise InputError(f"{name}: is one number and has no axis; `ifrdem info` prints it")
     if not _has_axis(results, name):
-        text = "is a column of a table that has no other column, in rising order, to draw it over"
+        text = "is a column of a table, and no other column of it rises from row to row, to be its axis"
         raise InputError(f"{name}: {text}; what can be drawn: {', '.join(drawable(results))}")
     x, curve = _x(results, over, mean.dims), None
     split = [*swept, *(dim for dim in mean.dims if dim in PARTS)]

@@ -222,8 +222,8 @@ def test_frames_of_runs_that_end_at_a_time_are_drawn_over_both_clocks(tmp_path):
     assert axes.lines[0].get_xdata() == pytest.approx(np.interp([0.5, 1.5], rows, tau))
     (axes,) = draw(results, "velocity_a20", over="t").axes
     assert axes.lines[0].get_xdata() == pytest.approx([0.5, 1.5])
-    with pytest.raises(InputError, match=r"over = tau: allowed here are velocity_row"):
-        draw(undated, "velocity_c", over="tau")
+    with pytest.raises(InputError, match=r"over = tau: allowed here are velocity_c"):
+        draw(undated, "velocity_P_c", over="tau")
 
 
 def test_series_are_averaged_from_a_place_on(sheared, capsys):
