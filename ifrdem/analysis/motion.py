@@ -70,8 +70,11 @@ def _plan(trajectory: Trajectory, frames: Sequence[int] | None, consequence: str
     frames = steady_frames(trajectory, frames)
     used = all_frames(trajectory, frames)
     if len(used) < 4:
-        since = f" from t = {used.time:.4g} on" if isinstance(used, FramesFrom) else ""
-        raise InputError(f"{trajectory.path}: {len(used)} frames{since} are too few: must be at least 4")
+        since = f" from {used.place} on" if isinstance(used, FramesFrom) else ""
+        more = "output.frames sets how many a run has, in a study also analyses_at"
+        raise InputError(
+            f"{trajectory.path}: {len(used)} frames{since} are too few: must be at least 4; {more}"
+        )
     T, middle = temperatures(trajectory, used), len(used) // 2
     notes, warnings = [], []
     if T is None:

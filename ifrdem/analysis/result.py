@@ -164,9 +164,10 @@ class FramesFrom(list[int]):
     Analyses of series, or of collisions, take all from that time on, which may lie between two frames.
     """
 
-    def __init__(self, numbers: Iterable[int], time: float) -> None:
+    def __init__(self, numbers: Iterable[int], time: float, place: str = "") -> None:
         super().__init__(numbers)
         self.time = time  # [time]
+        self.place = place or f"t = {time:.4g}"  # for messages, in what ends the run
 
 
 Groups = dict[str, NDArray[np.intp]]

@@ -146,7 +146,7 @@ def frames_from(trajectory: Trajectory, place: float, name: str) -> FramesFrom:
     if not len(found):
         last = trajectory.observables[what][-1] if what != "t" else trajectory.times[-1]
         raise InputError(f"{name} {place:g}: must be before the end of the run, {what} = {last:g}")
-    return FramesFrom(found.tolist(), time)
+    return FramesFrom(found.tolist(), time, f"{what} = {place:.4g}")
 
 
 def since(places: Array, start: float) -> NDArray[np.bool_]:

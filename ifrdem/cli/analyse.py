@@ -348,9 +348,10 @@ def plot(
         echo(PICTURE_LIST)
         return
     if len(words) == 1 and words[0].endswith(".nc"):
+        from ..study.figure import drawable
         from ..study.results import Results
 
-        names = ", ".join(Results.read(words[0]).quantities)
+        names = ", ".join(drawable(Results.read(words[0])))
         raise InputError(f"WHAT is missing: a quantity of the study; there are {names}")
     if len(words) < 2:
         raise InputError("TRAJECTORY or WHAT is missing: `ifrdem plot --list` lists the plots")

@@ -376,7 +376,8 @@ def read(
     The first line that is not a comment names the columns. With psi it is a table of angles, see `Data`; with
     velocities a table of whole collisions, see `Collisions`. NAME_error holds standard errors where they
     differ from line to line, cov:NAME:NAME covariances. Units in brackets, such as (deg) or [cm/s], are
-    converted: angles of a table of angles to degrees, all else to SI units. Missing values are left empty or
+    converted: angles of a table of angles to degrees, all else to SI units. An error without a unit of its own has
+    that of its column, a covariance the product of the units of its two columns. Missing values are left empty or
     are written nan, NA or -.
 
     Raises InputError with a line for each thing that is wrong.
@@ -410,7 +411,7 @@ def read(
         kinds[f"material_{i}"] = "text"
         spellings |= dict.fromkeys((f"material{i}", f"species{i}"), f"material_{i}")
     moving = ("normal", *MOTION, *AFTER)
-    covariances = {f"cov:{a}:{b}": (a, b) for a in moving for b in moving if a != b}
+    covariances = {f"{tables.COVARIANCE}{a}:{b}": (a, b) for a in moving for b in moving if a != b}
     kinds |= dict.fromkeys(covariances, "number")
     spellings |= {tables.plain(name): name for name in covariances}
     found = tables.read(path, kinds, spellings, form)

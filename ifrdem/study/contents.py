@@ -15,6 +15,8 @@ from ..tools.intervals import FEW, PERCENT
 from ..trajectory.descriptions import REDUCED
 from .results import N_EFF, ROWS, SEED, START, Results, averaged, half_interval, warnings_of
 
+TO = " to "
+
 
 def describe(path: str | os.PathLike[str], start: float | None = None) -> str:
     """Title, seeds, and a line for each quantity of one number and each point: its mean over seeds and standard error.
@@ -59,16 +61,21 @@ def _window(results: Results) -> list[str]:
     if START not in results.variables or not np.isfinite(results.values(START)).any():
         return []
     unit = results.variables[START].unit
-    place = f"{results.row_axis} = {_range(results.values(START))}"
-    place = place if unit in ("", REDUCED) else f"{place} {written(unit)}"
+    places = _range(results.values(START))
+    places = places if unit in ("", REDUCED) else f"{places} {written(unit)}"
+    start = f"from {results.row_axis} = {places} on"
+    if TO in places:
+        start = (
+            f"to the end of each run; where they begin differs between points: {results.row_axis} = {places}"
+        )
     n_eff = results.variables.get(f"temperature{N_EFF}")
     of_runs = "" if n_eff is None else f"; n_eff of T in a run: {_range(n_eff.values)}"
-    return [f"  analyses over time average from {place} on{of_runs}"]
+    return [f"  analyses over time average {start}{of_runs}"]
 
 
 def _range(values: NDArray[np.float64]) -> str:
     """ "1.5 to 3", or the one value that there is."""
-    return " to ".join(dict.fromkeys(f"{one:.3g}" for one in (np.nanmin(values), np.nanmax(values))))
+    return TO.join(dict.fromkeys(f"{one:.3g}" for one in (np.nanmin(values), np.nanmax(values))))
 
 
 def _rows(results: Results, name: str, intervals: bool) -> list[tuple[str, ...]] | None:

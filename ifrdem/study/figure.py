@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..analysis.result import identifier
 from ..errors import InputError, nearest, option_name
 from ..plots.style import (
     NARROW,
@@ -29,7 +30,7 @@ from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
 from .results import ROWS, Results, averaged, finite_seeds, half_interval, theory_between
-from .task import AT, Variable
+from .task import AT, NOTES, WARNINGS, Variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,6 +53,7 @@ KEY_SYMBOLS = {
 """Symbols of keys of a case, by their last part."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # Okabe and Ito's
 MOST_PANELS = 12
+MOST_REMARKS = 3
 AT_POINTS = "theory at points"
 """Mark of the markers of theory that stand at swept values only."""
 SEVERAL_DECADES = 10.0
@@ -83,13 +85,14 @@ def draw(
 ) -> Figure:  # fmt: skip
     """Draw a quantity: its mean over seeds, a band of its 95 % interval, and kinetic theory, dashed.
 
-    `what` is its name, or T, T_rot. It is drawn over the rows (tau, t), or `over` another of its dimensions, or a swept
-    key, where the last row counts. Each value of the swept key `by` (the first one without it) is a curve, every
-    combination of the others a panel; so is each species, or component, of a quantity that has some. From `start` on,
-    in what ends the runs, a series is averaged over its rows, and drawn over a swept key. `size` is the width, and the
-    height if given, of the figure [inches].
+    `what` is its name, or T, T_rot. It is drawn over the rows (tau, t), a column of a table of an analysis over the
+    first column of that table, or `over` another of its dimensions, or a swept key, where the last row counts. Each
+    value of the swept key `by` (the first one without it) is a curve, every combination of the others a panel; so is
+    each species, or component, of a quantity that has some. From `start` on, in what ends the runs, a series is
+    averaged over its rows, and drawn over a swept key. `size` is the width, and the height if given, of the figure
+    [inches].
 
-    Raises InputError if there is no such quantity or key, or there are too many panels.
+    Raises InputError if there is no such quantity or key, it has no axis or no value, or there are too many panels.
     """
     from matplotlib.figure import Figure
 
@@ -98,12 +101,17 @@ def draw(
     if start is not None:
         results = _from(results, name, start)
     if f"{name}_mean" not in results.variables:
-        known = results.quantities
+        known = drawable(results)
         near = nearest(what, [*known, *SHORT])
         raise InputError(f"no quantity is called '{what}'{near}; there are: {', '.join(known)}")
     mean = results.variables[f"{name}_mean"]
+    if not np.isfinite(mean.values).any():
+        raise InputError(f"no run has a value of {name}{_remarks(results, name)}")
     if not mean.dims:
         raise InputError(f"{name}: is one number and has no axis; `ifrdem info` prints it")
+    if not _has_axis(results, name):
+        text = "is a column of a table, and no other column of it rises from row to row, to be its axis"
+        raise InputError(f"{name}: {text}; what can be drawn: {', '.join(drawable(results))}")
     x, curve = _x(results, over, mean.dims), None
     split = [*swept, *(dim for dim in mean.dims if dim in PARTS)]
     if left := [dim for dim in split if dim != x]:
@@ -157,6 +165,50 @@ def _from(results: Results, name: str, start: float) -> Results:
     return averaged(results, start, option)
 
 
+def drawable(results: Results) -> list[str]:
+    """Names of the quantities that have an axis and a value."""
+    return [
+        name
+        for name in results.quantities
+        if results.variables[f"{name}_mean"].dims
+        and np.isfinite(results.variables[f"{name}_mean"].values).any()
+        and _has_axis(results, name)
+    ]
+
+
+def _row_of_table(results: Results, dims: Sequence[str]) -> str | None:
+    """The dimension of rows of a table of an analysis, which alone has no values; None without one."""
+    return next((dim for dim in dims if dim not in results.variables), None)
+
+
+def _axis_of_table(results: Results, row: str) -> str | None:
+    """The first column of a table, if its values rise from row to row; else None, such as of cells of a plane."""
+    first = next(name for name in results.quantities if row in results.variables[f"{name}_mean"].dims)
+    mean = results.variables[f"{first}_mean"]
+    steps = np.diff(mean.values, axis=mean.dims.index(row))
+    return first if (steps[np.isfinite(steps)] > 0.0).all() else None
+
+
+def _has_axis(results: Results, name: str) -> bool:
+    """False of a column of a table that cannot be drawn over the first one, and of that one itself."""
+    row = _row_of_table(results, results.variables[f"{name}_mean"].dims)
+    return row is None or _axis_of_table(results, row) not in (None, name)
+
+
+def _remarks(results: Results, name: str) -> str:
+    """What the analysis of a quantity says in its warnings and notes, after a colon."""
+    found = [
+        line
+        for kind in (WARNINGS, NOTES)
+        if kind in results.variables
+        for text in results.values(kind).ravel()
+        for line in str(text).splitlines()
+        if f"{name}_".startswith(f"{identifier(line.partition(':')[0].partition(' ')[0])}_")
+    ]
+    lines = [*dict.fromkeys(found)]
+    return f": {'; '.join(lines[:MOST_REMARKS])}" if lines else ""
+
+
 def _theory(results: Results, name: str) -> str | None:
     """The variable with kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
     names = (f"{name}_theory", f"{name}_theory_mean", f"{name}_by_theory_mean")
@@ -176,6 +228,10 @@ def _seeds(results: Results, name: str) -> str | None:
 
 def _x(results: Results, over: str | None, dims: tuple[str, ...]) -> str:
     """Coordinate of the axis: a dimension of the quantity, or the time where rows are at collisions per disk."""
+    if (row := _row_of_table(results, dims)) is not None:
+        own = _axis_of_table(results, row)
+        assert own is not None  # see `_has_axis`
+        dims = (own, *(dim for dim in dims if dim != row))
     rows = [dim for dim in dims if dim not in results.axes]
     if over is None:
         return rows[0] if rows else dims[-1]
@@ -191,8 +247,10 @@ def _has_clock(results: Results, name: str) -> bool:
     return name in results.variables or f"{name}_mean" in results.variables
 
 
-def _row_of_clock(dims: Sequence[str]) -> str:
-    """The dimension of a quantity that a time, or collisions per disk, stand for: that of series, or of frames."""
+def _row_of(results: Results, x: str, dims: Sequence[str]) -> str:
+    """The dimension of a quantity that x stands for: a clock for that of series or frames, else that of its table."""
+    if x not in ROWS and (row := _row_of_table(results, dims)) is not None:
+        return row
     return next(dim for dim in dims if dim in (*ROWS, AT))
 
 
@@ -222,7 +280,7 @@ def _panel(
             one = results.variables.get(which) if isinstance(which, str) else which
             if one is None:
                 return None
-            along_x = x if x in one.dims or x in results.axes else _row_of_clock(one.dims)
+            along_x = x if x in one.dims or x in results.axes else _row_of(results, x, one.dims)
             taken = tuple(slice(None) if dim == along_x else panel.get(dim, -1) for dim in one.dims)
             return one.values[taken]
 

@@ -171,7 +171,9 @@ class Task:
             except InputError as error:
                 raise InputError(f"{name}: {error}") from None
             for i, place, one in remarks:
-                impossible = [f"not possible from there on: {one}"] if isinstance(one, InputError) else []
+                # Without the path: the file is removed after the run, and the text is the same for all runs.
+                reason = str(one).removeprefix(f"{trajectory.path}: ")
+                impossible = [f"not possible: {reason}"] if isinstance(one, InputError) else []
                 for kind, lines in texts.items():
                     own = (
                         impossible * (kind == WARNINGS) if isinstance(one, InputError) else getattr(one, kind)

@@ -38,6 +38,8 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 """Factor of each unit by the kind of a column: angles become degrees, everything else SI units."""
 
 ERROR_WORDS = ("error", "err", "sigma", "uncertainty", "std")
+COVARIANCE = "cov:"
+"""Start of the name cov:A:B of the covariance of two columns."""
 _MISSING = ("", "nan", "na", "n/a", "-", "none", "null")
 _DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
 _EVERY_UNIT = {unit for units in UNITS.values() for unit in units}
@@ -288,14 +290,13 @@ def _header(
         for text, name in assigned.items()
         if text not in present
     ]
-    names, factors, unused = [], [], []
+    names, in_headers, unused = [], [], []
     for text in present:
         name, unit = _standard(text, spellings)
         if text in assigned:
             name = assigned[text]
         elif name in form.columns:
             name = ""  # another column stands for it
-        kind = kinds.get(name.removesuffix("_error"), "")
         if not name:
             known = [*kinds, *(f"{each}_error" for each in kinds)]
             close = difflib.get_close_matches(text, known, 1, _NEARLY_ALIKE)
@@ -306,12 +307,15 @@ def _header(
                 problems.append(f"line {line}: unknown column '{shown}' {hint}")
             unused.append(text)
             unit = None
-        unit = form.units.get(name) or form.units.get(name.removesuffix("_error")) or unit
-        factor = UNITS.get(kind, {}).get(unit or "") or (_factor(unit) if unit and kind else 1.0)
+        names.append(name)
+        in_headers.append(unit)
+    factors = []
+    own = {name: unit for name, unit in zip(names, in_headers, strict=True) if name}
+    for text, name in zip(present, names, strict=True):
+        kind, unit, factor = kinds.get(name.removesuffix("_error"), ""), *_conversion(name, own, kinds, form)
         if factor is None:
             what = "a pure number" if kind == "number" else f"a{'n' * (kind[0] in 'a')} {kind}"
             problems.append(f"line {line}: column '{cut(text)}': {name} is {what}, not in {unit}")
-        names.append(name)
         factors.append(factor or 1.0)
     for name in dict.fromkeys(names):
         texts = [printable(text) for text, other in zip(present, names, strict=True) if other == name != ""]
@@ -331,6 +335,23 @@ def _header(
     problems += [f"{name}: is a column and a known value" for name in form.known if name in names]
     refuse(problems)
     return names, factors, [each for each in unused if each]
+
+
+def _conversion(
+    name: str, own: Mapping[str, str | None], kinds: Mapping[str, str], form: TableFormat
+) -> tuple[str | None, float | None]:
+    """The unit of a column and its factor, None if the unit is of another kind; `own` are the units in headers.
+
+    An error without a unit of its own has that of its column, a covariance the product of those of its two columns.
+    """
+    column = name.removesuffix("_error")
+    unit = form.units.get(name) or form.units.get(column) or own.get(name) or own.get(column)
+    if unit is None and column.startswith(COVARIANCE):
+        # What is wrong with the unit of one of the two is said of that column.
+        pair = (_conversion(each, own, kinds, form)[1] for each in column.split(":")[1:])
+        return None, math.prod(factor or 1.0 for factor in pair)
+    kind = kinds.get(column, "")
+    return unit, UNITS.get(kind, {}).get(unit or "") or (_factor(unit) if unit and kind else 1.0)
 
 
 def _standard(text: str, spellings: Mapping[str, str]) -> tuple[str, str | None]:

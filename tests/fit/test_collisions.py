@@ -314,6 +314,35 @@ def test_a_table_of_collisions_is_read_with_units_and_known_values(tmp_path: Pat
     np.testing.assert_allclose(error, np.sqrt(2.0) * 1e-4 / 10.5e-3, rtol=1e-9)
 
 
+@pytest.mark.parametrize("by_header", [False, True])
+def test_errors_and_covariances_have_the_units_of_their_columns(tmp_path: Path, by_header: bool) -> None:
+    """1 mm/s = 1e-3 m/s: an error of 2 is 2e-3, a covariance of 1 with a spin 1e-3, of 4 with another 4e-6."""
+    data, rest = observed(4), [*observed(4).measured]
+    velocities = [name for name in rest if name[0] == "v"]
+    head = [f"{name} (mm/s)" if by_header and name in velocities else name for name in rest]
+    more = ["vx_1_error", "cov:vx_1:spin_1", "cov:vx_1:vy_1", "cov:vx_2:vy_2 (1)", "vy_1_error (cm/s)"]
+    lines = [",".join(head + more)]
+    lines += [
+        ",".join([*(f"{data.measured[name][i]}" for name in rest), "2", "1", "4", "5e-5", "6"])
+        for i in range(4)
+    ]
+    (tmp_path / "hits.csv").write_text("\n".join(lines), encoding="utf-8")
+    read = fit.read(
+        tmp_path / "hits.csv",
+        {"normal": 0.01, "velocities": 0.01, "spins": 1.0},
+        disk_1=data.disk_1,
+        disk_2=data.disk_2,
+        form=fit.TableFormat(units={} if by_header else dict.fromkeys(velocities, "mm/s")),
+    )
+    assert isinstance(read, fit.Collisions)
+    np.testing.assert_allclose(read.errors["vx_1"], 2e-3, rtol=1e-12)
+    np.testing.assert_allclose(read.covariance["vx_1", "spin_1"], 1e-3, rtol=1e-12)
+    np.testing.assert_allclose(read.covariance["vx_1", "vy_1"], 4e-6, rtol=1e-12)
+    np.testing.assert_allclose(read.covariance["vx_2", "vy_2"], 5e-5, rtol=1e-12)
+    if by_header:
+        np.testing.assert_allclose(read.errors["vy_1"], 6e-2, rtol=1e-12)
+
+
 def test_values_known_exactly_have_one_error_each_however_many_there_are() -> None:
     """A thousandth of the least error of their kind, and of a guess where all of a kind are known."""
     data = observed(3)

@@ -374,6 +374,39 @@ def test_species_of_a_quantity_are_curves_or_panels_beside_their_theory() -> Non
     assert found == [[0.5, 0.6], [0.55, 0.65]]
 
 
+def test_tables_are_drawn_over_their_first_column_and_others_are_refused(tmp_path: Path) -> None:
+    """An assertion failed, and of what has no value an empty picture was drawn."""
+    nan, dims = np.nan, ("e_n", "msd_row")
+    variables = {
+        "e_n": Variable(("e_n",), np.array([0.8, 0.9])),
+        "seed": Variable(("seed",), np.array([1])),
+        "collisions_per_disk": Variable(("collisions_per_disk",), np.array([0.0, 1.0])),
+        "warnings": Variable(
+            ("e_n", "seed"), np.array([["msd: 3 frames"], ["rdf: no\nmsd: 3 frames"]], object)
+        ),
+        "msd_D_mean": Variable(("e_n",), np.array([nan, nan])),
+        "msd_lag_mean": Variable(dims, np.array([[0.0, 1.0, 2.0], [0.0, 3.0, nan]])),
+        "msd_msd_mean": Variable(dims, np.array([[0.0, 4.0, 5.0], [0.0, 6.0, nan]])),
+        "fields_x_mean": Variable(("fields_row",), np.array([0.0, 0.0, 1.0])),
+        "fields_phi_mean": Variable(("fields_row",), np.array([0.1, 0.2, 0.3])),
+    }
+    Results(variables, {"axes": json.dumps({"e_n": ["e_n"]}), "title": "", "keys": '{"e_n": "e_n"}'}).write(
+        tmp_path / "s.nc"
+    )
+    results = Results.read(tmp_path / "s.nc")
+    (axes,) = draw(results, "msd_msd").axes
+    assert axes.get_xlabel() == "msd lag"
+    np.testing.assert_array_equal(axes.lines[0].get_xydata(), [[0.0, 0.0], [1.0, 4.0], [2.0, 5.0]])
+    np.testing.assert_array_equal(axes.lines[1].get_xydata()[:2], [[0.0, 0.0], [3.0, 6.0]])
+    with pytest.raises(InputError, match=r"over = tau: allowed here are e_n, msd_lag"):
+        draw(results, "msd_msd", over="tau")
+    for name in ("msd_lag", "fields_x", "fields_phi"):
+        with pytest.raises(InputError, match=rf"^{name}: is a column .* what can be drawn: msd_msd$"):
+            draw(results, name)
+    with pytest.raises(InputError, match=r"^no run has a value of msd_D: msd: 3 frames$"):
+        draw(results, "msd_D")
+
+
 class Unwritten:
     """Status that is written nowhere."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,13 +12,15 @@ from test_study import CASE
 
 import ifrdem
 from ifrdem.analysis.catalogue import FUNCTIONS
+from ifrdem.analysis.motion import of_msd
+from ifrdem.analysis.result import Evaluation, FramesFrom
 from ifrdem.analysis.window import frames_from, steady_frames
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.study.contents import describe
+from ifrdem.study.contents import _window, describe
 from ifrdem.study.figure import draw
 from ifrdem.study.results import Results, warnings_of
-from ifrdem.study.task import Variable
+from ifrdem.study.task import Task, Variable
 from ifrdem.study.windows import SAME_RUN, window_of
 
 SHEARED = (
@@ -219,8 +222,8 @@ def test_frames_of_runs_that_end_at_a_time_are_drawn_over_both_clocks(tmp_path):
     assert axes.lines[0].get_xdata() == pytest.approx(np.interp([0.5, 1.5], rows, tau))
     (axes,) = draw(results, "velocity_a20", over="t").axes
     assert axes.lines[0].get_xdata() == pytest.approx([0.5, 1.5])
-    with pytest.raises(InputError, match=r"over = tau: allowed here are velocity_row"):
-        draw(undated, "velocity_c", over="tau")
+    with pytest.raises(InputError, match=r"over = tau: allowed here are velocity_c"):
+        draw(undated, "velocity_P_c", over="tau")
 
 
 def test_series_are_averaged_from_a_place_on(sheared, capsys):
@@ -274,3 +277,43 @@ def test_names_that_are_too_long_are_refused():
     for output in ("a" * 300, "a/" * 3000 + "b"):
         with pytest.raises(InputError, match="must be a path of 4095 bytes at most, each name of 255"):
             ifrdem.Study("cooling", output=output).check()
+
+
+def test_too_few_frames_are_said_once_with_window_and_remedy_and_without_a_path(monkeypatch) -> None:
+    """The path was that of a file which is removed after the run, so that each run had a line of its own."""
+
+    class Frames(SimpleNamespace):
+        def __len__(self) -> int:
+            return 4
+
+    def few(trajectory: Frames, start: FramesFrom) -> Evaluation:
+        if start.time == 0.0:
+            return Evaluation(None, [], {}, [], (0.0, 1.0))
+        return of_msd(trajectory, start)
+
+    texts = []
+    starts = [FramesFrom([0], 0.0), FramesFrom([1, 2, 3], 0.75)]
+    task = Task(
+        "key", (0,), "", "", (), "", analyses=("msd",), at=(), start=None, trajectory=False, weight=1.0
+    )
+    monkeypatch.setattr("ifrdem.analysis.window.has_window", lambda trajectory: True)
+    monkeypatch.setattr("ifrdem.analysis.window.steady_starts", lambda trajectory: starts)
+    monkeypatch.setattr("ifrdem.analysis.catalogue.FUNCTIONS", {"msd": few})
+    for name in ("one.h5", "two.h5"):
+        found = task._analysed(Frames(path=Path(name), fields=["position"]))
+        texts.append(str(found["warnings"].values[1]))
+    assert texts[0] == texts[1]
+    assert re.match(
+        r"msd: not possible: 3 frames from t = 0.75 on are too few: .* 4; output.frames ", texts[0]
+    )
+
+
+def test_the_range_of_starts_is_no_interval_of_time() -> None:
+    """It read "average from time = 0.75 to 1.5 on"."""
+    variables = {
+        "time": Variable(("time",), np.array([0.0, 3.0])),
+        "analyses_from": Variable(("e_n",), np.array([0.75, 1.5]), "s"),
+    }
+    (line,) = _window(Results(variables))
+    text = "average to the end of each run; where they begin differs between points: time = 0.75 to 1.5 s"
+    assert text in line
