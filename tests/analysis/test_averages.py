@@ -249,7 +249,7 @@ material = "a"
 name = "a"
 e_n = {e_n}
 e_t = {e_t}
-mu = 0.3
+mu = {mu}
 [[species]]
 name = "small"
 number = 120
@@ -276,9 +276,11 @@ fields = ["position", "velocity", "angular_velocity", "collisions"]
 """
 
 
-def ran(folder: Path, name: str, histories: str, e_n: float = 1.0, e_t: float = -1.0) -> Path:
+def ran(
+    folder: Path, name: str, histories: str, e_n: float = 1.0, e_t: float = -1.0, mu: float = 0.3
+) -> Path:
     path = folder / f"{name}.toml"
-    path.write_text(CASE.format(name=name, histories=histories, e_n=e_n, e_t=e_t))
+    path.write_text(CASE.format(name=name, histories=histories, e_n=e_n, e_t=e_t, mu=mu))
     assert cli.main(["run", str(path), "--no-picture"]) == 0
     return folder / f"{name}.h5"
 
@@ -306,13 +308,13 @@ def test_momentum_to_an_immovable_disk_goes_on_to_its_centre() -> None:
     np.testing.assert_allclose(energy, [8.0 - 0.5 * 0.25 * 16.0, 0.0])  # I = 2 * 0.25 / 2
 
 
-@pytest.mark.parametrize(("e_n", "e_t"), [(1.0, -1.0), (0.9, -0.5)], ids=["elastic", "rough"])
+@pytest.mark.parametrize(("e_n", "e_t", "mu"), [(1.0, -1.0, 0.0), (0.9, -0.5, 0.3)], ids=["elastic", "rough"])
 def test_collisions_shared_among_bins_add_up_to_the_recorded_stress(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, e_n: float, e_t: float
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, e_n: float, e_t: float, mu: float
 ) -> None:
     """The virial that the engine adds up and the pieces of histories: the same to rounding, with walls."""
     monkeypatch.chdir(tmp_path)
-    with Trajectory(ran(tmp_path, "a", "histories_all = true", e_n, e_t)) as run:
+    with Trajectory(ran(tmp_path, "a", "histories_all = true", e_n, e_t, mu)) as run:
         every = range(len(run))
         found = [analysis.profiles(run, axis, 9, frames=every) for axis in ("x", "y")]
         found.append(analysis.mean_fields(run, (4, 7), frames=every))
@@ -335,7 +337,7 @@ def test_rings_of_a_container_add_up_to_the_recorded_trace(
 ) -> None:
     """P_rr + P_tt = P_xx + P_yy whatever the directions are: over rings, times their areas, the recorded virial."""
     monkeypatch.chdir(tmp_path)
-    text = CASE.format(name="a", histories="histories_all = true", e_n=0.9, e_t=-0.5).replace(
+    text = CASE.format(name="a", histories="histories_all = true", e_n=0.9, e_t=-0.5, mu=0.3).replace(
         "t_end = 20.0", "t_end = 5.0"
     )
     text = text.replace("periodic = [true, false]", "periodic = [false, false]").replace(
@@ -363,7 +365,7 @@ def test_a_gas_that_drifts_carries_no_heat(tmp_path: Path, monkeypatch: pytest.M
     velocity = rng.normal(size=(80, 2))
     rows = np.column_stack((place, velocity - velocity.mean(axis=0) + (6.0, 0.0), np.zeros(80)))
     np.savetxt("start.csv", rows, delimiter=",", header="x,y,v_x,v_y,spin", comments="")
-    text = CASE.format(name="a", histories="histories_all = true", e_n=1.0, e_t=-1.0)
+    text = CASE.format(name="a", histories="histories_all = true", e_n=1.0, e_t=-1.0, mu=0.3)
     text = text.replace("number = 120", "number = 40").replace("number = 60", "number = 40")
     text = text.replace('positions = "random"', 'file = "start.csv"').replace("speed_rms = 1.5\n", "")
     text = text.replace("speed_rms = 1.0\n", "").replace("[true, false]", "[true, true]")
@@ -401,7 +403,7 @@ def test_an_impulse_is_shared_along_the_line_of_centres(
     monkeypatch.chdir(tmp_path)
     start = tmp_path / "start.csv"
     start.write_text("x,y,v_x,v_y,spin\n2.6,8,3,0,0\n7.6,8,0,0,0\n")
-    text = CASE.format(name="a", histories="histories_all = true", e_n=1.0, e_t=-1.0)
+    text = CASE.format(name="a", histories="histories_all = true", e_n=1.0, e_t=-1.0, mu=0.3)
     text = text.replace("number = 120", "number = 1").replace("number = 60", "number = 1")
     text = text.replace('positions = "random"', 'file = "start.csv"').replace("speed_rms = 1.5\n", "")
     text = text.replace("speed_rms = 1.0\n", "").replace("t_end = 20.0", "t_end = 2.0")
