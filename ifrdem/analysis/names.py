@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class Analysis(NamedTuple):
-    """What is said of an analysis.
+    """Texts and options of an analysis.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What cannot go with what in a case: the rules of `model.rules`, by its keys.
+"""Exclusions of a case: the rules of `model.rules`, by its keys.
 
 Facts are read key by key, so that exclusions are found beside keys that are wrong, which count as not given.
 """
@@ -29,7 +29,7 @@ KEY_OF: Mapping[str, str] = {
 
 
 class _Given:
-    """What a case says that the rules ask for.
+    """Facts of a case that the rules ask for.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class _Given:
 
     @property
     def record(self) -> frozenset[str]:
-        """What is recorded, as far as rules ask for it."""
+        """Records that rules ask for."""
         keys = ((name.partition("."), key.partition(".")) for name, key in KEY_OF.items())
         return frozenset(name[2] for name, key in keys if name[0] == "record" and self.value(key[0], key[2]))
 
@@ -96,7 +96,7 @@ class _Given:
 
     @property
     def facts(self) -> rules.Facts:
-        """What the rules ask."""
+        """Facts for `model.rules.refusals`."""
         is_open, periodic, gravity = (self.value("box", key) for key in ("open", "periodic", "gravity"))
         return rules.Facts(
             is_open=is_open, periodic=(False, False) if is_open else (periodic[0], periodic[1]),

@@ -208,7 +208,7 @@ def _without(raw: Mapping[str, Any], errors: Iterable[ErrorDetails]) -> dict[str
 
 
 def _at(node: Any, steps: Sequence[str | int]) -> Any:
-    """What is at a place of a parsed case; None if nothing is."""
+    """Value at a place of a parsed case; None without one."""
     for step in steps:
         if isinstance(node, dict):
             node = node.get(step)

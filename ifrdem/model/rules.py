@@ -1,4 +1,4 @@
-"""What cannot go with what in a gas: each exclusion once, as a row of `RULES`, for `Simulation` and for cases.
+"""Exclusions of a gas: each once, as a row of `RULES`, for `Simulation` and for cases.
 
 A row sees `Facts`, which a case knows before any disk is made. Names are those of Python's arguments; `Simulation`
 (`simulation.start.checks.check_exclusions`) and cases (`case.exclusions`) say them in their own words. Limits that
@@ -15,7 +15,7 @@ from ..kernels.columns import ADDRESSABLE, SINGLE_TILE
 
 @dataclass(frozen=True)
 class Facts:
-    """What the rules ask of a gas; by default two disks in a periodic box, and nothing else.
+    """Facts of a gas that the rules ask for; by default two disks in a periodic box, and nothing else.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InputError, shortened, there_are
 from ...kernels import layout as k
-from ...kernels.columns import EVENT as EVENT_COLUMNS
+from ...kernels.columns import EVENT as KERNEL_EVENT
 from ...kernels.columns import named, rows_dtype
 from ...model.box import Box, below
 from ...model.laws.collision import UNKNOWN, collide
@@ -164,7 +164,7 @@ class Tracking:
                 )
                 image[:, axis] += boxes.astype(np.int32)
         # What the law gives follows; all else has the same name in the kernel's rows.
-        given = {name: getattr(event, name) for name in EVENT.keys() & EVENT_COLUMNS.at.keys()}
+        given = {name: getattr(event, name) for name in EVENT.keys() & KERNEL_EVENT.at.keys()}
         given |= {"time": window_begin + event.time, "id": info.id, "partner": info.partner}
         found = Events.of(len(real), **given | {"position": position, "image": image, "normal": normal})
         known = np.unique(np.concatenate([found.id, found.partner[found.partner >= 0]]))
