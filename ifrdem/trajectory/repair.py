@@ -144,7 +144,11 @@ class _Salvage:
         missing = [one for one in (*times, *static, "h5md/modules/ifrdem", "parameters") if one not in file]
         if missing:
             raise InputError(f"{path} cannot be made a trajectory of ifrdem: {', '.join(missing)} is missing")
-        self.committed = len(file[times[0]])
+        steps, self.committed = (len(file[name]) for name in times)
+        if steps <= self.committed:
+            self.committed = steps  # times may lie ahead of the step that commits them
+        else:  # a damaged length may be any number
+            self._note(f"{times[0]}: {steps} frames, of which {self.committed} have a time")
         self._fields = layout.stored_fields(file)
         self._n = len(file[static[0]]) if self._parts is None else self._parts.n
         good = np.ones(self.committed, dtype=bool)
@@ -304,7 +308,7 @@ class _Salvage:
 
     def _all_of(self, dataset: h5py.Dataset) -> NDArray[Any]:
         """All numbers of a dataset; DamageError if some are past the end of the file."""
-        if dataset.shape and self._rows_past_end(dataset).any():
+        if dataset.shape and self._rows_past_end(dataset, len(dataset)).any():
             raise DamageError(f"{self._path} is damaged: {dataset.name} is past its end")
         return damage.read(dataset)
 
@@ -319,12 +323,12 @@ class _Salvage:
             with suppress(DamageError):
                 value = damage.read(dataset, part)
                 good[part] = not (finite and value.dtype.kind == "f") or np.isfinite(value).all()
-        good[:held] &= ~self._rows_past_end(dataset)[:held]
+        good[:held] &= ~self._rows_past_end(dataset, held)
         return good
 
-    def _rows_past_end(self, dataset: h5py.Dataset) -> NDArray[np.bool_]:
-        """Mask of the rows with data past the end of a truncated file."""
-        lost = np.zeros(len(dataset), dtype=bool)
+    def _rows_past_end(self, dataset: h5py.Dataset, rows: int) -> NDArray[np.bool_]:
+        """Mask of the first rows with data past the end of a truncated file."""
+        lost = np.zeros(rows, dtype=bool)
         whole = self._whole
         if whole is None:
             return lost

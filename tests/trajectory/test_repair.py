@@ -225,6 +225,17 @@ def test_a_file_that_a_run_is_writing_is_left_alone(tmp_path):
         assert len(trajectory) == 3
 
 
+def test_a_length_that_is_damaged_costs_no_memory(tmp_path, capsys):
+    """2^40 frames by the steps, 4 by the times: repair asked for 1 TiB, and kept nothing."""
+    path = tmp_path / "run.h5"
+    write(path, n=N, frames=4, fields=FIELDS)
+    with h5py.File(path, "r+") as file:
+        file["particles/all/box/edges/step"].resize((2**40,))
+    assert main(["repair", str(path)]) == 0
+    assert f"{2**40} frames, of which 4 have a time" in capsys.readouterr().out
+    assert_frames(tmp_path / "run.repaired.h5", [0, 1, 2, 3])
+
+
 def test_a_file_repaired_in_place_keeps_the_given_name(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(Path("run.h5"), n=N, frames=4, compression="gzip", fields=FIELDS)
