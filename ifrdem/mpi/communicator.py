@@ -100,7 +100,7 @@ class Communicator(Distribution):
         _current.set(self)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None = None, *_: object) -> None:
         *outer, before = _outer.get()
         _outer.set(tuple(outer))
         _current.set(before)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..analysis.common import mean_errors
 from ..analysis.names import OVER_TIME
-from ..analysis.result import NOT_STATIONARY
+from ..analysis.result import NOT_STATIONARY, TOO_SHORT
 from ..analysis.steadiness import T_CHANGES, beyond_chance, is_stationary
 from ..analysis.window import (
     FEWEST_SEEDS,
@@ -60,8 +60,8 @@ class PointWindow:
 
 
 def _own_mark(line: str) -> bool:
-    """True of a warning by which an average over time of one run says that its temperature changes."""
-    return any(line.startswith(f"{name}: {T_CHANGES}") for name in OVER_TIME)
+    """True of a warning of an average over time that several seeds judge better: that T changes, or the run is short."""
+    return any(line.startswith(f"{name}: {mark}") for name in OVER_TIME for mark in (T_CHANGES, TOO_SHORT))
 
 
 def window_of(

@@ -14,7 +14,7 @@ from support.figures import texts
 from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter
 from ifrdem.analysis import catalogue, steadiness
 from ifrdem.analysis.common import MeanValue
-from ifrdem.analysis.result import NOT_STATIONARY
+from ifrdem.analysis.result import NOT_STATIONARY, TOO_SHORT
 from ifrdem.cli import main as cli
 from ifrdem.plots import pictures
 
@@ -85,7 +85,8 @@ def test_a_steady_gas_has_no_mark_and_a_changing_one_names_the_quantities(
         ("structure-factor", "the mean of S over the 32 longest waves"),
         ("psi6", "the mean of |psi_6|"),
     ):
-        (warning,) = warnings["changing"][what]
+        warning, *others = warnings["changing"][what]
+        assert all(each.startswith(TOO_SHORT) for each in others)
         assert warning.startswith(f"{NOT_STATIONARY}: {quantity}")
         assert "from the first half of these frames to the second" in warning
         assert f"  ! {warning}\n" in shown

@@ -409,8 +409,8 @@ def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((3,), "path = 3: must be the path of a file"),
-        (("",), "path = '': must be the path of a file"),
+        ((3,), "path = 3: must be a text or a path"),
+        (("",), "path = '': must be a text or a path, not empty"),
         ((".",), "path = '.': must be the path of a file"),
         (("a.h5", {"when": {1, 2}}), r"extra\['when'\] = \{1, 2\}: JSON cannot hold it"),
         (("a.h5", {(1, 2): 3}), r"extra\[\(1, 2\)\] = 3: JSON cannot hold it"),

@@ -63,7 +63,7 @@ def test_sums_over_a_species(options: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(("species", "message"), [
     ({"light": 300}, "must add up to 500 disks"),
-    ({1: 500}, "a name is 1: must be a text"),
+    ({1: 500}, "key of species = 1: must be a name"),
     ({"": 500}, "a name is '': must be a text"),
     ({"light": -1, "heavy": 501}, "species\\['light'\\] = -1"),
     ([300, 200], "species = \\[300, 200\\]: must be"),

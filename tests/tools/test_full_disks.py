@@ -272,7 +272,7 @@ def test_a_result_that_cannot_be_read_now_is_not_run_again(tmp_path, monkeypatch
     path = tmp_path / "0.npz"
     task.save(path, {"x": Variable(("t",), np.arange(3.0), "")}, seconds=1.0)
     content = path.read_bytes()
-    one = task.Task("0", (0,), "", "", (), str(tmp_path), (), (), False, 1.0)
+    one = task.Task("0", (0,), "", "", (), str(tmp_path), (), (), None, False, 1.0)
     monkeypatch.setattr(zipfile.ZipFile, "read", lambda *_: fail(errno.EIO))
     with pytest.raises(ReadError, match=r"0\.npz cannot be read: Input/output error"):
         one.done  # noqa: B018 read

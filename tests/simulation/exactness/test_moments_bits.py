@@ -26,7 +26,7 @@ from ifrdem.simulation.windows.windows import Windows
 
 LOOKED_AT = (*COMPARED, "angle", "last_partner", "dissipated", "latest_collision")
 KEPT: dict[str, Any] = {
-    "record": ["energy", "disk_energy", "partner", "angle", "wall"], "collapse": ContactTime(1e-9),
+    "record": ["energy", "disk_energy", "partner", "angle"], "collapse": ContactTime(1e-9),
 }  # fmt: skip
 FRAMES = [RunPoint(collisions=int(0.4 * N / 2 * i)) for i in range(1, 13)]  # one to four in each window
 
@@ -41,13 +41,14 @@ def looked_at(
         Windows, "_compute", lambda self, *args, **more: computed.append(0) or compute(self, *args, **more)
     )
     disks, box, state, law, more = made(name)
-    engine = Engine(disks, box, state, np.array([[law]]), **more, **KEPT, **options)
+    kept = KEPT | ({"record": [*KEPT["record"], "wall"]} if "walls" in more else {})
+    engine = Engine(disks, box, state, np.array([[law]]), **more, **kept, **options)
     found = []
     while due:
         stop = functools.reduce(RunPoint.earlier, due)
         engine.advance(t_end=stop.time, collisions=stop.collisions, next_points=functools.partial(list, due))
         if stop.reached(engine.time, engine.collisions):
-            found.append((engine.state(), engine.dissipated(), engine.wall_sums))
+            found.append((engine.state(), engine.dissipated(), engine.wall_sums if "walls" in more else ()))
         due = [each for each in due if not each.reached(engine.time, engine.collisions)]
     return found, engine, len(computed) - engine.statistics.windows
 
