@@ -60,7 +60,7 @@ class PointWindow:
 
 
 def _own_mark(line: str) -> bool:
-    """True of a warning of an average over time that several seeds judge better: that T changes, or the run is short."""
+    """True of a warning of an average over time that several seeds judge better: T changes, or the run is short."""
     return any(line.startswith(f"{name}: {mark}") for name in OVER_TIME for mark in (T_CHANGES, TOO_SHORT))
 
 
