@@ -142,7 +142,7 @@ class _Texts(reprlib.Repr):
         """The text of an object; of its class where it has none: a class of users, an array of nested lists."""
         try:
             return super().repr_instance(x, level)
-        except Exception:
+        except Exception:  # of a class of others, whose text a message only quotes
             return f"<{type(x).__name__}>"
 
 

@@ -89,8 +89,8 @@ class Fitted:
     """chi2, dof, probability: sum of squares, degrees of freedom, and the probability of a larger sum if law and
     errors hold; the probability is NaN if errors were estimated."""
     log_likelihood: float
-    """Where errors are estimated, integrated over the true motions. It depends on units, as each density does: only
-    differences between laws mean something."""
+    """ln L; where errors are estimated, integrated over the true motions. It depends on units, as each density does:
+    only differences between laws mean something."""
     AIC: float
     """-2 ln L + 2 q, with q coefficients and estimated errors. Where errors are estimated AICc, infinite for too few
     values; of a robust fit with the expected optimism, `Points.optimism`, instead of 2 for each coefficient."""

@@ -28,9 +28,12 @@ STORED = 2.0**-22
 and some."""
 
 COMPUTED = 2.0**-20
-"""The same of positions computed in single precision. They lie on a grid of 2^-22 of the side at most, to which those
-of both disks are rounded at a collision and again where the state is read: 2 sqrt(2) 2^-22. A time within a window, in
-which disks come less than a side far, adds some 2^-23. Measured were 0.34 2^-20 at most."""
+"""Overlap, as a part of the same side, of positions computed in single precision.
+
+They lie on a grid of 2^-22 of the side at most, to which those of both disks are rounded at a collision and again where
+the state is read: 2 sqrt(2) 2^-22. A time within a window, in which disks come less than a side far, adds some 2^-23.
+Measured were 0.34 2^-20 at most.
+"""
 
 
 def tolerances(box: Box, radius: Array, position: Array, rounding: float) -> tuple[float, float]:

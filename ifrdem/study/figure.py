@@ -196,7 +196,7 @@ def _has_axis(results: Results, name: str) -> bool:
 
 
 def _remarks(results: Results, name: str) -> str:
-    """What the analysis of a quantity says in its warnings and notes, after a colon."""
+    """Texts of the warnings and notes of the analysis of a quantity, each after a colon."""
     found = [
         line
         for kind in (WARNINGS, NOTES)

@@ -476,7 +476,7 @@ def _same_points(results: Results) -> list[tuple[int, ...]]:
 
 
 def warnings_of(results: Results) -> list[str]:
-    """How many runs have warnings of analyses, and lines with the texts; empty if none has."""
+    """Lines on the number of runs with warnings of analyses, and their texts; empty if none has."""
     if WARNINGS not in results.variables:
         return []  # of another version
     runs: dict[str, list[str]] = {}

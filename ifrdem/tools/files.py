@@ -42,7 +42,7 @@ REMEDIES = {
     errno.EIO: "the drive or its connection has failed; write to another disk",
     **dict.fromkeys((errno.EROFS, errno.EACCES, errno.EPERM), "write into another folder"),
 }
-"""What helps when the system does not write a file."""
+"""Remedies, by errno, where the system does not write a file."""
 
 # Device and inode of each file that this process has locked to write it.
 _locked: set[tuple[int, int]] = set()

@@ -1,4 +1,4 @@
-"""Where a tile lies among the columns and rows of tiles."""
+"""Column and row of a tile."""
 
 from ..compiler.language import ti
 

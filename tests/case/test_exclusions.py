@@ -1,4 +1,4 @@
-"""What cannot go with what: one gas for each row of `model.rules`, refused by `Simulation` and by the case alike.
+"""Exclusions: one gas for each row of `model.rules`, refused by `Simulation` and by the case alike.
 
 `Simulation` refuses before the runtime starts, a case before any work: `ifrdem check` and `ifrdem run` say the same.
 """
@@ -128,7 +128,7 @@ class Started(Exception):
 
 
 def arguments(gas: dict[str, Any]) -> dict[str, Any]:
-    """The same gas for `Simulation`."""
+    """Arguments of `Simulation` for this gas."""
     n, box, run, output = gas.get("number", 2), gas["box"], gas.get("run", {}), gas.get("output", {})
     rows = int(np.sqrt(n)) + 1
     place = np.stack([np.arange(n) % rows, np.arange(n) // rows], axis=1) * 1.5 + 1.0
