@@ -43,12 +43,13 @@ SEPARATING = 2.25  # square of a distance in contact distances: at it or less tw
 RING = 16  # places for slots to come, of up to 9 cells; a power of two
 LEAST_ID = -(2**31)
 NOT_QUEUED = -1  # as `event_info.previous`; the first of bin b has -2 - b
-MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
-# Of a gas in one tile: a second's work at most, between two looks at the clock.
-MOST_EVENTS_OF_A_LAUNCH = 1_000_000
-# Events, and those of each disk besides, in which a window that ends advances by this part of it: some seconds of work.
-# A disk collides about once in a window, and crosses a few hundred cells in the thinnest gases.
-LONG, LONG_OF_A_DISK, LEAST_ADVANCE = 5_000_000, 100, 0.05
+MANY_EVENTS = 200_000  # and 20 of each disk, without progress of time: an inelastic collapse
+EVENTS_OF_A_LOOK = 100_000  # between two looks of `check_progress`
+# Of a gas in one tile: a second's work or two, before Python may look whether it is to stop.
+MOST_EVENTS_OF_A_LAUNCH = 400_000
+# Events, and those of each disk besides, in which a window that ends advances by this part of it: some 20 s of work.
+# A disk collides about once in a window, and crosses a few hundred cells in the thinnest gases: some 15 in this part.
+LONG, LONG_OF_A_DISK, LEAST_ADVANCE = 2_500_000, 30, 0.05
 TOO_FAR = 1e6  # or a disk that would come so many times through its region in a window
 
 
@@ -816,17 +817,20 @@ def meet_wall(
 
 @ti.func
 def check_progress(turn: ti.template(), run: ti.template(), region: ti.template(), gas: ti.template()):
-    """End the events if time has not advanced since `checked_at`: so many events without progress have no end.
+    """End the events if time has not advanced for so many that they have no end.
 
     It may advance, and come to no end all the same. So a gas in one tile pauses after a long launch (BY_WORK), where
-    the host looks how far it has come and takes note of Ctrl-C, and goes on. A tile of many cannot pause: it skips
-    the rest of its events, and is marked, so that one thread runs the whole box, with pauses.
+    the host looks how far it has come and takes note of Ctrl-C, and goes on. It pauses only where time has advanced
+    since the last look, so that pauses do not hide that it stands still. A tile of many cannot pause: it skips the
+    rest of its events, and is marked, so that one thread runs the whole box, with pauses.
     """
-    stuck = turn.t - run.checked_at < 1e-9 * run.window
+    advances = turn.t - run.advanced_at >= 1e-9 * run.window
+    if advances:
+        run.advanced, run.advanced_at = run.events, turn.t
+    stuck = run.events - run.advanced > MANY_EVENTS + 20 * run.n
     alone = gas.grid.single_tile == 1
-    most = LONG + LONG_OF_A_DISK * run.n
+    most = LONG // 5 + LONG_OF_A_DISK * run.n
     if ti.static(on_gpu()):  # where nothing pauses, and a thread is slower
-        most = LONG // 10 + LONG_OF_A_DISK * run.n
         stuck = stuck or (
             alone and run.events > most and turn.t * most < LEAST_ADVANCE * run.window * run.events
         )
@@ -837,7 +841,7 @@ def check_progress(turn: ti.template(), run: ti.template(), region: ti.template(
                 stalled = 2  # also of a speed that is no number
         ti.atomic_max(gas.counter.stalled, stalled)
         run.active = 0
-    elif alone and run.events > MOST_EVENTS_OF_A_LAUNCH and run.pauses == 1:
+    elif alone and advances and run.events > MOST_EVENTS_OF_A_LAUNCH and run.pauses == 1:
         if ti.static(not on_gpu()):
             gas.counter.paused, gas.counter.written, gas.clock.reached = (
                 BY_WORK,
@@ -849,7 +853,7 @@ def check_progress(turn: ti.template(), run: ti.template(), region: ti.template(
         gas.tile[run.tile].mark = TOO_LONG
         ti.atomic_add(gas.counter.stuck, 1)  # other tiles need not go on
         run.last, run.acts = 0, FAR + 0.0 * run.window
-    run.checked, run.checked_at = run.events, turn.t
+    run.next_look = run.events + EVENTS_OF_A_LOOK
 
 
 @ti.func
@@ -957,6 +961,9 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     `run` and `turn` are records: the functions above read and change them, and nothing else of this function.
     """
     window = gas.scale.window
+    first_look = EVENTS_OF_A_LOOK
+    if gas.grid.single_tile == 0 and gas.counter.stuck > 0:
+        first_look = 0
     run = ti.Struct(
         n=n, n_bins=n_bins, tile=tile, resuming=resuming,
         # first slot, and first bin, of the lane; bins in a unit of time
@@ -970,7 +977,8 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         pausing=gas.counter.pausing, pauses=1,  # 1, or BY_COUNT
         # the next row of `kicks`, when it acts, until when anything is predicted, and the bin behind that time
         row=0, acts=FAR + 0.0 * window, horizon=window, last=n_bins,
-        events=0, checked=0, checked_at=0.0 * window, patience=MANY_EVENTS + 20 * n,  # `check_progress`
+        # `check_progress`; a tile that begins after another one was marked looks at once
+        events=0, advanced=0, advanced_at=-1.0 - window, next_look=first_look,
     )  # fmt: skip
     begin_queue(run, gas)
     if ti.static(gas.uses.forced):
@@ -1013,7 +1021,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 run.events += 1
                 turn.first, turn.n_searching = turn.i, 1
                 run_event(turn, run, region, gas)
-                if run.events - run.checked > run.patience:
+                if run.events > run.next_look:
                     check_progress(turn, run, region, gas)
         for q in range(turn.n_searching):
             turn.i = turn.first

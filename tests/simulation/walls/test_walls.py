@@ -16,6 +16,7 @@ from support.serial_reference import simulate
 from ifrdem import Device, VelocityCutoff, forces, laws
 from ifrdem.errors import InelasticCollapse, InputError
 from ifrdem.initial import maxwellian, random_positions
+from ifrdem.kernels.events.events import EVENTS_OF_A_LOOK, LONG, LONG_OF_A_DISK, MOST_EVENTS_OF_A_LAUNCH
 from ifrdem.kernels.laws.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.laws.ifr import IFRLaw
@@ -24,6 +25,7 @@ from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.windows.runner import TileRunner
 
 ORDERS = ("serial", "tiled")
 RUNNER = "ifrdem.simulation.windows.runner"
@@ -356,7 +358,7 @@ def test_a_viscoelastic_ball_that_comes_to_rest_stops_the_run_with_a_reason(
 
 
 def test_a_window_without_end_lets_signals_in(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Kernels hold the interpreter's lock: a launch ends after a million events, so that a handler can act."""
+    """Kernels hold the interpreter's lock: a launch ends after some 1e5 events, so that a handler can act."""
     monkeypatch.setattr(f"{RUNNER}.LONG", 10**12)
     before = signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(TimeoutError))
     engine = viscoelastic_balls()
@@ -404,12 +406,29 @@ def test_a_long_window_that_pauses_for_its_work_has_the_bits_of_one_that_does_no
 
 
 @pytest.mark.full
-def test_a_collapse_in_one_of_many_tiles_stops_the_run() -> None:
-    """A tile cannot pause: it leaves the window to one thread, which can."""
+def test_a_collapse_in_one_of_many_tiles_stops_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tile cannot pause: it leaves the window to one thread, which can. Ctrl-C acts after each launch: all are short.
+
+    A launch of 24 tiles had 15 million events, in 17 s, and those of one thread afterwards 14 s.
+    """
+    launches = []
+
+    def counted(self: Any, *given: int) -> None:
+        call_kernels(self, *given)
+        launches.append((bool(self.arrays.grid.single_tile), int(self.arrays.counter.n_events)))
+
+    call_kernels = TileRunner._call_kernels
+    monkeypatch.setattr(TileRunner, "_call_kernels", counted)
     engine = viscoelastic_balls(24, order="tiled", tile_disks=6)
     assert engine.arrays.tiles > 1
     with pytest.raises(InelasticCollapse, match="without end in a window"):
         run_to(engine, 20.0)
+    longest = [max(events for alone, events in launches if alone is single) for single in (False, True)]
+    # One tile a thread until it is marked, and the others until they look.
+    assert (
+        0 < longest[0] < 2 * (LONG // 5 + 24 * LONG_OF_A_DISK) + (engine.arrays.tiles + 2) * EVENTS_OF_A_LOOK
+    )
+    assert 0 < longest[1] < MOST_EVENTS_OF_A_LAUNCH + 2 * EVENTS_OF_A_LOOK
 
 
 @pytest.mark.parametrize("order", ORDERS)
