@@ -372,7 +372,8 @@ MOST_MOMENTS = 8
 SCALE = Columns(
     length_x="length of the box along x", length_y="length along y", cell_side="least side of a cell",
     window="length of the window", widest="largest diameter", rounding_constant="what rounds positions",
-    gx="gravity along x", gy="gravity along y", cutoff="cut-off of velocity, or the resting speed",
+    gx="gravity along x", gy="gravity along y", velocity_cutoff="cut-off of velocity, or 0",
+    resting_speed="of `Rest`, or 0",
     contact_time="contact time", shear="shear rate", drift="speed of a row of tiles relative to the one below",
     aside="its shift beyond whole tiles", split="the largest radius of disks in small cells",
     usual_halo="halo that tiles begin with", most_halo="the widest halo",

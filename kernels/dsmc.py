@@ -83,17 +83,20 @@ def meet(c, i, j, gas: ti.template()):
         sine = ti.cast(2.0 * unit(w[2], w[3]) - 1.0, float)
         cosine = ti.sqrt(ti.max(1.0 - sine * sine, 0.0))
         n_x, n_y = (gx * cosine - gy * sine) / speed, (gy * cosine + gx * sine) / speed
-        vx_i, vy_i, w_i, vx_j, vy_j, w_j, _regime, _lost = collided(
+        new, _regime, _lost = collided(
             ti.cast(a.material, ti.i32), ti.cast(b.material, ti.i32), n_x, n_y,
             a.inverse_mass, a.radius, a.k, a.vx, a.vy, a.spin,
             b.inverse_mass, b.radius, b.k, b.vx, b.vy, b.spin, 0, gas,
         )  # fmt: skip
-        gas.disk[i].vx, gas.disk[i].vy, gas.disk[i].spin = vx_i, vy_i, w_i
-        gas.disk[j].vx, gas.disk[j].vy, gas.disk[j].spin = vx_j, vy_j, w_j
+        gas.disk[i].vx, gas.disk[i].vy, gas.disk[i].spin = new.vx_i, new.vy_i, new.w_i
+        gas.disk[j].vx, gas.disk[j].vy, gas.disk[j].spin = new.vx_j, new.vy_j, new.w_j
         gas.hits[i] += 1
         gas.hits[j] += 1
         ti.atomic_add(gas.counter.collisions, 1)
-        if ti.max(vx_i * vx_i + vy_i * vy_i, vx_j * vx_j + vy_j * vy_j) > gas.contact_value.cap:
+        if (
+            ti.max(new.vx_i * new.vx_i + new.vy_i * new.vy_i, new.vx_j * new.vx_j + new.vy_j * new.vy_j)
+            > gas.contact_value.cap
+        ):
             ti.atomic_min(gas.counter.cut, c)
 
 

@@ -571,13 +571,13 @@ class TableFriction(Force):
     @staticmethod
     def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
         speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
-        v, u, _x, _t, _eps = advance(
+        new = advance(
             speed, disk.radius * disk.spin, disk.k, p.deceleration, step.dt, ti.static(step_tolerance())
         )
         left = 0.0 * speed
         if speed > 0.0:
-            left = v / speed
-        return left * disk.vx, left * disk.vy, u / disk.radius
+            left = new.v / speed
+        return left * disk.vx, left * disk.vy, new.u / disk.radius
 
 
 class Rescale(Force):

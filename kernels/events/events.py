@@ -368,9 +368,9 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     ry += nearest(ry, gas.scale.length_y, region.wrap_y)
     r = ti.sqrt(rx * rx + ry * ry)
     if ti.static(gas.uses.rests):
-        slow = ((vx_a - vx_b) * rx + (vy_a - vy_b) * ry) / r < gas.scale.cutoff
+        slow = ((vx_a - vx_b) * rx + (vy_a - vy_b) * ry) / r < gas.scale.resting_speed
         hit_sleepers(a, b, t, since_a, since_b, asleep_a, asleep_b, slow, inverse_a, inverse_b, tile, gas)
-    new_vx_a, new_vy_a, new_w_a, new_vx_b, new_vy_b, new_w_b, regime, lost = collided(
+    new, regime, lost = collided(
         p, q, rx / r, ry / r, inverse_a, radius_a, k_a, vx_a, vy_a, w_a, inverse_b, radius_b, k_b, vx_b, vy_b, w_b,
         persistent, gas,
     )  # fmt: skip
@@ -380,8 +380,8 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     turn(b, t, gas)
     motion_a.x, motion_a.y, motion_a.tau = x_a, y_a, t
     motion_b.x, motion_b.y, motion_b.tau = x_b, y_b, t
-    motion_a.vx, motion_a.vy, motion_a.spin = new_vx_a, new_vy_a, new_w_a
-    motion_b.vx, motion_b.vy, motion_b.spin = new_vx_b - faster, new_vy_b, new_w_b
+    motion_a.vx, motion_a.vy, motion_a.spin = new.vx_i, new.vy_i, new.w_i
+    motion_b.vx, motion_b.vy, motion_b.spin = new.vx_j - faster, new.vy_j, new.w_j
     info_a.number, info_b.number = number_a + 1, number_b + 1
     info_a.hash_1, info_a.hash_2, info_b.hash_1, info_b.hash_2 = hash_1_a, hash_2_a, hash_1_b, hash_2_b
     info_a.last, info_b.last = b, a
@@ -390,22 +390,22 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         note_speed(a, gas)
         note_speed(b, gas)
     else:
-        info_a.max_speed_sq = ti.max(fastest_a, speed_square(new_vx_a, new_vy_a))
-        info_b.max_speed_sq = ti.max(fastest_b, speed_square(new_vx_b - faster, new_vy_b))
+        info_a.max_speed_sq = ti.max(fastest_a, speed_square(new.vx_i, new.vy_i))
+        info_b.max_speed_sq = ti.max(fastest_b, speed_square(new.vx_j - faster, new.vy_j))
     if writes > 0:
         write_pair(a, b, t, tile, gas)
     if ti.static(gas.uses.watched):
         before = ti.Vector([vx_a, vy_a, w_a, vx_b, vy_b, w_b])
-        after = ti.Vector([new_vx_a, new_vy_a, new_w_a, new_vx_b, new_vy_b, new_w_b])
+        after = ti.Vector([new.vx_i, new.vy_i, new.w_i, new.vx_j, new.vy_j, new.w_j])
         write_collision(a, b, t, rx, ry, r, before, after, regime, tile, region, gas)
     if ti.static(gas.uses.itemised):
         charge_half(a, regime, lost, gas)
         charge_half(b, regime, lost, gas)
     if owned:
-        count_collision(kind_a, regime, lost, rows, faster, vx_a, new_vx_a, tile, gas)
+        count_collision(kind_a, regime, lost, rows, faster, vx_a, new.vx_i, tile, gas)
     if ti.static(gas.uses.stressed):
         add_virial_of_pair(
-            tile, a, b, kind_a, kind_b, new_vx_a - vx_a, new_vy_a - vy_a, new_vx_b - vx_b, new_vy_b - vy_b, rx, ry, gas
+            tile, a, b, kind_a, kind_b, new.vx_i - vx_a, new.vy_i - vy_a, new.vx_j - vx_b, new.vy_j - vy_b, rx, ry, gas
         )  # fmt: skip
 
 
@@ -769,11 +769,9 @@ def write_here(turn: ti.template(), run: ti.template(), region: ti.template(), g
         if turn.writing != AT_END:
             write(run.n, run.tile, turn.writing, 0, 1, region, gas)
     else:
-        fastest, squares, event_squares, excursion, farthest, overhang = write(
-            run.n, run.tile, turn.writing, 0, 1, region, gas
-        )
+        share = write(run.n, run.tile, turn.writing, 0, 1, region, gas)
         if turn.writing == AT_END:
-            note_extremes(run.tile, fastest, squares, event_squares, excursion, farthest, overhang, gas)
+            note_extremes(run.tile, share, gas)
 
 
 @ti.func

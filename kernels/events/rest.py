@@ -107,7 +107,7 @@ def wake(i, tile, gas: ti.template()):
 @ti.func
 def is_slow(i, vx, vy, gas: ti.template()):
     """1 if the disk in slot i, with this velocity in the lab, is slow enough to rest, else 0."""
-    limit = SLOW * gas.scale.cutoff
+    limit = SLOW * gas.scale.resting_speed
     surface = radius_of(i, gas) * gas.motion[i].spin
     return ti.cast(vx * vx + vy * vy < limit * limit and surface * surface < limit * limit, ti.i32)
 
@@ -116,7 +116,7 @@ def is_slow(i, vx, vy, gas: ti.template()):
 def count_hit(i, t, since, gas: ti.template()):
     """Count a slow hit of a disk or wall at rest by the disk in slot i, if its latest collision was just before."""
     pull = ti.abs(gas.scale.gx) + ti.abs(gas.scale.gy)
-    quick = (t - since) * pull < QUICK * gas.scale.cutoff
+    quick = (t - since) * pull < QUICK * gas.scale.resting_speed
     gas.rest[i].hits = ti.select(quick, gas.rest[i].hits + 1, 0)
 
 
@@ -265,7 +265,7 @@ def from_wall(i, image, region: ti.template(), gas: ti.template()):
     near.
     """
     w = wall_of(image)
-    s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale.cutoff, gas)
+    s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale.resting_speed, gas)
     x, y = position_at(i, image, region, gas)
     if ti.static(gas.uses.turning):
         angle, _spin, _most, _turn_bound = wall_turn(w, 0.0 * s, gas)
@@ -283,7 +283,7 @@ def find_contacts(n, region: ti.template(), gas: ti.template()):
     Awake disks without any may not.
     """
     pull = ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2)
-    near = GAP * gas.scale.cutoff * gas.scale.cutoff / pull
+    near = GAP * gas.scale.resting_speed * gas.scale.resting_speed / pull
     offset = region.lane * gas.grid.lane_slots
     count = 0
     for i in range(offset, offset + n):

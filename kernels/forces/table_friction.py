@@ -97,7 +97,8 @@ def rates(theta, log_q, k):
 
 @ti.func
 def slide(theta, k, end, tolerance):
-    """Fly from q = 1 at `theta` for the time `end`, or to rest; returns theta, ln q, a t, a x, and 1.0 at rest.
+    """Fly from q = 1 at `theta` for the time `end`, or to rest; returns theta, log_q = ln q, t and x
+    times a, and at_rest, 1.0 there.
 
     Steps of Dormand and Prince's pair of orders 5 and 4 (J. Comput. Appl. Math. 6, 19 (1980)), each of which may err
     by `tolerance` in theta and ln q, and in units of q^2/a and q/a at the start in x and t. A step that would pass
@@ -168,7 +169,7 @@ def slide(theta, k, end, tolerance):
         if steps >= MOST_STEPS:
             y *= ti.math.nan  # never seen; a wrong number would be worse
             active = 0
-    return y[0], y[1], y[2], y[3], at_rest
+    return ti.Struct(theta=y[0], log_q=y[1], t=y[2], x=y[3], at_rest=at_rest)
 
 
 @ti.func
@@ -189,15 +190,15 @@ def advance(v, u, k, a, dt, tolerance):
     t = 0.0 * v
     eps = 0.0 * v
     if q > 0.0:
-        theta, log_q, reduced_t, reduced_x, at_rest = slide(ti.atan2(v, ti.abs(u)), k, a * dt / q, tolerance)
-        if at_rest == 0.0:
-            q_new = q * ti.exp(log_q)
-            v_new = q_new * ti.max(ti.sin(theta), 0.0)
-            u_new = q_new * ti.max(ti.cos(theta), 0.0) * (1.0 * (u > 0.0) - 1.0 * (u < 0.0))
-        x = reduced_x * q * q / a
-        t = ti.min(reduced_t * q / a, dt)
-        eps = ti.tan(theta)
-    return v_new, u_new, x, t, eps
+        flown = slide(ti.atan2(v, ti.abs(u)), k, a * dt / q, tolerance)
+        if flown.at_rest == 0.0:
+            q_new = q * ti.exp(flown.log_q)
+            v_new = q_new * ti.max(ti.sin(flown.theta), 0.0)
+            u_new = q_new * ti.max(ti.cos(flown.theta), 0.0) * (1.0 * (u > 0.0) - 1.0 * (u < 0.0))
+        x = flown.x * q * q / a
+        t = ti.min(flown.t * q / a, dt)
+        eps = ti.tan(flown.theta)
+    return ti.Struct(v=v_new, u=u_new, x=x, t=t, eps=eps)
 
 
 @ti.kernel
@@ -215,4 +216,5 @@ def slide_coins(
     for i in range(v.shape[0]):
         # In the precision of the arrays: v + 0 gives the scalars their type.
         zero = 0.0 * v[i]
-        v[i], u[i], x[i], t[i], eps[i] = advance(v[i], u[i], k[i], a[i], zero + dt, zero + tolerance)
+        new = advance(v[i], u[i], k[i], a[i], zero + dt, zero + tolerance)
+        v[i], u[i], x[i], t[i], eps[i] = new.v, new.u, new.x, new.t, new.eps

@@ -35,22 +35,22 @@ def braking_loss(T, w_free, inverse_mass, radius, k):
 
 
 @ti.func
-def losses_of(P_n, P_t, T, P_et, pair: ti.template()):
-    """Energy that these impulses take from a pair that approaches (`impulses_between`): a vector of `LOSS`."""
+def losses_of(given: ti.template(), pair: ti.template()):
+    """Energy that the impulses `given` take from a pair that approaches (`impulses_between`): a vector of `LOSS`."""
     # Divisions are what this costs: none that can be spared.
     inverse_n, inverse_t = inverse_masses(pair.inverse_mass_i, pair.k_i, pair.inverse_mass_j, pair.k_j)
-    tangential = ti.cast(P_t, ti.f64) * (pair.g_t - 0.5 * P_t * inverse_t)
-    restitution = ti.cast(P_et, ti.f64) * (pair.g_t - 0.5 * P_et * inverse_t)
+    tangential = ti.cast(given.P_t, ti.f64) * (pair.g_t - 0.5 * given.P_t * inverse_t)
+    restitution = ti.cast(given.P_et, ti.f64) * (pair.g_t - 0.5 * given.P_et * inverse_t)
     lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     loss = NamedVector(lost, LOSS)
-    loss.normal = ti.cast(P_n, ti.f64) * (pair.g_n - 0.5 * P_n * inverse_n)
+    loss.normal = ti.cast(given.P_n, ti.f64) * (pair.g_n - 0.5 * given.P_n * inverse_n)
     loss.restitution = restitution
     loss.friction = tangential - restitution
-    if T != 0.0:  # a custom law may give a negative one, which drives spins
-        free_i = pair.spin_i - pair.k_i * pair.inverse_mass_i / pair.radius_i * P_t
-        free_j = pair.spin_j - pair.k_j * pair.inverse_mass_j / pair.radius_j * P_t
-        loss.rolling = braking_loss(T, free_i, pair.inverse_mass_i, pair.radius_i, pair.k_i)
-        loss.rolling += braking_loss(T, free_j, pair.inverse_mass_j, pair.radius_j, pair.k_j)
+    if given.T != 0.0:  # a custom law may give a negative one, which drives spins
+        free_i = pair.spin_i - pair.k_i * pair.inverse_mass_i / pair.radius_i * given.P_t
+        free_j = pair.spin_j - pair.k_j * pair.inverse_mass_j / pair.radius_j * given.P_t
+        loss.rolling = braking_loss(given.T, free_i, pair.inverse_mass_i, pair.radius_i, pair.k_i)
+        loss.rolling += braking_loss(given.T, free_j, pair.inverse_mass_j, pair.radius_j, pair.k_j)
     return lost
 
 
@@ -64,9 +64,10 @@ LEAST_REBOUND = 0.1  # of the resting speed
 def impulses_between(
     p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas: ti.template()
 ):  # fmt: skip
-    """P_n, P_t, T by the law of materials p and q; with a ledger P_et, sticking, rolling; g_n; the pair.
+    """Impulses by the law of materials p and q, P_n, P_t, T, with a ledger P_et, sticks, rolls; the pair, with its g_n.
 
-    All of P_t counts as restitution for a custom law, which does not divide it. Arguments as for `law.collide_pair`.
+    g_n is below 0 where it separates by rounding. All of P_t counts as restitution for a custom law, which does not
+    divide it. Arguments as for `law.collide_pair`.
     """
     g_n, g_t, m_n, m_t = relative_motion(
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
@@ -77,15 +78,13 @@ def impulses_between(
         inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
         inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j,
     )  # fmt: skip
-    row = ti.Vector([gas.law[p, q][j] for j in ti.static(range(len(gas.uses.collision_law.names)))])
-    if ti.static(gas.uses.rests):
-        if (
-            g_n < gas.scale.cutoff
-        ):  # a contact that lasts (`events/rest.py`): e_n = 1 except for the least rebound
-            pair.g_n = ti.max(g_n, LEAST_REBOUND * gas.scale.cutoff)
-            row[0], row[1], row[3] = g_n / pair.g_n, -1.0, 1.0
     names = ti.static(gas.uses.collision_law.names)
-    law = ti.Struct({names[j]: row[j] for j in ti.static(range(len(names)))})
+    law = ti.Struct({names[j]: gas.law[p, q][j] for j in ti.static(range(len(names)))})
+    if ti.static(gas.uses.rests):
+        # A contact that lasts (`events/rest.py`): e_n = 1 except for the least rebound.
+        if g_n < gas.scale.resting_speed:
+            pair.g_n = ti.max(g_n, LEAST_REBOUND * gas.scale.resting_speed)
+            law.e_n, law.e_t, law.contact_point = g_n / pair.g_n, -1.0, 1.0
     # One of the two, so that a law is compiled once.
     impulses = ti.Vector([0.0 * g_n] * 6)
     if ti.static(gas.uses.tallied and gas.uses.collision_law.parts):
@@ -94,9 +93,11 @@ def impulses_between(
     else:
         P_n, P_t, T = gas.uses.collision_law.impulses(pair, law)
         impulses = ti.Vector([P_n, P_t, T, P_t, 0.0 * g_n, 0.0 * g_n])
-    if ti.static(gas.uses.rests):
-        pair.g_n = g_n
-    return impulses[0], impulses[1], impulses[2], impulses[3], impulses[4], impulses[5], g_n, pair
+    pair.g_n = g_n
+    given = ti.Struct(
+        P_n=impulses[0], P_t=impulses[1], T=impulses[2], P_et=impulses[3], sticks=impulses[4], rolls=impulses[5]
+    )  # fmt: skip
+    return given, pair
 
 
 @ti.func
@@ -104,47 +105,50 @@ def collided(
     p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, persistent,
     gas: ti.template(),
 ):  # fmt: skip
-    """Velocities and spins (vx_i, vy_i, w_i, vx_j, vy_j, w_j) of p and q after a collision; how it was; its losses.
+    """Velocities and spins after a collision of materials p and q, vx_i, vy_i, w_i, vx_j, vy_j, w_j; how; its losses.
 
     How: ELASTIC; else, with a ledger, STICKS and ROLLS; else 0. Losses: as of `losses_of`; 0 without one.
     Arguments as for `law.collide_pair`; p and q are materials. A pair that separates keeps its velocities and spins.
     With `persistent` > 0 (the tc rule), or below the cut-off, disks collide like smooth elastic ones.
     """
-    P_n, P_t, T, P_et, sticking, rolling, g_n, pair = impulses_between(
+    given, pair = impulses_between(
         p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas
     )
-    elastic = g_n < gas.scale.cutoff
+    elastic = pair.g_n < gas.scale.velocity_cutoff
+    if ti.static(gas.uses.rests):
+        elastic = pair.g_n < gas.scale.resting_speed
     if ti.static(gas.uses.remembers):
         elastic = elastic or persistent > 0
     regime = 0
     lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
-    approaching = 1.0 * (g_n > 0.0)
+    approaching = 1.0 * (pair.g_n > 0.0)
     if ti.static(gas.uses.rests):
-        approaching = 1.0 * (P_n > 0.0)  # also a pair that separates too slowly
-        if elastic and P_n > 0.0:
+        approaching = 1.0 * (given.P_n > 0.0)  # also a pair that separates too slowly
+        if elastic and given.P_n > 0.0:
             if ti.static(gas.uses.tallied):
-                lost = losses_of(P_n, P_t, T, P_et, pair)
-                regime = STICKS * ti.cast(sticking, ti.i32)
+                lost = losses_of(given, pair)
+                regime = STICKS * ti.cast(given.sticks, ti.i32)
             regime += ELASTIC
             elastic = False
-        elif g_n > 0.0:
+        elif pair.g_n > 0.0:
             if ti.static(gas.uses.tallied):
-                lost = losses_of(P_n, P_t, T, P_et, pair)
-                regime = STICKS * ti.cast(sticking, ti.i32) + ROLLS * ti.cast(rolling, ti.i32)
+                lost = losses_of(given, pair)
+                regime = STICKS * ti.cast(given.sticks, ti.i32) + ROLLS * ti.cast(given.rolls, ti.i32)
     elif elastic:
-        P_n = 2.0 * pair.m_n * g_n
-        P_t = 0.0
-        T = 0.0
+        given.P_n = 2.0 * pair.m_n * pair.g_n
+        given.P_t = 0.0
+        given.T = 0.0
         regime = ELASTIC
-    elif g_n > 0.0:
+    elif pair.g_n > 0.0:
         if ti.static(gas.uses.tallied):
-            lost = losses_of(P_n, P_t, T, P_et, pair)
-            regime = STICKS * ti.cast(sticking, ti.i32) + ROLLS * ti.cast(rolling, ti.i32)
+            lost = losses_of(given, pair)
+            regime = STICKS * ti.cast(given.sticks, ti.i32) + ROLLS * ti.cast(given.rolls, ti.i32)
     vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new = after_impulses(
-        approaching * P_n, approaching * P_t, approaching * T,
+        approaching * given.P_n, approaching * given.P_t, approaching * given.T,
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j,
     )  # fmt: skip
-    return vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new, regime, lost
+    after = ti.Struct(vx_i=vx_i_new, vy_i=vy_i_new, w_i=w_i_new, vx_j=vx_j_new, vy_j=vy_j_new, w_j=w_j_new)
+    return after, regime, lost
 
 
 @kernel
@@ -153,13 +157,14 @@ def sample_law(gas: Arrays("uses law pairs found", TRIAL_TABLES)):
     for c in range(gas.pairs.shape[0]):
         it, result = gas.pairs[c], gas.found[c]
         p, q = ti.cast(it.material_i, ti.i32), ti.cast(it.material_j, ti.i32)
-        P_n, P_t, T, _, _, _, g_n, pair = impulses_between(
+        given, pair = impulses_between(
             p, q, 1.0, 0.0, it.inverse_mass_i, it.radius_i, it.k_i, it.vx_i, it.vy_i, it.spin_i,
             it.inverse_mass_j, it.radius_j, it.k_j, 0.0, 0.0, it.spin_j, gas,
         )  # fmt: skip
-        result.P_n = P_n
-        result.least_P_n = pair.m_n * g_n
+        result.P_n = given.P_n
+        result.least_P_n = pair.m_n * pair.g_n
         result.vx_i, result.vy_i, result.spin_i, result.vx_j, result.vy_j, result.spin_j = after_impulses(
-            P_n, P_t, T, 1.0, 0.0, it.inverse_mass_i, it.radius_i, it.k_i, it.vx_i, it.vy_i, it.spin_i,
+            given.P_n, given.P_t, given.T, 1.0, 0.0,
+            it.inverse_mass_i, it.radius_i, it.k_i, it.vx_i, it.vy_i, it.spin_i,
             it.inverse_mass_j, it.radius_j, it.k_j, 0.0, 0.0, it.spin_j,
         )  # fmt: skip

@@ -589,7 +589,8 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
     """Write own disks to their slots, as they are at the window's end, or at a requested moment.
 
     At the end, where a window begins next, histories and ghost records are written. A `team` of threads shares the n
-    disks. Returns what `note_extremes` takes, of the thread's share.
+    disks. Returns what `note_extremes` takes, of the thread's share: the greatest square of a speed, sums of squares of
+    speeds [`clock.square_unit`] and of numbers of events, the greatest excursion, displacement and overhang [length].
     """
     offset = region.lane * gas.grid.lane_slots
     base = gas.tile[tile].start.other[gas.grid.part]
@@ -654,21 +655,22 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
             gas.ghost[g].place = slot_before | (step << GHOST_STEP)
             gas.ghost[g].hash_1, gas.ghost[g].hash_2, gas.ghost[g].max_speed_sq = hash_1, hash_2, upper
         i += team
-    return fastest, squares, event_squares, excursion, max_displacement, overhang
+    return ti.Struct(
+        fastest=fastest, squares=squares, event_squares=event_squares, excursion=excursion,
+        max_displacement=max_displacement, overhang=overhang,
+    )  # fmt: skip
 
 
 @ti.func
-def note_extremes(
-    tile, fastest, squares, event_squares, excursion, max_displacement, overhang, gas: ti.template()
-):  # fmt: skip
+def note_extremes(tile, share: ti.template(), gas: ti.template()):
     """Enter what `write` returns at a window's end into the sums of a tile and its bounds."""
-    ti.atomic_max(gas.tally[tile, AT_END].fastest, ti.cast(fastest, ti.f64))
+    ti.atomic_max(gas.tally[tile, AT_END].fastest, ti.cast(share.fastest, ti.f64))
     # Whole numbers: exact in any order.
-    ti.atomic_add(gas.tally[tile, AT_END].squares, squares)
-    ti.atomic_add(gas.tally[tile, AT_END].event_squares, event_squares)
-    ti.atomic_max(gas.reach[tile].excursion, excursion)
-    ti.atomic_max(gas.reach[tile].max_displacement, max_displacement)
-    ti.atomic_max(gas.reach[tile].overhang, overhang)
+    ti.atomic_add(gas.tally[tile, AT_END].squares, share.squares)
+    ti.atomic_add(gas.tally[tile, AT_END].event_squares, share.event_squares)
+    ti.atomic_max(gas.reach[tile].excursion, share.excursion)
+    ti.atomic_max(gas.reach[tile].max_displacement, share.max_displacement)
+    ti.atomic_max(gas.reach[tile].overhang, share.overhang)
 
 
 @ti.func

@@ -111,25 +111,26 @@ def after_collision(i, w, t, before: ti.template(), persistent, contact: ti.temp
     if ti.static(gas.uses.pistons):
         if wall.motion.kind == FREE:
             inverse_w, k_w = wall.piston.inverse_mass, -1.0 + 0.0 * t
-    vx, vy, spin, ux, uy, _, regime, lost = collided(
+    new, regime, lost = collided(
         p, q, -contact.nx, -contact.ny, gas.kinds[kind].inverse_mass, radius, gas.kinds[kind].k, before.vx, before.vy,
         relative_spin, inverse_w, radius, k_w, contact.ux, contact.uy, 0.0, persistent, gas,
     )  # fmt: skip
+    after = ti.Struct(vx=new.vx_i, vy=new.vy_i, spin=new.w_i)
     gained = 0.0 * t  # by a piston, whose surface runs on
     if ti.static(gas.uses.pistons):
         if wall.motion.kind == FREE:
-            gained = (ux - contact.ux) * wall.motion.x + (uy - contact.uy) * wall.motion.y
+            gained = (new.vx_j - contact.ux) * wall.motion.x + (new.vy_j - contact.uy) * wall.motion.y
             set_piston(w, t, contact.s, contact.speed + gained, gas)
     if ti.static(gas.uses.thermal):
         if wall.temperature > 0.0:
-            vx, vy, spin = thermal_velocity(
+            after.vx, after.vy, after.spin = thermal_velocity(
                 i, wall.temperature, contact.nx, contact.ny, contact.ux, contact.uy, gas
             )
             regime = 0
             lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)  # what it took or gave is heat
     if ti.static(gas.uses.turning):
-        spin += contact.spin
-    return ti.Struct(vx=vx, vy=vy, spin=spin), gained, regime, lost
+        after.spin += contact.spin
+    return after, gained, regime, lost
 
 
 @ti.func

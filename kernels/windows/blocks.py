@@ -873,34 +873,38 @@ def run_stages(n, tile, me, fastest, serial, region: ti.template(), block: ti.te
 @ti.func
 def write_block(n, tile, me, region: ti.template(), block: ti.template()):
     """Write the own disks at the window's end, and the bounds and sums of them all."""
-    fastest, squares, event_squares, excursion, farthest, overhang = write(
-        n, tile, AT_END, me, THREADS, region, block
-    )
+    share = write(n, tile, AT_END, me, THREADS, region, block)
     warp = ti.u32(0xFFFFFFFF)  # all its threads
     for step in ti.static((16, 8, 4, 2, 1)):
-        fastest = ti.max(fastest, shuffled(fastest, step, warp))
-        squares += shuffled_f64(squares, step, warp)
-        event_squares += shuffled_f64(event_squares, step, warp)
-        excursion = ti.max(excursion, shuffled(excursion, step, warp))
-        farthest = ti.max(farthest, shuffled(farthest, step, warp))
-        overhang = ti.max(overhang, shuffled(overhang, step, warp))
+        share.fastest = ti.max(share.fastest, shuffled(share.fastest, step, warp))
+        share.squares += shuffled_f64(share.squares, step, warp)
+        share.event_squares += shuffled_f64(share.event_squares, step, warp)
+        share.excursion = ti.max(share.excursion, shuffled(share.excursion, step, warp))
+        share.max_displacement = ti.max(share.max_displacement, shuffled(share.max_displacement, step, warp))
+        share.overhang = ti.max(share.overhang, shuffled(share.overhang, step, warp))
     ti.simt.block.sync()
     if me % 32 == 0:
         row = me // 32
-        block.motion[row].x, block.motion[row].y = fastest, excursion
-        block.motion[row].vx, block.motion[row].vy = farthest, overhang
+        block.motion[row].x, block.motion[row].y = share.fastest, share.excursion
+        block.motion[row].vx, block.motion[row].vy = share.max_displacement, share.overhang
         # Whole numbers: exact in any order.
-        ti.atomic_add(block.tally[tile, AT_END].squares, squares)
-        ti.atomic_add(block.tally[tile, AT_END].event_squares, event_squares)
+        ti.atomic_add(block.tally[tile, AT_END].squares, share.squares)
+        ti.atomic_add(block.tally[tile, AT_END].event_squares, share.event_squares)
     ti.simt.block.sync()
     if me == 0:
         for row in range(THREADS // 32):
-            fastest, excursion = ti.max(fastest, block.motion[row].x), ti.max(excursion, block.motion[row].y)
-            farthest = ti.max(farthest, block.motion[row].vx)
-            overhang = ti.max(overhang, block.motion[row].vy)
-        block.tally[tile, AT_END].fastest = ti.cast(fastest, ti.f64)
-        block.reach[tile].excursion, block.reach[tile].max_displacement = excursion, farthest
-        block.reach[tile].overhang = overhang
+            share.fastest, share.excursion = (
+                ti.max(share.fastest, block.motion[row].x),
+                ti.max(share.excursion, block.motion[row].y),
+            )
+            share.max_displacement = ti.max(share.max_displacement, block.motion[row].vx)
+            share.overhang = ti.max(share.overhang, block.motion[row].vy)
+        block.tally[tile, AT_END].fastest = ti.cast(share.fastest, ti.f64)
+        block.reach[tile].excursion, block.reach[tile].max_displacement = (
+            share.excursion,
+            share.max_displacement,
+        )
+        block.reach[tile].overhang = share.overhang
 
 
 @ti.func

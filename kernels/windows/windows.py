@@ -270,10 +270,8 @@ def run_windows_on_gpu(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, ga
     for item in range((n_listed - first) * team):
         k, region, thread, n = share_of(item, first, gas)
         if n > 0:
-            fastest, squares, event_squares, excursion, farthest, overhang = write(
-                n, k, AT_END, thread, team, region, gas
-            )
-            note_extremes(k, fastest, squares, event_squares, excursion, farthest, overhang, gas)
+            share = write(n, k, AT_END, thread, team, region, gas)
+            note_extremes(k, share, gas)
     sum_tiles(gas)
 
 

@@ -199,7 +199,7 @@ class DeviceArrays:
         self.grid.first_piston = pistons[0] if len(pistons) else -1
         self.grid.periodic_x, self.grid.periodic_y = self.box.periodic
         self.scale.widest = self.widest
-        self.scale.cutoff = options.resting_speed or options.velocity_cutoff
+        self.scale.velocity_cutoff, self.scale.resting_speed = options.velocity_cutoff, options.resting_speed
         self.scale.contact_time = options.contact_time
         self.scale.shear = self.box.shear_rate
 
