@@ -217,8 +217,8 @@ class _Other:
         return self._row[self._first + 1 - m]
 
 
-def gas_of(tables: Mapping[str, Columns], names: Sequence[str], *arrays: Any) -> Any:
-    """A bundle, while a kernel is compiled, of its arrays by these names, with the columns of `tables`."""
+def gas_of(kernel: str, tables: Mapping[str, Columns], names: Sequence[str], *arrays: Any) -> Any:
+    """A bundle, while `kernel` is compiled, of its arrays by these names, with the columns of `tables`."""
     found = []
     for name, array in zip(names, arrays, strict=True):
         if name not in tables:
@@ -227,4 +227,15 @@ def gas_of(tables: Mapping[str, Columns], names: Sequence[str], *arrays: Any) ->
             found.append(
                 NamedRow(array, (), tables[name]) if name in SINGLE else Records(array, tables[name])
             )
-    return namedtuple("Gas", names)(*found)
+
+    class Gas(namedtuple("Gas", names)):  # type: ignore[misc]
+        """The arrays of the kernel."""
+
+        __slots__ = ()
+
+        def __getattr__(self, name: str) -> Any:
+            raise AttributeError(
+                f'kernel {kernel} has no array {name!r}: name it in its list, Arrays("{" ".join(names)}")'
+            )
+
+    return Gas(*found)

@@ -14,6 +14,7 @@ import linecache
 import textwrap
 import types
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from ..columns import AXES, TABLES, Columns
@@ -22,6 +23,20 @@ from .language import Cube, Rows, Table, ti
 from .records import gas_of
 
 _TYPES = {1: Rows, 2: Table, 3: Cube}
+
+
+def _keep_sources() -> None:
+    """Keep the sources of kernels as they are now, for the runtime reads them when it compiles.
+
+    Otherwise an edit meanwhile would compile a mixture of two texts, or end in errors about lines of others.
+    """
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        # Without a time of change, which `linecache` would check.
+        linecache.cache[str(path)] = (0, None, lines, str(path))
+
+
+_keep_sources()
 
 
 class Arrays:
@@ -83,7 +98,9 @@ def kernel(function: Callable[..., Any]) -> Any:
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
     cells = dict(zip(free, function.__closure__ or (), strict=True))
     cells["static"] = types.CellType(ti.static)
-    cells["bundle"] = types.CellType(functools.partial(gas_of, arrays.tables, arrays.names))
+    cells["bundle"] = types.CellType(
+        functools.partial(gas_of, function.__qualname__, arrays.tables, arrays.names)
+    )
     code = _code_in(_code_in(compile(text, file, "exec")))
     closure = tuple(cells[name] for name in code.co_freevars)
     declared = types.FunctionType(code, function.__globals__, function.__name__, None, closure)

@@ -211,7 +211,7 @@ def gather_tile(tile, step, gas: ti.template()):
     """
     origin = 0.0 * gas.scale.window
     near = ti.Struct(tile=step, step_y=0, shift_x=origin, shift_y=origin, boxes_x=0, boxes_y=0)
-    if gas.grid.single_tile == 1:
+    if gas.grid.single_tile == 1:  # the first edge is 0 but in open space
         near.shift_x = ti.cast(gas.edge_x[step // gas.grid.tiles_y] - gas.edge_x[0], float)
         near.shift_y = ti.cast(gas.edge_y[step % gas.grid.tiles_y] - gas.edge_y[0], float)
     else:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import linecache
 import re
 from pathlib import Path
 
@@ -65,3 +67,27 @@ def test_an_error_in_a_kernel_names_its_file_and_line() -> None:
     path = Path(records.__file__)
     line = 1 + path.read_text().splitlines().index("        gas.disk[i].mass = 1.0")
     assert re.search(rf'{re.escape(str(path))} \(kernel wrong\)", line {line}, in wrong', str(caught.value))
+
+
+def test_an_array_that_is_not_in_the_list_of_a_kernel_is_named_with_kernel_and_list() -> None:
+    """The error said "'Gas' object has no attribute 'scale'", wherever the function that asks stood."""
+    backend.start()
+    from support.kernels import records
+
+    from ifrdem.kernels.compiler.language import CompilationError, ti
+
+    with pytest.raises(CompilationError) as caught:
+        records.missing(ti.Vector.ndarray(5, ti.f64, 2))
+    assert """kernel missing has no array 'scale': name it in its list, Arrays("disk")""" in str(caught.value)
+
+
+def test_sources_of_kernels_are_those_of_the_start_of_the_process() -> None:
+    """An edit of the tree before a kernel compiled ended in an AssertionError of the runtime, or another program."""
+    backend.start()
+    from ifrdem.kernels.events import events
+
+    path = events.__file__
+    assert linecache.cache[path][1] is None  # no time, so that `linecache` does not look at the file
+    linecache.checkcache(path)
+    assert "def check_progress" in inspect.getsource(events.check_progress)
+    assert path in linecache.cache

@@ -32,3 +32,10 @@ def shifting(shift: float):  # type: ignore[no-untyped-def]
             gas.disk[i].x += shift
 
     return move_by
+
+
+@kernel
+def missing(gas: Arrays("disk")):
+    """Use an array that is not in the list."""
+    for i in range(gas.disk.shape[0]):
+        gas.disk[i].x = gas.scale.window
