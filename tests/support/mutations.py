@@ -67,6 +67,14 @@ OTHER = {
 Mutation = dict[str, Any]
 
 
+def tests_of(file: str) -> str:
+    """The tests that belong to a file: those of `TESTS`, else those of its folder. Names, separated by blanks."""
+    folder = Path("tests", *Path(file).parts[1 if file.startswith("ifrdem/") else 0 : -1])
+    while not folder.exists():
+        folder = folder.parent
+    return next((tests for pattern, tests in TESTS.items() if fnmatch(file, pattern)), str(folder))
+
+
 def mutations(file: str) -> Iterator[Mutation]:
     """All of a file: other operators, comparisons, signs, extremes, constants (+2 %, or +1), and dropped statements."""
     data = Path(file).read_bytes()
@@ -157,9 +165,16 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=50, help="mutations of each of FILES (default: 50)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
-        "--out", type=Path, required=True, help="lines of JSON; mutations that are there are left out"
+        "--tests", action="store_true", help="only print the tests that belong to each of FILES"
     )
+    parser.add_argument("--out", type=Path, help="lines of JSON; mutations that are there are left out")
     given = parser.parse_args()
+    if given.tests:
+        for name in given.files:
+            print(name, tests_of(name))
+        return
+    if given.out is None:
+        parser.error("the following arguments are required: --out")
     out = given.out.resolve()
     listed = subprocess.run(["git", "ls-files"], capture_output=True, check=True, text=True).stdout.split(
         "\n"
@@ -196,7 +211,7 @@ def main() -> None:
         for one in chosen:
             if any(one.items() <= line.items() for line in known):
                 continue
-            tests = next(tests for name, tests in TESTS.items() if fnmatch(one["file"], name))
+            tests = tests_of(one["file"])
             if tests not in usual:
                 passed, seconds = run(tests.split(), 3600, Path("lines.json"))
                 assert passed, f"{tests}: there are failures without a mutation"

@@ -1,6 +1,8 @@
 """Gate for changes that must leave the compiled program as it is: bits of small gases, and kernels compiled for them.
 
-    TI_OFFLINE_CACHE_FILE_PATH=FOLDER python tests/support/same_kernels.py [--device NAME] [--ranks] [GAS ...]
+    TI_OFFLINE_CACHE_FILE_PATH=FOLDER python tests/support/same_kernels.py [OPTIONS] [GAS ...]
+
+OPTIONS: [--device NAME] [--ranks] [--against COMMIT]
 
 (QD_OFFLINE_CACHE_FILE_PATH with IFRDEM_RUNTIME=quadrants.)
 
@@ -9,6 +11,9 @@ SHA-256 of the state and the sums of each gas, and how many kernels were compile
 A step leaves the program as it is if all hashes are equal and nothing was compiled. Together the gases use every kernel
 and every feature (`kernels/layout.py`, `Uses`). `--ranks` adds gases on two ranks of MPI (`ranks/gases.py`): fill the
 folder by two runs, for of ranks that end at the same time only one writes its kernels.
+
+`--against COMMIT` runs the gases at that commit too, prints `same` or `other` beside each hash, and ends with status 1
+if one differs: for a change that compiles kernels anew and keeps their bits, and to see whether it was right before.
 """
 
 from __future__ import annotations
@@ -17,6 +22,7 @@ import argparse
 import dataclasses
 import hashlib
 import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -43,6 +49,7 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.measuring.tracking import Tracking
 from ifrdem.simulation.windows import tiling
 from ifrdem.theory.driven_gas import Driving
+from ifrdem.validation.speed.gate import checked_out
 
 os.environ[runtime.variable("OFFLINE_CACHE_CLEANING_POLICY")] = "never"
 CACHE = Path(os.environ[runtime.variable("OFFLINE_CACHE_FILE_PATH")])
@@ -277,6 +284,20 @@ def compiled() -> int:
     return len([*CACHE.rglob("*.tic"), *CACHE.rglob("*.qdc")])
 
 
+def at_commit(commit: str, device: str, names: list[str]) -> dict[str, str]:
+    """Hashes of gases by name at a commit of this repository, by its own copy of this file."""
+    with checked_out(commit) as folder:
+        script = folder / "tests" / "support" / "same_kernels.py"
+        done = subprocess.run(
+            [sys.executable, str(script), "--device", device, *names],
+            env=os.environ | {"PYTHONPATH": str(folder)}, cwd=folder, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+    if done.returncode:
+        sys.exit(f"{commit}: {done.stderr}")
+    lines = [line.split(maxsplit=3) for line in done.stdout.splitlines()]
+    return {line[3]: line[0] for line in lines if len(line) == 4 and line[2] == "compiled"}
+
+
 def main() -> None:
     """Print a line for each gas."""
     parser = argparse.ArgumentParser(
@@ -284,8 +305,10 @@ def main() -> None:
     )
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--ranks", action="store_true")
+    parser.add_argument("--against", metavar="COMMIT")
     parser.add_argument("gases", nargs="*")
     given = parser.parse_args()
+    known = {} if given.against is None else at_commit(given.against, given.device, given.gases)
     CACHE.mkdir(parents=True, exist_ok=True)
     runs: dict[str, Callable[[], str]] = {
         name: lambda make=make: after(make, device=given.device)
@@ -295,12 +318,14 @@ def main() -> None:
     for threads in (1, 2) if given.device == "cpu" else (1,):
         runs[f"dsmc, {threads} threads"] = lambda threads=threads: dsmc(given.device, threads)
     at_start = compiled()
-    before = at_start
+    before, different = at_start, 0
     for name, run in runs.items():
         if not given.gases or name in given.gases:
             found = run()
             backend.stop()  # kernels are written when the runtime ends
-            print(f"{found}  {compiled() - before:3d} compiled  {name}", flush=True)
+            compared = f"  {'same' if known.get(name) == found else 'other'}" if known else ""
+            print(f"{found}{compared}  {compiled() - before:3d} compiled  {name}", flush=True)
+            different += bool(known) and known.get(name) != found
             before = compiled()
     if given.ranks:
         script = Path(__file__).parent / "ranks" / "gases.py"
@@ -309,6 +334,8 @@ def main() -> None:
             print(f"{hashlib.sha256(line.encode()).hexdigest()}  {line}", flush=True)
         print(f"{compiled() - before} compiled on ranks", flush=True)
     print(f"{compiled() - at_start} kernels compiled in all", flush=True)
+    if different:
+        sys.exit(f"{different} of {len(runs)} gases have other bits than at {given.against}")
 
 
 if __name__ == "__main__":
