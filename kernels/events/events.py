@@ -45,8 +45,9 @@ LEAST_ID = -(2**31)
 NOT_QUEUED = -1  # as `event_info.previous`; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # and 20 of each disk, without progress of time: an inelastic collapse
 EVENTS_OF_A_LOOK = 100_000  # between two looks of `check_progress`
-# Of a gas in one tile: a second's work or two, before Python may look whether it is to stop.
-MOST_EVENTS_OF_A_LAUNCH = 400_000
+# Of a gas in one tile: a second's work or two, before Python may look whether it is to stop. Half of it within a window,
+# where so many are often those of a large gas, each of which takes longer.
+MOST_EVENTS_OF_A_LAUNCH = 1_000_000
 # Events, and those of each disk besides, in which a window that ends advances by this part of it: some 20 s of work.
 # A disk collides about once in a window, and crosses a few hundred cells in the thinnest gases: some 15 in this part.
 LONG, LONG_OF_A_DISK, LEAST_ADVANCE = 2_500_000, 30, 0.05
@@ -839,7 +840,7 @@ def check_progress(turn: ti.template(), run: ti.template(), region: ti.template(
                 stalled = 2  # also of a speed that is no number
         ti.atomic_max(gas.counter.stalled, stalled)
         run.active = 0
-    elif alone and advances and run.events > MOST_EVENTS_OF_A_LAUNCH and run.pauses == 1:
+    elif alone and advances and 2 * run.events > MOST_EVENTS_OF_A_LAUNCH and run.pauses == 1:
         if ti.static(not on_gpu()):
             gas.counter.paused, gas.counter.written, gas.clock.reached = (
                 BY_WORK,

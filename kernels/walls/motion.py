@@ -5,7 +5,7 @@ disk's centre is at p = Rot(-theta) (x - c). With r = x - c and the velocity v =
 dp/dt = Rot(-theta) (v - w x r), and once more d2p/dt2 = Rot(-theta) (a - alpha x r - 2 w x v - w^2 r), w and alpha the
 angular velocity and acceleration. (The Coriolis term is 2 w x (v - w x r) and the centrifugal one -w^2 r; together they
 are 2 w x v + w^2 r.) So |d2p/dt2| <= |a| + |alpha| r + 2 |w| |v| + w^2 r =: B, with the largest r and |v| until the
-window ends. B bounds the acceleration in `root.seen_from`.
+window ends. B bounds the acceleration in `root.py` (`push`).
 """
 
 from ..columns import TALLY

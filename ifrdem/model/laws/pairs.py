@@ -142,7 +142,8 @@ def check_symmetric(table: Sequence[Sequence[CollisionLaw]]) -> None:
 def _check_energy(laws: Laws, disks: Disks, of_walls: Collection[int]) -> None:
     """Refuse a law that could add energy for a pair that is there, walls of the materials `of_walls` included.
 
-    Of disks with one k and material, the lightest and the heaviest decide: see `pairing`.
+    Of disks with one k and material, the lightest and the heaviest decide: the mean k of a
+    pair lies between those of these two.
     """
     kinds, which = np.unique(np.stack([disks.material, disks.k], axis=1), axis=0, return_inverse=True)
     lightest, heaviest = np.full(len(kinds), np.inf), np.zeros(len(kinds))
