@@ -20,8 +20,8 @@ OTHERS = {
     "RFC RGB SFN VTK XYZ",
     "words of their own files": "MAXNEIGH maxtime shellsize writeinterval Single Grow mt19937ar e_log k_cos k_sin "
     "pair_style atom_types fastcache SplitMix64 validate_call pickle pyi",
-    "placeholders of command lines and of names": "BEFORE AFTER FIRST LAST SEED NAME NAME_error NAME_n_eff species_NAME "
-    "temperature_error temperature_theory",
+    "placeholders of command lines and of names": "BEFORE AFTER FIRST LAST SEED NAME NAME_error NAME_n_eff "
+    "species_NAME temperature_error temperature_theory",
     "pages of the manual": "exactness performance",
 }  # fmt: skip
 """Words that are no names of the tree."""

@@ -3,8 +3,9 @@
 With a shear rate g the gas flows along x as fast as u(y) = g (y - L_y / 2), and the images of the box above and below
 move with it (A. W. Lees, S. F. Edwards, J. Phys. C 5, 1921 (1972), doi:10.1088/0022-3719/5/15/006). Each row of tiles
 has its own frame, which moves as fast as the flow in the row's middle and coincided with the lab at time 0. So every
-row moves at the same speed g h, with the height h of a tile, relative to the one below it, also across a side of the box. In units of tiles, the
-displacement is a whole number, by which `tiles.neighbor_tile` looks further along x, and a rest, `aside`.
+row moves at the same speed g h, with the height h of a tile, relative to the one below it, also across a side of the
+box. In units of tiles, the displacement is a whole number, by which `tiles.neighbor_tile` looks further along x, and
+a rest, `aside`.
 
 Energy. In the frames of the rows, flights keep kinetic energies. These change where a disk crosses to another row, and
 where disks of two rows collide and pass momentum from one frame to the other. The tally sums both. The work of the mean

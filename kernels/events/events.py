@@ -45,8 +45,8 @@ LEAST_ID = -(2**31)
 NOT_QUEUED = -1  # as `event_info.previous`; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # and 20 of each disk, without progress of time: an inelastic collapse
 EVENTS_OF_A_LOOK = 100_000  # between two looks of `check_progress`
-# Of a gas in one tile: a second's work or two, before Python may look whether it is to stop. Half of it within a window,
-# where so many are often those of a large gas, each of which takes longer.
+# Of a gas in one tile: a second's work or two, before Python may look whether it is to stop. Half of it within a
+# window, where so many are often those of a large gas, each of which takes longer.
 MOST_EVENTS_OF_A_LAUNCH = 1_000_000
 # Events, and those of each disk besides, in which a window that ends advances by this part of it: some 20 s of work.
 # A disk collides about once in a window, and crosses a few hundred cells in the thinnest gases: some 15 in this part.

@@ -54,8 +54,8 @@ def losses_of(given: ti.template(), pair: ti.template()):
     return lost
 
 
-# Bits of `regime` (`collided`): the collision was elastic by one of the two; with a ledger, whether friction stopped the slip, and
-# whether the rolling torque was its greatest.
+# Bits of `regime` (`collided`): the collision was elastic by one of the two; with a ledger, whether friction stopped
+# the slip, and whether the rolling torque was its greatest.
 STICKS, ROLLS, ELASTIC = 1, 2, 4
 LEAST_REBOUND = 0.1  # of the resting speed
 
