@@ -788,8 +788,9 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         Notes
         -----
         `stop` ends a run early. An exception raised by a callback ends it too, at the frame of a frame callback. So
-        does Ctrl-C (KeyboardInterrupt), at the end of the window; a second one ends it at once, and the state is
-        lost unless a frame callback was just at work. In all other cases the gas can be run on.
+        does Ctrl-C (KeyboardInterrupt), at the end of the window, or within one of more than a million events in one
+        tile; a second one ends it at once, and the state is lost unless a frame callback was just at work. In all
+        other cases the gas can be run on.
 
         Raises
         ------
@@ -949,7 +950,8 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             if comm.is_distributed:
                 comm.require_equal(str(len(output.frame_callbacks)), "the number of frame callbacks")
             output = output.on(comm)
-        with backend.sole_use(), backend.handled_interrupts(), contextlib.suppress(_Stopped):
+        asked = backend.stops_asked_by(lambda: self._stopping)
+        with backend.sole_use(), backend.handled_interrupts(), asked, contextlib.suppress(_Stopped):
             self._follow_points(plan, output, between, stored)
         if not self._passive_known:
             self._report_gain()
@@ -957,7 +959,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
     def stop(self) -> None:
         """End the run at the frame of the calling frame callback; it returns as if that were its end.
 
-        Called by a series callback, `progress` or another thread, it ends the run at the end of the window.
+        Called by a series callback, `progress` or another thread, it ends the run where Ctrl-C does.
         """
         self._stopping = True
 
@@ -1001,7 +1003,9 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
                 slow = pace.trouble(*now, self._engine.free_time)
                 if slow is not None and self.comm.is_root:
                     warnings.warn(slow, SlowRunWarning, stacklevel=outside_level())
-                if plan.series is not None and row.reached(*now):
+                # A stop that was asked for within a window is no place of a row that comes at a window's end.
+                at_row = row.reached(*now) and (exact or not self._engine.windows.stopped_early)
+                if plan.series is not None and at_row:
                     plan.next_row = plan.first_not_reached(rows, plan.next_row, *now)
                     if sampling:
                         self._call_at_row(output)

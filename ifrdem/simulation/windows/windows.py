@@ -183,6 +183,11 @@ class Windows:
         return self.state in (INSIDE, PAUSED, CUT)
 
     @property
+    def stopped_early(self) -> bool:
+        """True at a moment that only a stop that was asked for has chosen (`backend.stop_is_asked`)."""
+        return self.state is PAUSED and self.runner.stopped_early
+
+    @property
     def moment(self) -> float | None:
         """The present time since the window's beginning [time], as kernels have it; None at the beginning."""
         if self.state is AT_END:
@@ -609,8 +614,8 @@ class Windows:
 
     @property
     def _paused_elsewhere(self) -> bool:
-        """True if the latest run has paused at another moment than that requested, after a collision."""
-        return self.arrays.counter.paused == k.BY_COUNT
+        """True if the latest run has paused at another moment than that requested: after a collision, or early."""
+        return self.arrays.counter.paused == k.BY_COUNT or self.runner.stopped_early
 
     def _shorten(self) -> None:
         """Run half of the window: what a sheared gas does whose tiles are too small for all of it."""
