@@ -322,12 +322,16 @@ class Windows:
             return
         self._to(PLANNED)
         self._plan(plans=False)
+        inside = stored.now < stored.end
         if stored.moment > 0.0:
-            inside = stored.now < stored.end
             if inside:
                 a.make_moments()
-            self._compute(self._present_moment() if inside else [], 1, watching)
-            if inside:
+            a.clock.stop, a.clock.wanted = stored.now, math.inf
+            moments = self._present_moment() if inside else []
+            self._compute(moments, 1, watching, pausing=inside and self._can_pause)
+            if self.state is PAUSED:
+                self._note_pause(stored.now)
+            elif inside:
                 self._to(INSIDE)
 
     # ------------------------------------------------------------------ length
@@ -395,10 +399,19 @@ class Windows:
             self.arrays.clock.pause, self.arrays.clock.pause_after = pause
             self._run_to(until, most, watching, next_points)
         if self.state is PAUSED:
-            self._moment = self._moments[0].time
-            self.now = self.begin + self._moment if self._paused_elsewhere else until[0]
+            self._note_pause(until[0])
         else:
             self._stop_at(*until)
+
+    @property
+    def _can_pause(self) -> bool:
+        """True if the gas can pause within a window, and go on from there."""
+        return self.arrays.single_tile and not self.arrays.on_gpu
+
+    def _note_pause(self, stop: float) -> None:
+        """Take the moment at which the gas has paused for the present time, which is `stop` [time] if it got there."""
+        self._moment = self._moments[0].time
+        self.now = self.begin + self._moment if self._paused_elsewhere else stop
 
     def _run_to(
         self,
@@ -409,7 +422,7 @@ class Windows:
     ) -> None:
         """Run the window, or the rest of one that has paused, as far as `run` says, and up to `most` windows."""
         a, (stop, wanted) = self.arrays, until
-        pausing = a.single_tile and not a.on_gpu
+        pausing = self._can_pause
         self._requested = [until] if pausing else [until, *next_points()]
         if pausing or (a.on_gpu and math.isfinite(stop)):
             room = a.make_moments()
