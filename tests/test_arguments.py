@@ -923,6 +923,11 @@ def test_an_annotation_that_names_nothing_is_found() -> None:
         (lambda: ifrdem.IFRLaw(en=0.9, e_t=0.0, mu=1.0), r"^IFRLaw: unknown argument 'en' \(did you mean 'e_n'"),
         (lambda: ifrdem.initial.maxwellian(np.ones(3), temperatur=1.0, seed=1),
          r"^maxwellian: unknown argument 'temperatur' \(did you mean 'temperature'"),
+        # Of options that a type lists.
+        (lambda: ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0), temperatur=1.0),
+         r"^Wall.line: unknown argument 'temperatur' \(did you mean 'temperature'.* moves_until, normal, opens_after"),
+        (lambda: ifrdem.Simulation.run_for(None, time=1.0, frame=3),  # type: ignore[arg-type]
+         r"^Simulation.run_for: unknown argument 'frame' \(did you mean 'frames'"),
         (lambda: ifrdem.Device("gpu"), "name = 'gpu': .*did you mean 'cuda'"),
         (lambda: ifrdem.forces.PoissonKicks(10.0), "PoissonKicks: .* power and diffusion; given: none"),
         (lambda: ifrdem.forces.SpinKicks(1.0, power=1.0, diffusion=1.0),

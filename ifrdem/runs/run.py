@@ -337,7 +337,8 @@ def run_root(
     output = RootOutput(running, stops)
     worked = time.process_time()
     try:
-        with stops, output.progress, backend.announced(output.progress.compiling):
+        asked = backend.stops_asked_by(lambda: stops.reason is not None)
+        with stops, asked, output.progress, backend.announced(output.progress.compiling):
             output.follow()
     except Stopped as stop:
         raise Stopped(output.stop(str(stop)), stop.status) from None

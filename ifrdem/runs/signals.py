@@ -63,8 +63,9 @@ class Stops:
             signal.signal(number, handler)
         self._before = {}
 
-    def check(self) -> None:
-        """Raise `Stopped` if there is a reason to."""
+    @property
+    def reason(self) -> Stopped | None:
+        """Why the run has to stop; None if it need not."""
         if (
             self._limit is not None
             and time.monotonic() - self._started >= self._limit
@@ -73,8 +74,12 @@ class Stops:
             self._reason = Stopped(
                 f"{self._max_hours:g} hours are up ({option_name('--max-hours', 'max_hours')})", TIME_IS_UP
             )
-        if self._reason is not None:
-            raise self._reason
+        return self._reason
+
+    def check(self) -> None:
+        """Raise `Stopped` if there is a reason to."""
+        if (reason := self.reason) is not None:
+            raise reason
 
     @property
     def checkpoint_due(self) -> bool:

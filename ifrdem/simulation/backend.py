@@ -166,6 +166,24 @@ def deferred_interrupts() -> Iterator[None]:
         raise KeyboardInterrupt
 
 
+_asking: list[Callable[[], bool]] = []
+
+
+@contextlib.contextmanager
+def stops_asked_by(asked: Callable[[], bool]) -> Iterator[None]:
+    """Ask for a stop where `asked()` is true, in the block: a gas in one tile stops within a long window then."""
+    _asking.append(asked)
+    try:
+        yield
+    finally:
+        _asking.remove(asked)
+
+
+def stop_is_asked() -> bool:
+    """True if Ctrl-C is delayed, or something else asks for a stop (`stops_asked_by`)."""
+    return (_deferring and _interrupted) or any(asked() for asked in _asking)
+
+
 def limit_threads(most: int) -> None:
     """Have what is started from now on without a number of threads take so many at most: others share the cores."""
     global _most_threads

@@ -836,10 +836,9 @@ class Engine:
             pair -= self.arrays.domain.first_id
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
-        elif self.tracking is not None and windows.fresh:
-            windows.fresh = False
+        elif self.tracking is not None and windows.watched.fresh:
             # Histories are the root's.
-            parts = self.comm.gather(windows.watched()) or [windows.watched(none=True)]
+            parts = self.comm.gather(windows.take_events()) or [windows.take_events(none=True)]
             real, whole = (np.concatenate(each) for each in zip(*parts, strict=True))
             if self.comm.bcast(len(real)):
                 self.tracking.gather(windows.begin, real, whole, self.box)

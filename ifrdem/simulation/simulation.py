@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,8 +53,8 @@ from .device import Device
 from .engine import CollisionTimes, Engine
 from .measuring.tracking import Events, Tracking, checked_ids
 from .start import checks
+from .steps.output import Output, OutputOptions
 from .steps.schedule import (
-    MOST,
     FrameCallback,
     Progress,
     RunPlan,
@@ -75,18 +75,6 @@ if TYPE_CHECKING:
 
 BAR_STEPS = 100
 """Pauses of a run that shows a bar, unless its series sets others."""
-
-Called = TypeVar("Called")
-
-
-def _callables(name: str, given: Iterable[Called]) -> list[Called]:
-    if callable(given) or not isinstance(given, Iterable):
-        raise InputError(f"{name} = {shortened(given)}: must be a list of functions, [function] for one")
-    found = list(given)
-    for i, one in enumerate(found):
-        if not callable(one):
-            raise InputError(f"{name}[{i}] = {shortened(one)}: must be a function")
-    return found
 
 
 def _check_slices(counts: list[int]) -> None:
@@ -800,8 +788,9 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         Notes
         -----
         `stop` ends a run early. An exception raised by a callback ends it too, at the frame of a frame callback. So
-        does Ctrl-C (KeyboardInterrupt), at the end of the window; a second one ends it at once, and the state is
-        lost unless a frame callback was just at work. In all other cases the gas can be run on.
+        does Ctrl-C (KeyboardInterrupt), at the end of the window, or within one of more than a million events in one
+        tile; a second one ends it at once, and the state is lost unless a frame callback was just at work. In all
+        other cases the gas can be run on.
 
         Raises
         ------
@@ -821,7 +810,11 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         end = end_at(self.disks.n, now, t_end=t_end, collisions_per_disk=collisions_per_disk)
         if end.reached(*now) and any(now) and self.comm.is_root:
             warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
-        self._run(now, end, frames, frame_callbacks, series, series_callbacks, progress)
+        output = Output.of(
+            frames=frames, frame_callbacks=frame_callbacks, series=series, series_callbacks=series_callbacks,
+            progress=progress,
+        )  # fmt: skip
+        self._run(now, end, output)
 
     @validated
     def run_for(
@@ -829,11 +822,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         *,
         time: Annotated[float | None, LATER] = None,
         collisions_per_disk: Annotated[float | None, LATER] = None,
-        frames: Annotated[int | Trigger, LATER] = 1,
-        frame_callbacks: Iterable[FrameCallback] = (),
-        series: Annotated[int | Trigger | None, LATER] = None,
-        series_callbacks: Iterable[SeriesCallback] = (),
-        progress: Annotated[Progress | bool | None, LATER] = None,
+        **output: Unpack[OutputOptions],
     ) -> None:
         """Run with an end that counts from this call; else as `run`.
 
@@ -843,8 +832,8 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             Further time [time].
         collisions_per_disk : float
             Further collisions of each disk on average. Exactly one of the two must be given.
-        frames, frame_callbacks, series, series_callbacks, progress
-            As for `run`.
+        **output
+            Frames, series, callbacks and progress, as for `run`.
 
         Raises
         ------
@@ -867,47 +856,30 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         """
         now = self._now
         end = end_after(self.disks.n, now, time=time, collisions_per_disk=collisions_per_disk)
-        self._run(now, end, frames, frame_callbacks, series, series_callbacks, progress)
+        self._run(now, end, Output.of(**output))
 
-    def _run(
-        self,
-        now: RunPoint,
-        end: RunPoint,
-        frames: int | Trigger,
-        frame_callbacks: Iterable[FrameCallback],
-        series: int | Trigger | None,
-        series_callbacks: Iterable[SeriesCallback],
-        progress: Progress | bool | None,
-    ) -> None:
-        if not (progress is None or isinstance(progress, bool) or callable(progress)):
-            raise InputError(f"progress = {shortened(progress)}: must be True, False or a function")
-        if not isinstance(frames, Trigger):
-            frames = Trigger(number=checked.integer("frames", frames, 1, MOST))
-        if series is not None and not isinstance(series, Trigger):
-            series = Trigger(number=checked.integer("series", series, 1, MOST))
-        n, comm, bar = self.disks.n, self.comm, None
-        plan = RunPlan(n, now, end, frames, series)
+    def _run(self, now: RunPoint, end: RunPoint, output: Output) -> None:
+        """Run from the present point to the end, with a bar where one is asked for."""
+        plan = RunPlan(self.disks.n, now, end, output.frames, output.series)
         self._warn_of_pinches(end.time)
-        if progress is True or (progress is None and comm.size == 1 and output_is_interactive()):
-            plan.series = plan.series or Trigger(number=BAR_STEPS)  # pauses, which change no bit
-            progress = None
-            if comm.is_root:
-                by_time = math.isinf(end.collisions)
-                progress = bar = Bar(
-                    n, t_end=end.time if by_time else None, unit="",
-                    collisions_per_disk=None if by_time else 2.0 * end.collisions / max(n, 1),
-                    begin=(self.time, self.collisions), kernels=self.n_kernels, brief=True,
-                )  # fmt: skip
+        progress = output.progress
         with contextlib.ExitStack() as stack:
-            if bar is not None:
-                stack.enter_context(bar)
-                stack.enter_context(backend.announced(bar.compiling))
-            self.follow(
-                plan,
-                frame_callbacks=frame_callbacks,
-                series_callbacks=series_callbacks,
-                progress=progress or None,
-            )
+            if progress is True or (progress is None and self.comm.size == 1 and output_is_interactive()):
+                plan.series = plan.series or Trigger(number=BAR_STEPS)  # pauses, which change no bit
+                progress = None
+                if self.comm.is_root:
+                    progress = bar = stack.enter_context(self._bar(end))
+                    stack.enter_context(backend.announced(bar.compiling))
+            self._follow(plan, replace(output, progress=progress))
+
+    def _bar(self, end: RunPoint) -> Bar:
+        """A bar of the progress to an end."""
+        by_time, n = math.isinf(end.collisions), self.disks.n
+        return Bar(
+            n, t_end=end.time if by_time else None, unit="",
+            collisions_per_disk=None if by_time else 2.0 * end.collisions / max(n, 1),
+            begin=(self.time, self.collisions), kernels=self.n_kernels, brief=True,
+        )  # fmt: skip
 
     def _warn_of_pinches(self, t_end: float) -> None:
         """Warn, once, of walls that may crush a disk between them until `t_end` [time]; InputError if they must."""
@@ -950,13 +922,23 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         Frame callbacks that write files get what those hold of each disk (`stored`) as `FrameRows`, which is faster.
         The plan is kept up to date: after an exception it has what is due next.
         """
-        frame_callbacks, series_callbacks = (
-            _callables("frame_callbacks", frame_callbacks),
-            _callables("series_callbacks", series_callbacks),
-        )
         for name, value in (("progress", progress), ("between", between)):
             if value is not None and not callable(value):
                 raise InputError(f"{name} = {shortened(value)}: must be a function")
+        output = Output.of(
+            frames=plan.frames, frame_callbacks=frame_callbacks, series=plan.series,
+            series_callbacks=series_callbacks, progress=progress,
+        )  # fmt: skip
+        self._follow(plan, output, between, stored)
+
+    def _follow(
+        self,
+        plan: RunPlan,
+        output: Output,
+        between: Callable[[], None] | None = None,
+        stored: np.dtype[Any] | None = None,
+    ) -> None:
+        """Check what users can have changed, and follow a plan to its end, or to a stop."""
         self._stopping = False
         kind = self._laws.kind
         check_law_constants(kind)
@@ -966,21 +948,18 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         if (comm := self.comm).size > 1:
             comm.require_equal(repr(plan), "the end of a run, its frames or its series")
             if comm.is_distributed:
-                comm.require_equal(str(len(frame_callbacks)), "the number of frame callbacks")
-            numbers = comm.bcast((len(frame_callbacks), len(series_callbacks)))
-            if not comm.is_root:  # where none is called, but all take part
-                no_callback: list[Any] = [lambda *_: None]
-                series_callbacks = no_callback * numbers[1]
-                frame_callbacks = frame_callbacks if comm.is_distributed else no_callback * numbers[0]
-        with backend.sole_use(), backend.handled_interrupts(), contextlib.suppress(_Stopped):
-            self._follow(plan, frame_callbacks, series_callbacks, progress, between, stored)
+                comm.require_equal(str(len(output.frame_callbacks)), "the number of frame callbacks")
+            output = output.on(comm)
+        asked = backend.stops_asked_by(lambda: self._stopping)
+        with backend.sole_use(), backend.handled_interrupts(), asked, contextlib.suppress(_Stopped):
+            self._follow_points(plan, output, between, stored)
         if not self._passive_known:
             self._report_gain()
 
     def stop(self) -> None:
         """End the run at the frame of the calling frame callback; it returns as if that were its end.
 
-        Called by a series callback, `progress` or another thread, it ends the run at the end of the window.
+        Called by a series callback, `progress` or another thread, it ends the run where Ctrl-C does.
         """
         self._stopping = True
 
@@ -989,25 +968,24 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         if self._stopping:
             raise _Stopped
 
-    def _follow(
+    def _follow_points(
         self,
         plan: RunPlan,
-        frame_callbacks: list[FrameCallback],
-        series_callbacks: list[SeriesCallback],
-        progress: Progress | None,
+        output: Output,
         between: Callable[[], None] | None,
         stored: np.dtype[Any] | None,
     ) -> None:
+        """Run from point to point of a plan, and call what is due there."""
         frames, rows, end = plan.frames, plan.rows, plan.end
-        sampling = plan.series is not None and bool(series_callbacks)
+        sampling = plan.series is not None and bool(output.series_callbacks)
         exact = sampling and plan.series is not None and plan.series.exact
         if plan.next_row == 0:
             plan.next_row = 1
             if sampling:
-                self._call_at_row(series_callbacks)
+                self._call_at_row(output)
         if plan.next_frame == 0:
             plan.next_frame = 1
-            self._call_at_frame(frame_callbacks, stored)
+            self._call_at_frame(output, stored)
             if between is not None:
                 between()
         pace, now = SlowRunCheck(end), (self.time, self.collisions)
@@ -1020,21 +998,23 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
                     rest_at=frame.time, ends=end.time, next_points=partial(plan.next_points, exact),
                 )  # fmt: skip
                 now = self.time, self.collisions
-                if progress is not None:
-                    progress(*now)
+                if callable(output.progress):
+                    output.progress(*now)
                 slow = pace.trouble(*now, self._engine.free_time)
                 if slow is not None and self.comm.is_root:
                     warnings.warn(slow, SlowRunWarning, stacklevel=outside_level())
-                if plan.series is not None and row.reached(*now):
+                # A stop that was asked for within a window is no place of a row that comes at a window's end.
+                at_row = row.reached(*now) and (exact or not self._engine.windows.stopped_early)
+                if plan.series is not None and at_row:
                     plan.next_row = plan.first_not_reached(rows, plan.next_row, *now)
                     if sampling:
-                        self._call_at_row(series_callbacks)
+                        self._call_at_row(output)
                 if between is not None and not frame.reached(*now):
                     between()
                 self._stop_if_asked()
             # First: a callback that raises has had its frame.
             plan.next_frame = plan.first_not_reached(frames, plan.next_frame + 1, *now)
-            self._call_at_frame(frame_callbacks, stored)
+            self._call_at_frame(output, stored)
             if between is not None and not end.reached(*now):
                 between()
 
@@ -1090,8 +1070,8 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found])
         )
 
-    def _call_at_frame(self, frame_callbacks: list[FrameCallback], stored: np.dtype[Any] | None) -> None:
-        if not frame_callbacks:
+    def _call_at_frame(self, output: Output, stored: np.dtype[Any] | None) -> None:
+        if not output.frame_callbacks:
             return
         state, totals = self._engine.observed(stored)
         species = self._engine.species_totals()
@@ -1103,17 +1083,17 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         def call_back() -> None:
             assert state is not None
             shown = state.without_all_but(recorded) if isinstance(state, State) else state
-            for callback in frame_callbacks:
+            for callback in output.frame_callbacks:
                 callback(shown, measured)
 
         (self.comm.run_on_all if self.comm.is_distributed else self.comm.run_on_root)(call_back)
         self._stop_if_asked()
 
-    def _call_at_row(self, series_callbacks: list[SeriesCallback]) -> None:
+    def _call_at_row(self, output: Output) -> None:
         measured = self.measure()
 
         def call_back() -> None:
-            for callback in series_callbacks:
+            for callback in output.series_callbacks:
                 callback(measured)
 
         self.comm.run_on_root(call_back)

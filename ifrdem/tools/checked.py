@@ -473,7 +473,7 @@ LATER = _later
 
 def check_of(annotation: Any) -> Check | None:
     """The check for an annotation; None if any value is allowed."""
-    if annotation is Any or isinstance(annotation, TypeVar) or typing.get_origin(annotation) is typing.Unpack:
+    if annotation is Any or isinstance(annotation, TypeVar):
         return None
     if typing.get_origin(annotation) is Annotated:
         return next(one for one in annotation.__metadata__ if callable(one))
@@ -550,13 +550,17 @@ def validated(function: F) -> F:
         is_read = True
         names = collections.ChainMap(function.__globals__, vars(builtins), only_types)
         parameters = inspect.signature(function).parameters
-        known.update(parameters)
-        takes_others = any(one.kind is one.VAR_KEYWORD for one in parameters.values())
+        known.update(name for name, one in parameters.items() if one.kind is not one.VAR_KEYWORD)
         for i, one in enumerate(parameters.values()):
-            hint = one.annotation
+            hint = eval(one.annotation, {}, names) if isinstance(one.annotation, str) else one.annotation
+            if typing.get_origin(hint) is typing.Unpack:  # of names that what takes them checks
+                (listed,) = typing.get_args(hint)
+                known.update(listed.__optional_keys__ | listed.__required_keys__)
+                continue
+            takes_others = takes_others or one.kind is one.VAR_KEYWORD
             if hint is one.empty or one.kind is one.VAR_POSITIONAL:
                 continue
-            check = check_of(eval(hint, {}, names) if isinstance(hint, str) else hint)
+            check = check_of(hint)
             if check is None:
                 continue
             if one.kind is one.VAR_KEYWORD:

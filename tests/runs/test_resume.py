@@ -28,8 +28,10 @@ from ifrdem.runs.recorder import Recorder
 from ifrdem.runs.signals import Stops
 from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.windows.runner import TileRunner
 from ifrdem.tools.versions import package_versions
 from ifrdem.trajectory.background import AsyncWriter
+from ifrdem.trajectory.reader import Trajectory
 
 CASE = """
 [run]
@@ -388,6 +390,69 @@ def test_signals_end_a_run_with_a_checkpoint(tmp_path, monkeypatch, capsys, numb
     stopped_with_a_checkpoint(tmp_path, word, capsys.readouterr().err)
     with h5py.File(tmp_path / "gas.h5") as file:
         assert 5 < len(file["particles/all/box/edges/step"]) < 100  # of 4001
+
+
+SLOT = """
+[run]
+name = "gas"
+t_end = 0.26
+units = "reduced"
+threads = 1
+
+[box]
+lengths = [10.0, 1.0000002]
+periodic = [true, false]
+material = "coin"
+
+[[material]]
+name = "coin"
+e_n = 1.0
+e_t = -1.0
+mu = 0.0
+
+[[species]]
+name = "coins"
+number = 1
+material = "coin"
+mass = 1.0
+diameter = 1.0
+speed_rms = 1.4
+
+[output]
+frames = 1
+picture = false
+views = false
+"""
+
+
+def test_a_signal_within_a_window_of_a_million_events_ends_the_run_there(tmp_path, monkeypatch, capsys):
+    """A disk in a slot 2e-7 wide hits its sides 4.2e6 times in a unit of time: a launch ends within the window.
+
+    The run went on to the window's end, however far that is. A row of the series stands at the end of a window, and
+    not where the run was stopped.
+    """
+    (tmp_path / "gas.toml").write_text(SLOT)
+    work_on, windows = TileRunner._work_on, []
+
+    def interrupted(self: TileRunner, *given: int) -> None:
+        signal.raise_signal(signal.SIGINT)
+        work_on(self, *given)
+        windows.append(float(self.arrays.scale.window))
+
+    monkeypatch.setattr(TileRunner, "_work_on", interrupted)
+    assert cli.main(["run", str(tmp_path / "gas.toml"), "-o", f"{tmp_path}/"]) == 130
+    monkeypatch.undo()
+    stopped_with_a_checkpoint(tmp_path, "interrupted", capsys.readouterr().err)
+    with h5py.File(tmp_path / "gas.h5") as file:
+        speed = abs(float(file["particles/all/velocity/value"][0, 0, 1]))
+    reached = json.loads((tmp_path / "gas.status.json").read_text())["time"]
+    assert reached == pytest.approx(1e6 * 2e-7 / speed, rel=1e-3)  # after a million crossings
+    assert [reached < min(window, 0.26) for window in windows] == [True]
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    (hits,) = re.findall(r"(\d+) collisions with walls", capsys.readouterr().out)
+    assert int(hits) == pytest.approx(0.26 * speed / 2e-7, abs=1.0)
+    with Trajectory(tmp_path / "gas.h5") as trajectory:
+        assert trajectory.series.time.tolist() == [0.0, 0.26]
 
 
 def stopped_with_a_checkpoint(folder: Path, word: str, printed: str) -> None:

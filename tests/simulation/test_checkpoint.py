@@ -332,6 +332,18 @@ def test_writing_a_checkpoint_changes_nothing(tmp_path):
     same_bits(plain, stored)
 
 
+def test_a_return_to_the_beginning_of_a_window_forgets_that_it_was_run(tmp_path):
+    """The window that followed was taken for one that is run again, and `statistics` did not count it."""
+    one, other = (gas_of(equal_disks(100), 0.3, COIN) for _ in range(2))
+    one.save_checkpoint(tmp_path / "begin.h5")
+    one.run(t_end=0.01)
+    one.load_checkpoint(tmp_path / "begin.h5")
+    one.run(t_end=0.02)
+    other.run(t_end=0.02)
+    assert one.statistics == other.statistics
+    assert one.statistics.windows == 1
+
+
 def test_the_checkpoint_of_another_gas_is_refused(tmp_path):
     make = gas()
     make().save_checkpoint(tmp_path / "a.h5")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import contextvars
 import copy
 import functools
@@ -12,17 +13,20 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from support import gases
 
-from ifrdem import ContactTime, Device, EngineError, IFRLaw, InputError, Simulation, State
+from ifrdem import Box, ContactTime, Device, Disks, EngineError, IFRLaw, InputError, Simulation, State
 from ifrdem.model.observables import Measure
+from ifrdem.model.walls.wall import Wall
 from ifrdem.mpi.communicator import SERIAL, Communicator, current
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.windows.runner import TileRunner
 
 LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
 
@@ -156,6 +160,48 @@ def test_ctrl_c_during_a_window_takes_effect_at_its_end_and_the_gas_stays_usable
     other.run(t_end=3.0)
     assert_same_motion(one.state, other.state)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("way", ["interrupt", "stop"])
+def test_a_run_stops_within_a_window_of_more_than_a_million_events(
+    way: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A disk crosses a slot of 1.5e-6 at a speed of 1; its windows last for 3.8, until it has moved on along the slot.
+
+    The first Ctrl-C, and `stop` from another thread, acted at the window's end. It runs on from where it stopped, and
+    so does its checkpoint, for which the whole window was run.
+    """
+    walls = [Wall.line((0.0, 4.5), (0.0, 1.0)), Wall.line((0.0, 5.5 + 1.5e-6), (0.0, -1.0))]
+    box, start = Box((10.0, 10.0), (True, False)), State([[5.0, 5.0 + 7.5e-7]], [[0.3, 1.0]], [0.0])
+    one = Simulation(
+        Disks(1, mass=1.0, radius=0.5), box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), start, walls=walls
+    )
+    work_on = TileRunner._work_on
+    launches: list[None] = []
+
+    def asked(self: TileRunner, *given: int) -> None:
+        (interrupt if way == "interrupt" else one.stop)()
+        work_on(self, *given)
+
+    monkeypatch.setattr(TileRunner, "_work_on", asked)
+    with pytest.raises(KeyboardInterrupt) if way == "interrupt" else contextlib.nullcontext():
+        one.run(t_end=1.6)
+    monkeypatch.undo()
+    assert one.time == pytest.approx(1.5, rel=1e-3)  # a million crossings
+    assert one._engine.windows.end > 3.0
+    assert one.state.position[0, 0] == pytest.approx(5.0 + 0.3 * one.time)
+    assert one.wall_collisions == pytest.approx(one.time / 1.5e-6, abs=1.0)
+    one.save_checkpoint(tmp_path / "slot.checkpoint.h5")
+    one.run(t_end=1.6)
+    assert one.wall_collisions == pytest.approx(1.6 / 1.5e-6, abs=1.0)
+    if way == "interrupt":
+        call = TileRunner._call_kernels
+        monkeypatch.setattr(TileRunner, "_call_kernels", lambda *given: (launches.append(None), call(*given)))
+        again = Simulation.from_checkpoint(tmp_path / "slot.checkpoint.h5")
+        assert len(launches) == 2  # of a million events, and to that moment: no further
+        again.run(t_end=1.6)
+        assert_same_motion(again.state, one.state)
+        assert again.wall_collisions == one.wall_collisions
 
 
 def test_a_second_ctrl_c_ends_a_window_at_once_and_the_lost_state_is_refused(

@@ -18,6 +18,8 @@ from ifrdem.model.state import Disks, State
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine, EngineOptions
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.windows.windows import NEXT
+from ifrdem.simulation.windows.windows import State as WindowState
 
 SMOOTH = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 COIN_LAW = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
@@ -191,6 +193,17 @@ def test_an_interrupted_window_is_not_continued(monkeypatch: pytest.MonkeyPatch)
     for use in (lambda: engine.advance(collisions=20), engine.state):
         with pytest.raises(EngineError, match="interrupted half-way"):
             use()
+
+
+def test_a_window_refuses_to_be_in_a_state_that_cannot_follow_its_present_one() -> None:
+    """An error of the program: a moment within a window that has not been run would be read from old arrays."""
+    windows = gas_of(equal_disks(9), 0.3, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0))._engine.windows
+    with pytest.raises(EngineError, match="from BETWEEN to INSIDE"):
+        windows._to(WindowState.INSIDE)
+    assert windows.state is WindowState.BETWEEN
+    # A change from outside can begin a window wherever the last one stands.
+    assert NEXT.keys() == {*WindowState}
+    assert all(WindowState.BETWEEN in after for after in NEXT.values())
 
 
 def test_gas_at_rest_stays_at_rest_and_cannot_give_collisions() -> None:

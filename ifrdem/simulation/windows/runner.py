@@ -18,6 +18,7 @@ from ...kernels.compiler.language import to_numpy
 from ...kernels.events.events import LEAST_ADVANCE, LONG, LONG_OF_A_DISK
 from ...kernels.windows.blocks import run_dense_tiles, run_windows_by_blocks
 from ...kernels.windows.windows import run_windows, run_windows_on_gpu, verify
+from .. import backend
 from ..measuring.tracking import Statistics
 from ..measuring.window_log import WindowLog
 from .arrays import SLACK, DeviceArrays
@@ -50,6 +51,8 @@ class TileRunner:
         Those among them that no block of a GPU can run.
     rests : bool
         True if a disk came to rest on a wall.
+    stopped_early : bool
+        True if a gas in one tile has paused before the requested moment, as a stop was asked for.
     """
 
     def __init__(self, arrays: DeviceArrays, statistics: Statistics) -> None:
@@ -59,6 +62,7 @@ class TileRunner:
         self.n_bad = 0
         self.forces: ForceSteps | None = None
         self.rests: bool = False
+        self.stopped_early: bool = False
         self._n_ghosts = 0  # ghost records of the tiles that ran last
         self.n_marked = 0
         self._dense = False  # some tiles have more disks than most blocks have room for
@@ -186,6 +190,7 @@ class TileRunner:
             a.sums.copy(),
         )
         while True:
+            self.stopped_early = False
             a.counter.array[:] = 0
             a.counter.again, a.counter.pausing, a.counter.resuming = again, pausing, resuming
             a.counter.resting = int(resuming and self.rests)
@@ -238,7 +243,8 @@ class TileRunner:
     def _work_on(self, tiles: int, most: int) -> None:
         """Go on with a window of a gas in one tile that has paused for the length of the launch, until it ends.
 
-        Here Python notices Ctrl-C. InelasticCollapse if the window does not come near its end.
+        Here Python notices Ctrl-C: where a stop is asked for, and the window may pause, it does so after the next
+        event. InelasticCollapse if the window does not come near its end.
         """
         a = self.arrays
         window, begin = None, 0.0
@@ -256,6 +262,9 @@ class TileRunner:
             a.counter.n_windows -= 1
             a.counter.next_tile = a.counter.n_events = a.counter.paused = 0
             a.counter.resuming = 1
+            if a.counter.pausing and backend.stop_is_asked():
+                self.stopped_early = True
+                a.scale.moment[0], a.counter.written = reached, 0
             self._call_kernels(tiles, most)
 
     def _collapse(self) -> InelasticCollapse:

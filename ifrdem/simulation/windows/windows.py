@@ -5,10 +5,11 @@ Imports Taichi: import this module only after `backend.start`.
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +33,92 @@ NOTHING_TOLD = -1.0  # before the beginning of any window
 ROUNDING = 8  # last digits by which a window is longer than the moment that it is cut at, for collisions at that time
 
 
+class State(enum.Enum):
+    """Where the host stands in the present window."""
+
+    BETWEEN = "at the beginning of a window that has no end yet"
+    PLANNED = "at the beginning of a window that has an end, and has not been run"
+    AT_END = "at the end of a window that has been run"
+    INSIDE = "at a moment of a window that has been run to its end"
+    PAUSED = "at the moment to which a gas in one tile has been run: the scratch space holds the rest of the window"
+    CUT = "at a moment whose state has taken the place of that at the window's end (`low_memory`)"
+
+
+BETWEEN, PLANNED, AT_END, INSIDE, PAUSED, CUT = State
+NEXT: dict[State, set[State]] = {
+    BETWEEN: {BETWEEN, PLANNED},
+    PLANNED: {BETWEEN, AT_END, PAUSED},
+    AT_END: {BETWEEN, PLANNED, INSIDE, CUT},
+    INSIDE: {BETWEEN, AT_END, CUT},
+    PAUSED: {BETWEEN, INSIDE, PAUSED},
+    CUT: {BETWEEN, INSIDE},
+}
+"""The states that may follow each; any other is an error of the program."""
+
+
 @dataclass
 class Moment:
     """A moment of a window: its time since the window's beginning, and the sums over the tiles up to it."""
 
     time: float
     sums: NDArray[np.float64]
+
+
+@dataclass
+class Sums:
+    """Sums over the tiles: columns of `tally`.
+
+    Attributes
+    ----------
+    before : array
+        Over all windows before the present one.
+    at_end : array
+        Over the present window, to its end.
+    last_collisions : float
+        Collisions in the window before it.
+    """
+
+    before: NDArray[np.float64]
+    at_end: NDArray[np.float64]
+    last_collisions: float = 0.0
+
+
+@dataclass
+class Watched:
+    """What was written down of collisions in the present window.
+
+    Attributes
+    ----------
+    kinds : int
+        Of which collisions: TRACKED, PAIRS or both (`kernels.layout`).
+    fresh : bool
+        True if it has just been run, and what was written down of tracked disks is new.
+    reached, told : float
+        Moments [time] to which a gas that has paused has been run, as kernels have it, and its events were given away.
+    times : array or None
+        Times of all collisions in the window [time], in order, where they are known.
+    """
+
+    kinds: int = 0
+    fresh: bool = False
+    reached: float = NOTHING_TOLD
+    told: float = NOTHING_TOLD
+    times: NDArray[np.float64] | None = None
+
+
+class Stored(NamedTuple):
+    """What a checkpoint holds of the present window, in this order.
+
+    Its `moment` is the present time since its beginning; 0 there. `planned` is 1 if it has an end.
+    """
+
+    begin: float
+    end: float
+    now: float
+    moment: float
+    planned: float
+    fastest: float
+    square_unit: float
 
 
 class Windows:
@@ -58,30 +139,26 @@ class Windows:
         self.now: float = time
         self._clock = arrays.clock.array
         arrays.clock.begin = arrays.clock.end = time
-        self._completed = False  # the window has been run to its end
-        self._ready = False  # the present window has an end, and has not been run
-        # It has been run to the requested moment; the scratch space holds the rest of it.
-        self._paused = False
-        self._recorded = 0  # what has been written down of the present window
-        # Moment to which events of tracked disks have been handed on, where it has paused.
-        self._told = NOTHING_TOLD
-        self._paused_at = NOTHING_TOLD  # as kernels have it
+        self.state: State = BETWEEN
+        self._moment = 0.0  # the present time since the window's beginning
         self._moments: list[Moment] = []  # that have been written
-        self._end_overwritten = False  # by the state at the first moment: `low_memory`
-        self._moment_now = 0.0
+        self.watched: Watched = Watched()
         size = len(arrays.sums)
-        self._done, self._at_end = np.zeros(size), np.zeros(size)
+        self._sums = Sums(np.zeros(size), np.zeros(size))
         tally, pistons = arrays.extra_tally, named(arrays.wall_rows, "walls").piston
-        states = tally.piston_states(self._done)
+        states = tally.piston_states(self._sums.before)
         states.displacement, states.speed = pistons.displacement[tally.pistons], pistons.speed[tally.pistons]
         # Times and numbers of collisions at which a run will stop.
         self._requested: list[tuple[float, float]] = []
-        self._last_collisions = 0.0  # of the last window
-        self._times: NDArray[np.float64] | None = None  # of all collisions in the present window, in order
         self._burst = 1  # windows of a GPU that went well one after another
-        self._counted = math.nan  # beginning of the window that the statistics have counted
-        # The present window has just been run, and what was written down in it is new.
-        self.fresh: bool = False
+
+    def _to(self, state: State) -> None:
+        """Go on to another state: EngineError if it may not follow the present one."""
+        if state not in NEXT[self.state]:
+            raise EngineError(
+                f"t = {self.now:.9g}: a window went from {self.state.name} to {state.name}; please report this"
+            )
+        self.state = state
 
     # ------------------------------------------------------------------ what it knows
 
@@ -103,14 +180,19 @@ class Windows:
     @property
     def inside(self) -> bool:
         """True if the present time lies within a window, which has to be kept."""
-        return self._completed and (self._paused or self.begin < self.now < self.end)
+        return self.state in (INSIDE, PAUSED, CUT)
+
+    @property
+    def stopped_early(self) -> bool:
+        """True at a moment that only a stop that was asked for has chosen (`backend.stop_is_asked`)."""
+        return self.state is PAUSED and self.runner.stopped_early
 
     @property
     def moment(self) -> float | None:
         """The present time since the window's beginning [time], as kernels have it; None at the beginning."""
-        if self._completed and self.now == self.end:
+        if self.state is AT_END:
             return float(self.arrays.scale.window)
-        return self._moment_now if self.inside else None
+        return self._moment if self.inside else None
 
     @property
     def rests(self) -> bool:
@@ -138,16 +220,16 @@ class Windows:
         inside, sums = self.inside, self.sums
         self.arrays.uses = uses
         if inside:
-            self._compute_moments([self._moment_now])
-            self._done += sums - self.sums
+            self._compute_moments([self._moment])
+            self._sums.before += sums - self.sums
 
     def set_forces(self, forces: ForceSteps, within: tuple[k.CompiledForce, ...]) -> None:
         """Set other forces, and what is compiled of those that act within windows, at a window's beginning."""
         self.forces = self.runner.forces = forces
         if within or self.arrays.uses.forces:
-            kept = self._done[: self.arrays.extra_tally.first_force]
+            kept = self._sums.before[: self.arrays.extra_tally.first_force]
             self.arrays.set_forces(within)
-            self._done = np.append(kept, np.zeros(self.arrays.columns - len(kept)))
+            self._sums.before = np.append(kept, np.zeros(self.arrays.columns - len(kept)))
 
     @property
     def gains(self) -> NDArray[np.float64]:
@@ -156,56 +238,54 @@ class Windows:
 
     def add_flow_work(self, work: float) -> None:
         """Enter what a force did to energies in the frames of rows of tiles."""
-        self._done[TALLY.flow_work] += work
+        self._sums.before[TALLY.flow_work] += work
 
     @property
     def sums(self) -> NDArray[np.float64]:
         """Sums over all windows so far, to the present time; columns of `tally`."""
-        in_window = self._sums_in_window()
-        return self._done.copy() if in_window is None else self._done + in_window
+        before, in_window = self._sums.before, self._sums_in_window()
+        return before.copy() if in_window is None else before + in_window
 
     def sum(self, column: int) -> float:
         """One of `sums`, by its column."""
         in_window = self._sums_in_window()
-        before: float = self._done.item(column)
+        before: float = self._sums.before.item(column)
         return before if in_window is None else before + in_window.item(column)
 
     def _sums_in_window(self) -> NDArray[np.float64] | None:
         """Sums from the beginning of the present window to the present time; None where that is its beginning."""
-        if self._completed and self.now == self.end:
-            return self._at_end
-        if self.now == self.begin and not self._paused:
-            return None
-        return self._sums_to(self._moment_now)
+        if self.state is AT_END:
+            return self._sums.at_end
+        return self._sums_to(self._moment) if self.inside else None
 
     @property
     def part(self) -> int:
         """Part of the arrays that holds the present state."""
         part = int(self.arrays.grid.part)
-        if self._completed and self.now == self.end:
+        if self.state is AT_END:
             return 1 - part
-        if self.now == self.begin and not self._paused:
+        if not self.inside:
             return part
-        m = self.snapshot_at(self._moment_now)
-        return 1 - part if self._end_overwritten else k.SNAPSHOT + m
+        m = self.snapshot_at(self._moment)
+        return 1 - part if self.state is CUT else k.SNAPSHOT + m
 
     @property
     def time_origin(self) -> float:
         """Origin of the times in the present state [time]."""
-        return self.end if self._completed and self.now == self.end else self.begin
+        return self.end if self.state is AT_END else self.begin
 
     def commit(self) -> None:
         """Begin a window at the present time, which is no moment within one."""
         part = self.part
-        self._done = self.sums
-        if self._completed and self.now == self.end:
+        self._sums.before = self.sums
+        if self.state is AT_END:
             self.arrays.clock.overhang = self._most(TOTAL.overhang)
         self.arrays.grid.part = part
         self._begin_at(self.now)
 
     def commit_at(self, time: float) -> None:
         """Begin a window at the time of a state that is loaded into the arrays."""
-        self._done = self.sums
+        self._sums.before = self.sums
         self.arrays.clock.overhang = 0.0
         self._begin_at(time)
 
@@ -214,46 +294,52 @@ class Windows:
         if self.forces is not None:
             self.forces.begin_window(self.moment)
         self.now = self.arrays.clock.begin = self.arrays.clock.end = time
-        self._times, self._told = None, NOTHING_TOLD
-        self._completed = self._ready = self._paused = self._end_overwritten = self.fresh = False
-        self._moments, self._moment_now = [], 0.0
+        self._to(BETWEEN)
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget the moments of a window, and what was written down, as another one begins."""
+        self.watched, self._moments, self._moment = Watched(), [], 0.0
 
     def snapshot(self) -> dict[str, NDArray[np.float64]]:
         """State of the windows, between two of them or within one."""
-        a = self.arrays
-        length = [
-            self.begin,
-            self.end,
-            self.now,
-            self._moment_now,
-            float(self._ready or self._completed),
-            self.fastest,
-        ]
-        return {"window": np.array([*length, a.clock.square_unit]), "sums": self._done.copy()}
+        stored = Stored(
+            self.begin, self.end, self.now, self._moment, float(self.state is not BETWEEN), self.fastest,
+            float(self.arrays.clock.square_unit),
+        )  # fmt: skip
+        return {"window": np.array(stored), "sums": self._sums.before.copy()}
 
     def restore(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
         """Restore what `snapshot` gave."""
-        a = self.arrays
-        begin, end, now, moment, ready, a.clock.fastest, a.clock.square_unit = found["window"].tolist()
-        self._begin_at(begin)
+        a, stored = self.arrays, Stored(*found["window"].tolist())
+        a.clock.fastest, a.clock.square_unit = stored.fastest, stored.square_unit
+        self._begin_at(stored.begin)
         if self.forces is not None:
             self.forces.restore(found)
-        self._done = found["sums"].copy()
-        a.clock.end, self.now, self._moment_now, self._ready = end, now, moment, bool(ready)
-        if self._ready:
-            self._plan(plans=False)
-        if self._ready and self.now > self.begin:
-            self._counted = self.begin
-            if self.now < self.end:
+        self._sums.before = found["sums"].copy()
+        a.clock.end, self.now, self._moment = stored.end, stored.now, stored.moment
+        if not stored.planned:
+            return
+        self._to(PLANNED)
+        self._plan(plans=False)
+        inside = stored.now < stored.end
+        if stored.moment > 0.0:
+            if inside:
                 a.make_moments()
-            self._compute(self._present_moment() if self.now < self.end else [], 1, watching)
+            a.clock.stop, a.clock.wanted = stored.now, math.inf
+            moments = self._present_moment() if inside else []
+            self._compute(moments, 1, watching, pausing=inside and self._can_pause)
+            if self.state is PAUSED:
+                self._note_pause(stored.now)
+            elif inside:
+                self._to(INSIDE)
 
     # ------------------------------------------------------------------ length
 
     def go_on(self, kick: float) -> None:
         """At the end of a window, plan the next one: it ends at `kick` [time] at the latest, when a force acts."""
-        a, ended = self.arrays, self._completed and self.now == self.end
-        if not ended and (self._completed or self._ready):
+        a, ended = self.arrays, self.state is AT_END
+        if self.state not in (BETWEEN, AT_END):
             return
         if self.forces is not None:
             self.forces.plan(kick)
@@ -261,9 +347,8 @@ class Windows:
         if not a.box.is_open and not overhang <= TOO_FAR * a.least_side:
             raise unbounded(self.now)
         if ended:
-            self._last_collisions = float(self._at_end[TALLY.collisions])
-            self._completed, self._moments, self._moment_now, self._times = False, [], 0.0, None
-            self._told = NOTHING_TOLD
+            self._sums.last_collisions = float(self._sums.at_end[TALLY.collisions])
+            self._forget()
         narrow = a.least_side - overhang < LEAST_HALO * a.least_side and not (a.single_tile or a.uses.sheared)
         if narrow:  # halos would be
             self._plan(commits=ended, plans=False)
@@ -274,7 +359,7 @@ class Windows:
             self.domain.survey(rough=False)
         a.clock.kick = kick
         self._plan(commits=ended and not narrow)
-        self._ready = True
+        self._to(PLANNED)
         if not self.end > self.begin:
             raise InelasticCollapse(
                 f"t = {self.now:.9g}: windows have become too short for the clock, as disks are too fast or collide "
@@ -285,9 +370,9 @@ class Windows:
     def _plan(self, *, commits: bool = False, plans: bool = True) -> None:
         """Have the device plan the window (`plan_window`)."""
         a = self.arrays
-        a.sums[:] = self._done
+        a.sums[:] = self._sums.before
         a.launch(plan_window, int(commits), int(plans))
-        self._done = a.sums.copy()
+        self._sums.before = a.sums.copy()
 
     # ------------------------------------------------------------------ running
 
@@ -306,51 +391,80 @@ class Windows:
         The first one that ends at or after a `pause`, of the same kind, or the last of `most` windows. `next_points`
         gives those of later calls; what lies in the same window is computed with it.
         """
-        a, (stop, wanted) = self.arrays, until
         self.go_on(kick)
-        if self._completed and watching & ~self._recorded:
+        if self.state is not PLANNED and watching & ~self.watched.kinds:
             # From its beginning, to see what happened in it.
             self._compute(self._present_moment(), 1, watching)
-        if self._paused or self._end_overwritten or not self._completed:
-            pausing = a.single_tile and not a.on_gpu
-            self._requested = [until] if pausing else [until, *next_points()]
-            if pausing or (a.on_gpu and math.isfinite(stop)):
-                room = a.make_moments()
-                moments = [stop - self.begin][:room] if stop < self.end else []
-            else:
-                moments = self.plan_snapshots(self.now)
-            (a.clock.stop, a.clock.wanted), (a.clock.pause, a.clock.pause_after) = until, pause
-            if not (pausing or a.on_gpu) and self._nears_count():
-                watching, most = watching | k.PAIRS, 1
-            if self._end_overwritten:  # what has been written down stays
-                watching &= ~self._recorded
-            if a.keeps_moments or a.on_gpu or watching or math.isfinite(wanted) or stop >= self.end:
-                most = min(most, a.burst, self._burst if a.on_gpu else most)
-                self._compute(moments, most, watching, pausing=pausing)
-            else:
-                self._compute_moments([stop - self.begin])
-        if self._paused:
-            self._moment_now = self._moments[0].time
-            by_count = a.counter.paused == k.BY_COUNT
-            self.now = self.begin + self._moment_now if by_count else stop
-            return
-        count = self._done[TALLY.collisions]
-        stopping = self.begin < stop < self.end
-        self.now = stop if stopping else self.end
-        self._moment_now = stop - self.begin if stopping else self.end - self.begin
-        if count + self._at_end[TALLY.collisions] >= wanted:
-            reached = self._at_end
-            if stopping:
-                reached = self._sums_to(self._moment_now)
+        if self.state in (PLANNED, PAUSED, CUT):
+            self.arrays.clock.pause, self.arrays.clock.pause_after = pause
+            self._run_to(until, most, watching, next_points)
+        if self.state is PAUSED:
+            self._note_pause(until[0])
+        else:
+            self._stop_at(*until)
+
+    @property
+    def _can_pause(self) -> bool:
+        """True if the gas can pause within a window, and go on from there."""
+        return self.arrays.single_tile and not self.arrays.on_gpu
+
+    def _note_pause(self, stop: float) -> None:
+        """Take the moment at which the gas has paused for the present time, which is `stop` [time] if it got there."""
+        self._moment = self._moments[0].time
+        self.now = self.begin + self._moment if self._paused_elsewhere else stop
+
+    def _run_to(
+        self,
+        until: tuple[float, float],
+        most: int,
+        watching: int,
+        next_points: Callable[[], Iterable[tuple[float, float]]],
+    ) -> None:
+        """Run the window, or the rest of one that has paused, as far as `run` says, and up to `most` windows."""
+        a, (stop, wanted) = self.arrays, until
+        pausing = self._can_pause
+        self._requested = [until] if pausing else [until, *next_points()]
+        if pausing or (a.on_gpu and math.isfinite(stop)):
+            room = a.make_moments()
+            moments = [stop - self.begin][:room] if stop < self.end else []
+        else:
+            moments = self.plan_snapshots(self.now)
+        a.clock.stop, a.clock.wanted = until
+        if not (pausing or a.on_gpu) and self._nears_count():
+            watching, most = watching | k.PAIRS, 1
+        if self.state is CUT:  # what has been written down stays
+            watching &= ~self.watched.kinds
+        if a.keeps_moments or a.on_gpu or watching or math.isfinite(wanted) or stop >= self.end:
+            most = min(most, a.burst, self._burst if a.on_gpu else most)
+            self._compute(moments, most, watching, pausing=pausing)
+        else:
+            self._compute_moments([stop - self.begin])
+
+    def _stop_at(self, stop: float, wanted: float) -> None:
+        """Stop in a window that has been run, or at its end: at a time, or after so many collisions in all."""
+        count = self._sums.before[TALLY.collisions]
+        moment = stop - self.begin if self.begin < stop < self.end else None
+        reached = self._sums.at_end
+        if count + reached[TALLY.collisions] >= wanted:
+            if moment is not None:
+                reached = self._sums_to(moment)
             if count + reached[TALLY.collisions] >= wanted:
-                self._moment_now = self._time_of(int(wanted - count))
-                self.now = self.begin + self._moment_now
-                self.snapshot_at(self._moment_now)
+                moment = self._time_of(int(wanted - count))
+                stop = self.begin + moment
+                self.snapshot_at(moment)
+        if moment is None:
+            self._moment, self.now = self.end - self.begin, self.end
+            if self.state is INSIDE:
+                self._to(AT_END)
+        else:
+            self._moment, self.now = moment, stop
+            if self.state is AT_END:
+                self._to(INSIDE)
 
     def _nears_count(self) -> bool:
         """True if the present window may have a collision of a requested number; makes room for them all."""
-        a, done = self.arrays, self._done[TALLY.collisions]
-        most = 1.5 * max(float(a.clock.in_window), self._last_collisions) + 100.0
+        a, done = self.arrays, self._sums.before[TALLY.collisions]
+        most = 1.5 * max(float(a.clock.in_window), self._sums.last_collisions) + 100.0
         if not any(done < count <= done + most for _, count in self._requested):
             return False
         room = int(most * a.domain.n_here(int(a.grid.part)) / a.n)
@@ -365,10 +479,9 @@ class Windows:
         """
         a, length = self.arrays, self.end - self.begin
         found = {time - self.begin for time, _ in self._requested if begin < time < self.end}
-        if self._times is not None:
-            counts = {
-                count - self._done[TALLY.collisions] for _, count in self._requested if math.isfinite(count)
-            }
+        if self.watched.times is not None:
+            before = self._sums.before[TALLY.collisions]
+            counts = {count - before for _, count in self._requested if math.isfinite(count)}
             times = self._times_of([int(count) for count in sorted(counts) if count >= 1])
             found |= {time for time in times if begin - self.begin < time < length}
         moments = sorted(found)
@@ -386,7 +499,7 @@ class Windows:
 
     def _present_moment(self) -> list[float]:
         """The present time as the only moment of the window; none with `low_memory`."""
-        return [self._moment_now] if self.arrays.keeps_moments else []
+        return [self._moment] if self.arrays.keeps_moments else []
 
     def _compute_moments(self, moments: list[float]) -> None:
         """Compute the states at moments of the window; with `low_memory` only that at the first moment.
@@ -399,13 +512,14 @@ class Windows:
         if a.keeps_moments:
             self._compute(moments, 1, 0)
             return
-        moment, end, at_end = moments[0], self.end, self._at_end
+        moment, end, at_end = moments[0], self.end, self._sums.at_end
         a.clock.end = self.begin + moment
         self._plan(plans=False)
         a.scale.stored_at = moment
         a.scale.window = a.scale.stored_at + ROUNDING * np.spacing(a.scale.stored_at)
         self._compute([], 1, 0)
-        self._moments, self._at_end, self._end_overwritten = [Moment(moment, self._at_end)], at_end, True
+        self._moments, self._sums.at_end = [Moment(moment, self._sums.at_end)], at_end
+        self._to(CUT)
         a.clock.end = end
         self._plan(plans=False)
 
@@ -418,26 +532,27 @@ class Windows:
         """Time of collision `count` = 1, 2, ... of the window, since its beginning."""
         if count <= 0:
             return 0.0
-        if self._times is None:
+        if self.watched.times is None:
             self._compute([], 1, k.PAIRS)
         return self._times_of([count])[0]
 
     def _times_of(self, counts: Sequence[int]) -> list[float]:
         """Times of these collisions, where those of all are known; infinity beyond the last."""
-        assert self._times is not None
-        return self.domain.comm.nth_smallest(self._times, counts)
+        assert self.watched.times is not None
+        return self.domain.comm.nth_smallest(self.watched.times, counts)
 
-    def watched(self, none: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
+    def take_events(self, none: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
         """Events of tracked disks on this rank in the present window, or `none`: rows of `event` and `event_int`.
 
         Of a window that has paused, those that were not given before.
         """
         real, whole = self.runner.events.rows(none)
-        if self._told >= 0.0:
-            new = named(real, "event").time > self._told
+        if self.watched.told >= 0.0:
+            new = named(real, "event").time > self.watched.told
             real, whole = real[new], whole[new]
-        if self._paused:
-            self._told = self._paused_at
+        if self.state is PAUSED:
+            self.watched.told = self.watched.reached
+        self.watched.fresh = False
         return real, whole
 
     def pairs(self) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -450,26 +565,23 @@ class Windows:
         When `pausing`, which only a gas in one tile can, to the moment or to so many collisions, and on from there.
         """
         a, runner = self.arrays, self.runner
-        resuming = self._paused and pausing
-        if self._paused and not pausing:  # the rest of the window, too, which will not be run again
-            watching |= self._recorded & k.TRACKED
-        self._paused = self._end_overwritten = False
-        begin = self.begin
-        again = begin == self._counted
-        self._recorded = watching | (self._recorded if again else 0)
+        resuming = self.state is PAUSED and pausing
+        if self.state is PAUSED and not pausing:  # the rest of the window, too, which will not be run again
+            watching |= self.watched.kinds & k.TRACKED
+        begin, again = self.begin, self.state is not PLANNED
+        self.watched.kinds = watching | (self.watched.kinds if again else 0)
         a.scale.moment = k.FAR
         a.scale.moment[: len(moments)] = moments
         a.grid.watching = watching
         runner.clear()
-        self.fresh |= bool(watching & k.TRACKED)
+        self.watched.fresh |= bool(watching & k.TRACKED)
         alone = a.grid.single_tile = int(a.single_tile)
         if a.uses.sheared:
             a.displace_rows(begin)
         runner.rests = runner.rests and resuming
-        a.sums[:] = self._done
+        a.sums[:] = self._sums.before
         self.domain.run(runner, most, pausing=pausing, resuming=resuming)
         self.statistics.windows -= again
-        self._paused = bool(a.counter.paused)
         done = int(a.counter.n_windows)
         self._burst = max(2 * most, self._burst) if done >= most else max(done, 1)
         self.statistics.windows += done
@@ -477,7 +589,7 @@ class Windows:
             self.statistics.unverified += int(a.counter.unverified)
             self.statistics.jammed += int(a.counter.jammed)
         runner.collect()
-        self._done = a.sums.copy()
+        self._sums.before = a.sums.copy()
         if not alone:
             kept = replace(self.statistics)
             halvings = 0
@@ -495,19 +607,28 @@ class Windows:
                     self._shorten()
             if again:
                 vars(self.statistics).update(vars(kept))
-        self._counted = self.begin
         if begin != self.begin:  # the kernel ran further windows
-            self._times = None
-        self._at_end = self._tally(k.AT_END)
-        moment_time = self._paused_at = float(a.scale.moment[0])
-        if begin != self.begin or a.counter.paused == k.BY_COUNT:  # the kernel chose
-            if begin != self.begin and a.counter.paused != k.BY_COUNT:
+            self.watched.times = None
+        self._sums.at_end = self._tally(k.AT_END)
+        moment_time = self.watched.reached = float(a.scale.moment[0])
+        if begin != self.begin or self._paused_elsewhere:
+            if not self._paused_elsewhere:
                 moment_time = float(a.clock.stop) - self.begin if moment_time < k.FAR else k.FAR
             moments = [moment_time] if moment_time < k.FAR else []
         self._moments = [Moment(each, self._tally(k.AT_MOMENT + m)) for m, each in enumerate(moments)]
         if watching & k.PAIRS:
-            self._times = None if pausing else np.sort(runner.pairs.rows()[0].astype(np.float64))
-        self._completed, self._ready = True, False
+            self.watched.times = None if pausing else np.sort(runner.pairs.rows()[0].astype(np.float64))
+        if a.counter.paused:
+            self._to(PAUSED)
+        elif self.state is PLANNED:
+            self._to(AT_END)
+        elif self.state in (PAUSED, CUT):
+            self._to(INSIDE)
+
+    @property
+    def _paused_elsewhere(self) -> bool:
+        """True if the latest run has paused at another moment than that requested: after a collision, or early."""
+        return self.arrays.counter.paused == k.BY_COUNT or self.runner.stopped_early
 
     def _shorten(self) -> None:
         """Run half of the window: what a sheared gas does whose tiles are too small for all of it."""
