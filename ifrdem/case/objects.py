@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ..kernels.compiler import runtime
 from ..model.collapse import Collapse
+from ..model.device import Device
 from ..model.gravity import Gravity, RotatingGravity
-from ..simulation.device import Device
 from .case import REMEDIES, BoxSection, CaseSections, RunSection
 
 
