@@ -1,23 +1,16 @@
 """Exclusions of a gas: each once, as a row of `RULES`, for `Simulation` and for cases.
 
-A row sees `Facts`, which a case knows before any disk is made. Names are those of Python's arguments; `Simulation`
-(`simulation.start.checks.check_exclusions`) and cases (`case.exclusions`) say them in their own words. Limits that
-need places or sizes of disks are no rows: they are functions of `simulation.start.checks`.
+A row sees `Facts`, which a case knows before any disk is made; those of a `Setup` are `Setup.facts`. Names are those of
+Python's arguments; `Simulation` (`simulation.start.checks.check_exclusions`) and cases (`case.exclusions`) say them in
+their own words. Limits that need places or sizes of disks are no rows: they are functions of `simulation.start.checks`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 from ..kernels.columns import ADDRESSABLE, SINGLE_TILE
-from .gravity import RotatingGravity
-from .laws.ifr import IFRLaw
-
-if TYPE_CHECKING:
-    from .forces import Force
-    from .setup import Setup
 
 
 @dataclass(frozen=True)
@@ -76,19 +69,6 @@ class Facts:
     ranks: int = 1
     order: str = ""
 
-    @classmethod
-    def of(cls, setup: Setup, **others: Any) -> Facts:
-        """The facts of a setup; `others` are those that are not in it: n, immovable, tracked, ranks, order."""
-        device, kinds = setup.device, [library_classes(force) for force in setup.forces]
-        return cls(
-            is_open=setup.box.is_open, periodic=setup.box.periodic, shear_rate=setup.box.shear_rate,
-            walls=len(setup.walls), pistons=sum(wall.piston is not None for wall in setup.walls),
-            gravity=setup.start_gravity, turns=isinstance(setup.gravity, RotatingGravity),
-            forces=frozenset[str]().union(*kinds), collapse=type(setup.collapse).__name__ if setup.collapse else "",
-            law="" if setup.law_class is IFRLaw else setup.law_class.__name__, record=setup.record,
-            device=device.name, precision=device.precision, low_memory=device.low_memory, **others,
-        )  # fmt: skip
-
     @property
     def walled(self) -> bool:
         """True if there are walls, among the disks or at sides of the box."""
@@ -105,13 +85,6 @@ class Facts:
         return not self.turns and any(
             pull and one for pull, one in zip(self.gravity, self.periodic, strict=True)
         )
-
-
-def library_classes(force: Force) -> frozenset[str]:
-    """Names of the classes of this library that a force is of."""
-    return frozenset(
-        kind.__name__ for kind in type(force).__mro__ if kind.__module__ == "ifrdem.model.forces"
-    )
 
 
 @dataclass(frozen=True)

@@ -34,9 +34,11 @@ from .collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from .device import Device
 from .gravity import Gravity, RotatingGravity
 from .laws.files import source_of
+from .laws.ifr import IFRLaw
 from .laws.law import CollisionLaw
 from .laws.pairs import rows_of
 from .laws.records import ARGUMENTS, from_record, is_custom, to_record
+from .rules import Facts
 from .walls.wall import Wall, from_json, sides, to_json
 
 if TYPE_CHECKING:
@@ -163,6 +165,18 @@ class Setup:
         """True if dissipated energy is added up, by mechanism."""
         return "energy" in self.record
 
+    def facts(self, **others: Any) -> Facts:
+        """The facts that rules ask for; `others` are those of no setup: n, immovable, tracked, ranks, order."""
+        kinds = [library_classes(force) for force in self.forces]
+        return Facts(
+            is_open=self.box.is_open, periodic=self.box.periodic, shear_rate=self.box.shear_rate,
+            walls=len(self.walls), pistons=sum(wall.piston is not None for wall in self.walls),
+            gravity=self.start_gravity, turns=isinstance(self.gravity, RotatingGravity),
+            forces=frozenset[str]().union(*kinds), collapse=type(self.collapse).__name__ if self.collapse else "",
+            law="" if self.law_class is IFRLaw else self.law_class.__name__, record=self.record,
+            device=self.device.name, precision=self.device.precision, low_memory=self.device.low_memory, **others,
+        )  # fmt: skip
+
     # ------------------------------------------------------------------ its record
 
     def to_record(self) -> dict[str, Any]:
@@ -217,6 +231,13 @@ class Setup:
             record=record["record"],
             seed=record["seed"],
         )
+
+
+def library_classes(force: Force) -> frozenset[str]:
+    """Names of the classes of this library that a force is of."""
+    return frozenset(
+        kind.__name__ for kind in type(force).__mro__ if kind.__module__ == "ifrdem.model.forces"
+    )
 
 
 def _checked_names(record: Iterable[str]) -> frozenset[str]:

@@ -26,11 +26,8 @@ from typing import Any
 from ...case import file as case_file
 from ...case import report as reporting
 from ...case.file import CaseFile
-from ...case.gas import forces_of
-from ...case.objects import collapse_of, device_of, gravity_of
 from ...case.summary import REFUSED_HERE
 from ...errors import EngineError, InputError, Stopped
-from ...model.setup import Setup
 from ...runs import run as running
 from ...runs.outputs import Outputs
 from ...simulation.start import checks
@@ -357,12 +354,8 @@ def _on_ranks(file: CaseFile) -> str | None:
     count, why = gas.usable_ranks(2)
     if count == 1 and "cannot be divided" not in why:  # too few tiles, which the engine finds later
         return None
-    setup = Setup(
-        gas.box, tuple(map(tuple, gas.law_table)), gas.walls, gravity_of(case.box), tuple(forces_of(case)),
-        collapse_of(case.run), device_of(case.run),
-    )  # fmt: skip
     try:
-        checks.check_exclusions(setup, n=gas.n, immovable=False, tracked=case.output.tracks, ranks=2)
+        checks.check_exclusions(gas.setup, n=gas.n, immovable=False, tracked=case.output.tracks, ranks=2)
     except InputError as error:
         return None if why else f"on ranks: {error}"
     return f"on ranks: {why}" if why else None

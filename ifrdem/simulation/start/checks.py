@@ -15,6 +15,7 @@ from ...model import rules
 from ...model.box import Box
 from ...model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ...model.overlaps import tolerances
+from ...model.setup import Setup, library_classes
 from ...model.state import Disks, State
 from ...model.walls.checks import check as check_walls
 from ...model.walls.wall import Wall, wall_names
@@ -23,7 +24,6 @@ from ...mpi import current
 if TYPE_CHECKING:
     from ...model.device import Device
     from ...model.forces import Force
-    from ...model.setup import Setup
     from .start import StartCounts
 
 MOST_JUMP = 0.01
@@ -305,17 +305,17 @@ def _check_jumps(disks: Disks, gravity: tuple[float, float], collapse: Rest) -> 
 def check_exclusions(setup: Setup, **others: Any) -> None:
     """Refuse what cannot go together (`model.rules`): InputError with a line for each exclusion.
 
-    The setup is the one that is to be; `others` are facts that are not in it (`rules.Facts.of`).
+    The setup is the one that is to be; `others` are facts that are not in it (`Setup.facts`).
     """
     box, walls, forces, device = setup.box, setup.walls, setup.forces, setup.device
     pistons = [w for w, wall in enumerate(walls) if wall.piston is not None]
-    facts = rules.Facts.of(setup, **others)
+    facts = setup.facts(**others)
 
     def said(name: str) -> str:
         """An argument, with its value."""
         first, _, kind = name.partition(".")
         if first == "forces" and kind:
-            i = next(i for i, force in enumerate(forces) if kind in rules.library_classes(force))
+            i = next(i for i, force in enumerate(forces) if kind in library_classes(force))
             return f"forces[{i}] = {forces[i]}"
         sides = f"walls at sides of the box (periodic = {box.periodic})"
         words = {
