@@ -19,6 +19,7 @@ from .model.box import Box as Box
 from .model.collapse import ContactTime as ContactTime
 from .model.collapse import Rest as Rest
 from .model.collapse import VelocityCutoff as VelocityCutoff
+from .model.device import Device as Device
 from .model.gravity import RotatingGravity as RotatingGravity
 from .model.laws.coin_table import coins as coins
 from .model.laws.collision import collide as collide
@@ -38,7 +39,6 @@ from .mpi.communicator import slice_of as slice_of
 from .runs.case import Case as Case
 from .runs.case import run as run
 from .runs.recorder import Ledger as Ledger
-from .simulation.device import Device as Device
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation
 from .study.study import Study as Study

@@ -7,21 +7,26 @@ judged by `ifrdem.case.rules`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
 from ..errors import InputError, nearest
 from ..initial import radii
 from ..kernels.columns import MOST_IDS
+from ..kernels.compiler import runtime
 from ..model.box import Box
 from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
-from ..model.gravity import DEFAULT_STEP, MAX_STEP
+from ..model.device import Device
+from ..model.gravity import DEFAULT_STEP, MAX_STEP, Gravity, RotatingGravity
 from ..tools.tables import TableFormat
 from .laws_section import CoinName, FileKeys, Material, PairOfMaterials
 from .output_section import OutputSection
 from .section import Name, Section, exclusive_with, field, refusal
 from .walls_section import Pair, Wall
+
+if TYPE_CHECKING:
+    from ..model.forces import Force as ModelForce
 
 _SI = {
     "length": "m", "mass": "kg", "time": "s", "velocity": "m s-1", "angular_velocity": "rad s-1", "energy": "J",
@@ -106,6 +111,21 @@ class RunSection(Section):
                 problems.append(f'collapse = "{chosen}": {number} missing')
         return problems + super().problems(data)
 
+    def choose_runtime(self) -> None:
+        """Have kernels compiled by this runtime. InputError if it is not there."""
+        runtime.choose(self.runtime, "run.runtime")
+
+    def made_device(self) -> Device:
+        """The device."""
+        return Device(self.device, threads=self.threads, precision=self.precision, low_memory=self.low_memory)
+
+    def made_collapse(self) -> Collapse | None:
+        """The remedy for inelastic collapse; None without."""
+        if self.collapse not in REMEDIES:
+            return None
+        key, kind = REMEDIES[self.collapse]
+        return kind(getattr(self, key))
+
 
 def _without_aspect(data: Mapping[str, Any]) -> list[str]:
     return ["aspect requires packing_fraction"] * ("aspect" in data and "packing_fraction" not in data)
@@ -169,6 +189,13 @@ class BoxSection(Section):
         if all(periodic) and "material" in data:
             problems.append("material: both directions are periodic, so there are no walls at the sides")
         return problems
+
+    def made_gravity(self) -> Gravity:
+        """Gravity, constant or rotating."""
+        gravity = (self.gravity[0], self.gravity[1])
+        if not self.gravity_rotation_rate:
+            return gravity
+        return RotatingGravity(gravity, rate=self.gravity_rotation_rate, step=self.gravity_rotation_step)
 
     def start_region(self, covered: float) -> Box | None:
         """The rectangle that is given a size, for disks that cover so much area [length^2]; None if none is.
@@ -333,6 +360,13 @@ class ForceSection(Section):
         if cls.some and not any(data.get(key) for key in cls.some):
             problems.append(f"at least one of {', '.join(cls.some)} must be above 0")
         return problems
+
+    def made(self) -> ModelForce:
+        """The force. Imports the runtime."""
+        from ..model import forces
+
+        kind: type[ModelForce] = getattr(forces, force_class(self.kind, self.at_random_times))
+        return kind(**self.model_dump(exclude={"kind"}, exclude_none=True))
 
     @property
     def at_random_times(self) -> bool:

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw
 from ..model.laws.pairs import MEAN_APPROACH, PairLaws
 from ..model.observables import drift_text
+from ..model.setup import Setup
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
 from ..model.walls import crush
 from ..model.walls.free_area import FreeArea
@@ -34,14 +35,10 @@ from ..simulation.start import checks
 from ..simulation.steps.turning import FASTEST_DRUM
 from ..tools import seeds
 from . import exclusions, pair_rules, rules
-from .case import GROWN, IMPACT_SCAN, CaseSections, ForceSection, force_class
-from .objects import choose_runtime, collapse_of, device_of, gravity_of, record_of
+from .case import GROWN, IMPACT_SCAN, CaseSections
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species, species_of
-
-if TYPE_CHECKING:
-    from ..model.forces import Force
 
 T = TypeVar("T")
 PLACED_BY_CHECK = {"random": 10_000, GROWN: 2_000}
@@ -359,7 +356,7 @@ class CaseGas:
 
         Raises InputError if the disks do not fit into the box in the way the case wants: a line with the key.
         """
-        choose_runtime(self.case.run)
+        self.case.run.choose_runtime()
         given = self.given
         position = self._placed(progress) if given is None else given.position
         past: dict[str, Any] = {} if given is None else {"time": given.time, **given.past}
@@ -376,12 +373,12 @@ class CaseGas:
         """
         if self.law().is_proved:
             return []
-        choose_runtime(self.case.run)
+        self.case.run.choose_runtime()
         laws = PairLaws.of(self.law_table, self.kinds.rows, self._materials_of_walls)
         speeds = (max(each.speed_rms, each.spin_rms * each.summary.radius.mean) for each in self.species)
         with backend.sole_use(), warnings.catch_warnings(record=True) as found:
             warnings.simplefilter("always", EnergyWarning)
-            backend.start_unless_running(replace(device_of(self.case.run), name="cpu"))
+            backend.start_unless_running(replace(self.case.run.made_device(), name="cpu"))
             self._naming_law(
                 lambda: laws.check_by_sampling(self.kinds.rows, self._materials_of_walls, max(speeds) or 1.0)
             )
@@ -583,13 +580,13 @@ class CaseGas:
                 self.begin[0], run.t_end or 0.0, smallest, self.box, alone
             ),
             ("run", "collapse"): lambda: checks.check_collapse(
-                collapse_of(run),
+                run.made_collapse(),
                 self.kinds,
                 self.box,
                 walls,
                 gravity,
                 self._coefficient("e_n"),
-                device_of(run),
+                run.made_device(),
             ),
         }
         found = self._lying(velocity, walls, gravity) if known else []
@@ -644,8 +641,7 @@ class CaseGas:
         start. All ranks of MPI (`comm`) that share it call this. A `state` of ranks is that of all disks, on the root;
         or that of the slice, on each rank, where they are distributed.
         """
-        run = self.case.run
-        choose_runtime(run)
+        self.case.run.choose_runtime()
         comm = self.communicator(comm)
         distributed = comm.is_distributed
 
@@ -666,19 +662,23 @@ class CaseGas:
                     begin = self.start() if mode == "drawn" else state
         if tracked is None:
             tracked = comm.result_of_holders(lambda: self.tracked(begin))
-        given: dict[str, Any] = {
-            "disks": disks, "box": self.box, "state": begin,
-            "law": self.law_table, "device": device_of(run),
-            "walls": self._walls_at_start,
-            "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
-            "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
-            "tracked": tracked, "comm": comm,
-        }  # fmt: skip
+        given = {**self.setup.arguments, "disks": disks, "state": begin, "tracked": tracked, "comm": comm}
         if not self.law().is_proved:  # the simulation checks it
             return self._naming_law(lambda: Simulation(**given))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
             return Simulation(**given)
+
+    @property
+    def setup(self) -> Setup:
+        """The setup of this gas. Imports the runtime if there are forces."""
+        case = self.case
+        return Setup(
+            box=self.box, law=tuple(map(tuple, self.law_table)), walls=self._walls_at_start,
+            gravity=case.box.made_gravity(), forces=tuple(each.made() for each in case.force),
+            collapse=case.run.made_collapse(), device=case.run.made_device(),
+            record=frozenset(case.output.record()), seed=case.run.seed,
+        )  # fmt: skip
 
     @property
     def _walls_at_start(self) -> tuple[Wall, ...]:
@@ -766,16 +766,3 @@ def validate_case(
                 given = rules.given_start(case, gas.disks.radius, FreeArea(box, standing), folder, found)
     found += rules.check_output(case, kinds.n, box)
     return replace(gas, box=box, start_region=start_region, given=given), found
-
-
-def forces_of(case: CaseSections) -> list[Force]:
-    """The forces of a case, in its order. Imports the runtime if there are any."""
-    if not case.force:
-        return []
-    from ..model import forces
-
-    def made(each: ForceSection) -> Force:
-        kind: type[Force] = getattr(forces, force_class(each.kind, each.at_random_times))
-        return kind(**each.model_dump(exclude={"kind"}, exclude_none=True))
-
-    return [made(each) for each in case.force]

@@ -129,6 +129,15 @@ class OutputSection(Section):
             problems.append('log_from requires frames_spacing or series_spacing = "log"')
         return problems
 
+    def record(self) -> list[str]:
+        """Names of what a simulation records for it (`Setup.record`)."""
+        fields = self.fields
+        quantities = {
+            "energy": self.ledger, "partner": "last_partner" in fields, "angle": "angle" in fields,
+            "disk_energy": "dissipated" in fields, "wall": self.wall_sums, "stress": self.stress,
+        }  # fmt: skip
+        return [name for name, enabled in quantities.items() if enabled]
+
     @property
     def frame_cadence(self) -> Trigger:
         """Times or collisions at which frames are due."""

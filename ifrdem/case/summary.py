@@ -21,7 +21,6 @@ from .estimate import (
     strip_bytes,
 )
 from .gas import CaseGas
-from .objects import device_of
 from .output_section import MOST_FRAMES
 
 WRITER_BYTES_PER_DISK = 200
@@ -121,7 +120,7 @@ def refused_here(
     run, found, walled = gas.case.run, [], bool(gas.free_area.all_walls)
     needs: list[Callable[[], None]] = [
         lambda: runtime.check(run.runtime, "run.runtime"),
-        lambda: backend.check(device_of(run)),
+        lambda: backend.check(run.made_device()),
         lambda: checks.check_number(gas.n, ranks, low_memory=run.low_memory),
         lambda: refuse_beyond_memory(
             gas.n,

@@ -114,8 +114,8 @@ def bench(
     """
     choose_runtime(runtime, "--runtime")
     from ..kernels.columns import most_disks
+    from ..model.device import Device as OfSimulation
     from ..simulation import backend
-    from ..simulation.device import Device as OfSimulation
     from ..validation.speed import bench as timing
 
     problems = _conflicts({"n": n, "phi": phi}, {"after": after, "set": set}, case)

@@ -1,8 +1,8 @@
 """Exclusions of a gas: each once, as a row of `RULES`, for `Simulation` and for cases.
 
-A row sees `Facts`, which a case knows before any disk is made. Names are those of Python's arguments; `Simulation`
-(`simulation.start.checks.check_exclusions`) and cases (`case.exclusions`) say them in their own words. Limits that
-need places or sizes of disks are no rows: they are functions of `simulation.start.checks`.
+A row sees `Facts`, which a case knows before any disk is made; those of a `Setup` are `Setup.facts`. Names are those of
+Python's arguments; `Simulation` (`simulation.start.checks.check_exclusions`) and cases (`case.exclusions`) say them in
+their own words. Limits that need places or sizes of disks are no rows: they are functions of `simulation.start.checks`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Facts:
     ranks : int
         Ranks of MPI.
     order : str
-        Of `EngineOptions`, "" by default.
+        Of `Engine`, "" by default.
     """
 
     is_open: bool = False

@@ -18,7 +18,6 @@ from ..case import summary
 from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
-from ..case.objects import choose_runtime, device_of
 from ..errors import InputError, option_name
 from ..kernels.compiler import runtime as of_kernels
 from ..model.laws.records import is_custom, of_table, source_of_record
@@ -124,7 +123,7 @@ def resume(
             written: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
         if threads is not None:
             case = _with(case, threads=threads)
-        backend.check(device_of(case.run))
+        backend.check(case.run.made_device())
         n = sum(each.number for each in case.species)
         low = case.run.low_memory
         summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size, low_memory=low)
@@ -141,12 +140,12 @@ def resume(
     sent, writer, ledger, pending = comm.run_on_root(prepared) or (None, None, Ledger(), None)
     path, file, outputs, plan, written, in_parts = comm.bcast(sent)
     gas, case = file.gas, file.case
-    choose_runtime(case.run)  # on all ranks: so far the root has
+    case.run.choose_runtime()  # on all ranks: so far the root has
     comm = gas.communicator(comm)
     with contextlib.ExitStack() as stack:
         if writer is not None:
             stack.enter_context(writer)
-        simulation = Simulation.from_checkpoint(path, device=device_of(case.run), comm=comm)
+        simulation = Simulation.from_checkpoint(path, device=case.run.made_device(), comm=comm)
         queue: Any = None
         if in_parts:
             options = {**stored(gas), "frames": written["frames"]}

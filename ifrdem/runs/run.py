@@ -21,7 +21,6 @@ from ..case.case import IMPACT_SCAN, UNITS, CaseSections
 from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
 from ..case.gas import REPORTED_DRIFT, CaseGas
-from ..case.objects import choose_runtime
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
 from ..model.laws.records import to_record
 from ..model.observables import TANGENTIAL, Measure, drift_text
@@ -98,7 +97,7 @@ def run(
 
     def prepared() -> State | None:
         outputs.check(force=force)
-        choose_runtime(case.run)  # before the check of a GPU, which imports a runtime
+        case.run.choose_runtime()  # before the check of a GPU, which imports a runtime
         estimate = RunEstimate.of(gas)
         folder = outputs.trajectory.parent
         refuse(check.refused_here(gas, estimate, folder, share=share, ranks=comm.size, sliced=drawn))

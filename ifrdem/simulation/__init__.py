@@ -12,6 +12,5 @@ A module imports only from its own row and rows below it:
 `measuring`    what is read from a running gas
 `start`        what a gas starts from: checks, features, disks of ranks
 `backend`      starts the runtime on a device
-`device`       `Device`: a CPU or a GPU, threads, precision
 =============  =============================================================
 """

@@ -26,9 +26,9 @@ from typing import Any
 from ..errors import EngineError, InputError
 from ..home import has_home
 from ..kernels.compiler import runtime
+from ..model.device import NAMES, Device
 from ..mpi import current
 from ..tools import files
-from .device import NAMES, Device
 
 MULTIPROCESSOR_COUNT = 16  # the driver's number of this attribute
 GPU_LANES = 65536  # tiles that have scratch space at the same time

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import EngineError, InputError, NoMoreCollisions
 from ..kernels.columns import BODY, DSMC_TABLES, SCALE, Named
 from ..kernels.layout import Uses
+from ..model.device import Device
 from ..model.laws.law import CollisionLaw, compiled
 from ..model.laws.pairs import PairLaws
 from ..model.state import Disks, State
@@ -43,7 +44,6 @@ from ..tools.checked import (
 )
 from ..tools.read_only import NotCopied, ReadOnlyAttributes
 from . import backend
-from .device import Device
 from .steps.schedule import warn_of_end
 
 

@@ -27,7 +27,7 @@ import math
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,22 +37,19 @@ from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollision
 from ..kernels import layout as k
 from ..kernels.columns import READOUT, TALLY, Named, named
 from ..model.box import Box
-from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff, advice
-from ..model.collapse import validate as validate_collapse
-from ..model.gravity import Gravity, RotatingGravity
-from ..model.gravity import validate as validate_gravity
+from ..model.collapse import advice
 from ..model.laws.ifr import IFRLaw
 from ..model.laws.law import CollisionLaw, compiled
 from ..model.observables import measure_of_totals
+from ..model.setup import Setup
 from ..model.state import Disks, FrameRows, State
-from ..model.walls.wall import Wall, free_directions, rows_of, sides, smooth_materials
+from ..model.walls.wall import Wall, free_directions, rows_of, smooth_materials
 from ..mpi import Communicator
-from ..tools import checked, seeds
+from ..tools import checked
 from . import backend
-from .device import Device
 from .measuring.tracking import Statistics
 from .start import checks
-from .start.features import features_of, validate_record
+from .start.features import features_of
 from .start.start import StartCounts, StartSlice
 from .steps.schedule import RunPoint
 from .steps.turning import TurningGravity
@@ -73,79 +70,6 @@ MOST_AT_ONCE = 2**28
 """Collisions of a disk between two looks at counters: more than a window may have (`runner.TileRunner`)."""
 MOST_COMPARED = 200_000
 """Disks of which all pairs are compared at most: some ten seconds. More fly on in windows, which get longer."""
-
-
-@dataclass(frozen=True)
-class EngineOptions:
-    """Options of an engine: those of `Simulation`, and two more.
-
-    Attributes
-    ----------
-    order : {"serial", "tiled"} or None
-        One tile that is the whole box, by one thread; or many; by default as the number of disks suggests. The same
-        bits.
-    tile_disks : int or None
-        Disks of a tile; by default what is fastest.
-    """
-
-    device: Device = field(default_factory=Device)
-    order: str | None = None
-    tile_disks: int | None = None
-    gravity: Gravity = (0.0, 0.0)
-    collapse: Collapse | None = None
-    seed: int = 0
-    record: frozenset[str] = frozenset()
-
-    def __post_init__(self) -> None:
-        checked_values = {
-            "device": Device.of(self.device),
-            "gravity": validate_gravity(self.gravity),
-            "collapse": validate_collapse(self.collapse),
-            "seed": seeds.of_device(self.seed),
-            "record": validate_record(self.record),
-        }
-        for name, value in checked_values.items():
-            object.__setattr__(self, name, value)
-        if self.order not in (None, *ORDERS):
-            raise InputError(f"order = {shortened(self.order)}: must be one of {', '.join(ORDERS)}")
-        if self.tile_disks is not None:
-            checked.integer("tile_disks", self.tile_disks, 1)
-
-    @property
-    def recorded(self) -> list[str]:
-        """Those quantities of a state (`state.RECORDED`) that the engine keeps up to date."""
-        kept = {
-            "latest_collision": isinstance(self.collapse, ContactTime),
-            "last_partner": "partner" in self.record,
-            "angle": "angle" in self.record,
-            "dissipated": "disk_energy" in self.record,
-        }
-        return [name for name, there in kept.items() if there]
-
-    @property
-    def velocity_cutoff(self) -> float:
-        """Cut-off for kernels [length/time]; 0 without."""
-        return self.collapse.speed if isinstance(self.collapse, VelocityCutoff) else 0.0
-
-    @property
-    def contact_time(self) -> float:
-        """Contact time for kernels [time]; 0 without."""
-        return self.collapse.time if isinstance(self.collapse, ContactTime) else 0.0
-
-    @property
-    def resting_speed(self) -> float:
-        """Resting speed for kernels [length/time]; 0 without."""
-        return self.collapse.speed if isinstance(self.collapse, Rest) else 0.0
-
-    @property
-    def start_gravity(self) -> tuple[float, float]:
-        """Gravity at time 0 [length/time^2]."""
-        return self.gravity.start if isinstance(self.gravity, RotatingGravity) else self.gravity
-
-    @property
-    def has_ledger(self) -> bool:
-        """True if dissipated energy is added up, by mechanism."""
-        return "energy" in self.record
 
 
 @dataclass(frozen=True)
@@ -189,19 +113,20 @@ class Engine:
 
     Parameters
     ----------
-    disks, box, state, walls, forces
+    setup : Setup
+        Whose laws are not checked here: `PairLaws` does that.
+    disks, state
         As for `Simulation`; positions must not overlap (`placement.check_no_overlap`).
-    law_table : array (M, M, c)
-        Coefficients of the law for each pair of materials (`table_row`): e_n, e_t, mu, contact_point, rho of `IFRLaw`.
-    law : class of laws
-        Whose coefficients the table holds.
     tracking : Tracking, optional
         Follows some disks, collision by collision.
     comm : communicator of mpi4py, optional
         Whose ranks have a part of the gas each, if there are several (`windows/ranks.py`); all make the same engine
         and call the same methods.
-    **options
-        Those of `EngineOptions`.
+    order : {"serial", "tiled"} or None
+        One tile that is the whole box, by one thread; or many; by default as the number of disks suggests. The same
+        bits.
+    tile_disks : int or None
+        Disks of a tile; by default what is fastest.
 
     InputError if a disk is larger than a third of a periodic side of the box, one of infinite mass moves, the device is
     not there, or a force cannot act.
@@ -209,29 +134,24 @@ class Engine:
 
     def __init__(
         self,
+        setup: Setup,
         disks: Disks,
-        box: Box,
         state: State,
-        law_table: NDArray[np.float64],
         *,
-        walls: Sequence[Wall] = (),
-        forces: Sequence[Force] = (),
-        law: type[CollisionLaw] = IFRLaw,
         tracking: Tracking | None = None,
         comm: Any = None,
-        **options: Any,
+        order: str | None = None,
+        tile_disks: int | None = None,
     ) -> None:
         self._released = True  # until there is anything to release
         self._valid = True  # False while a window is run: an interrupt would leave it half done
-        self.options: EngineOptions = EngineOptions(**options)
+        if order not in (None, *ORDERS):
+            raise InputError(f"order = {shortened(order)}: must be one of {', '.join(ORDERS)}")
+        if tile_disks is not None:
+            checked.integer("tile_disks", tile_disks, 1)
+        self.setup: Setup = setup
         self.comm: Communicator = Communicator.of(comm)
-        given, comm, tracked = self.options, self.comm, tracking is not None
-        self.box: Box = box
-        self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        self.precision: str = given.device.precision
-        self.walls: tuple[Wall, ...] = (*walls, *sides(box))
-        self.given_walls: int = len(walls)
-        comm.run_on_all(lambda: checks.check_forces(forces))
+        comm, tracked = self.comm, tracking is not None
         with comm:
             counts = StartCounts.of(disks, state)
         self.n: int = counts.n
@@ -240,12 +160,10 @@ class Engine:
             "immovable": counts.immovable,
             "tracked": tracked,
             "ranks": comm.size,
+            "order": order or "",
         }
-        comm.run_on_all(lambda: self._check_exclusions(given.gravity, forces, law))
-        materials = len(self._law_table)
-        comm.run_on_holders(
-            lambda: checks.check(disks, box, state, counts, materials, self.walls, forces, given, comm.size)
-        )
+        comm.run_on_all(lambda: checks.check_exclusions(setup, **self._facts))
+        comm.run_on_holders(lambda: checks.check(setup, disks, state, counts, comm.size))
         self._before, self._asleep_before = [counts.collisions, counts.wall_collisions], counts.asleep
         with comm:
             start = StartSlice.of(disks, state)
@@ -253,12 +171,12 @@ class Engine:
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(start.state.time)
-        self.turning = TurningGravity(given.gravity, time)
+        self.turning = TurningGravity(setup.gravity, time)
         self.gravity: tuple[float, float] = self.turning.gravity
-        self._check_collapse(self._law_table, law, self.gravity)
-        for force in forces:
+        self._check_collapse(setup, self.gravity)
+        for force in setup.forces:
             comm.run_on_all(lambda force=force: force.check(self.disks))
-        self._check_alike(forces)
+        self._check_alike(setup)
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
         self.last_collisions: CollisionTimes | None = None
@@ -270,16 +188,18 @@ class Engine:
         begin = 2 * counts.collisions + counts.wall_collisions - self._most_counted(start.state)
         self._counters_hold = begin + checks.MOST_COUNTED - MOST_AT_ONCE
         with comm:
-            backend.start_on_ranks(given.device)
+            backend.start_on_ranks(setup.device)
         from .steps.force_steps import ForceSteps
         from .windows.arrays import DeviceArrays
         from .windows.domain import domain_of
         from .windows.windows import Windows
 
         rows = rows_of(self.walls)
-        uses = features_of(box, self.walls, rows, law, given, tracked=tracked, ranks=comm.size)
+        uses = features_of(setup, rows, tracked=tracked, ranks=comm.size)
         domain = domain_of(comm, self.disks_here, self.kinds)
-        self.arrays: DeviceArrays = DeviceArrays(self.kinds, box, self._law_table, given, rows, uses, domain)
+        self.arrays: DeviceArrays = DeviceArrays(
+            setup, self.kinds, rows, uses, domain, order=order, tile_disks=tile_disks
+        )
         self.apply_gravity()
         self._released = False
         backend.register(self)
@@ -291,14 +211,16 @@ class Engine:
             np.array([not wall.is_present(time, self._before[0]) for wall in self.walls], dtype=bool)
         )
         self._load(start.state)
-        self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, self.disks, given.seed, self.time)
+        self.force_steps: ForceSteps = ForceSteps(
+            setup.forces, self.arrays, self.disks, setup.seed, self.time
+        )
         self._install_forces()
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
         self._flow_excess = self._excess()
 
     def _load(self, state: State) -> None:
         """Divide the box into tiles and lay a state into them, from which a window begins."""
-        self.arrays.load(self.disks, self.options, state)
+        self.arrays.load(self.disks, state)
         self._windows_to_check = OPEN_WINDOWS
         self._no_future_collisions = self._all_separate(state)
 
@@ -312,6 +234,21 @@ class Engine:
             return checks.fly_alike(state.velocity)
 
     # ------------------------------------------------------------------ what it knows
+
+    @property
+    def box(self) -> Box:
+        """The box."""
+        return self.setup.box
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """The walls, those at sides of the box last."""
+        return self.setup.all_walls
+
+    @property
+    def precision(self) -> str:
+        """Precision of the device."""
+        return self.setup.device.precision
 
     @property
     def time(self) -> float:
@@ -411,8 +348,9 @@ class Engine:
     def free(self) -> tuple[bool, bool]:
         """True along x and y where the whole gas can drift (`model.walls.wall.free_directions`)."""
         smooth: Collection[int] = ()
-        if self.walls and self._law.is_proved and {"e_t", "mu"} <= {*self._law.coefficients}:
-            e_t, mu = (self._law.column(self._law_table, name) for name in ("e_t", "mu"))
+        law = self.setup.law_class
+        if self.walls and law.is_proved and {"e_t", "mu"} <= {*law.coefficients}:
+            e_t, mu = (law.column(self.setup.law_rows, name) for name in ("e_t", "mu"))
             smooth = smooth_materials(e_t, mu, self._materials)
         return free_directions(self.walls, immovable=self.n > self.kinds.n_movable, smooth=smooth)
 
@@ -451,7 +389,7 @@ class Engine:
 
     def _restart_from(self, state: State, *, wakes: bool = False) -> None:
         """Begin a window with a state at the present time, in which disks that sleep are woken if it `wakes`."""
-        if wakes and self.options.resting_speed:
+        if wakes and self.setup.resting_speed:
             self._asleep_before -= self.asleep
             state.asleep = np.zeros_like(state.asleep)
         if self.tracking is not None:  # what was to follow does not happen
@@ -462,60 +400,39 @@ class Engine:
         # Of energies in the frames of rows of tiles: what they are then is none of the flow's doing.
         self._flow_excess += self._excess() - excess
 
-    def _check_alike(self, forces: Sequence[Force]) -> None:
+    def _check_alike(self, setup: Setup) -> None:
         """Refuse ranks that were given different gases."""
         if self.comm.size == 1:
             return
-        options = self.options
-        alike = replace(options, device=replace(options.device, threads=None), record=frozenset())
-        # A set has another order in each process.
-        compared: list[Any] = [
-            alike,
-            sorted(options.record),
-            self.box.lengths,
-            self.box.periodic,
-            self.box.shear_rate,
-        ]
-        compared += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
-        compared += [(type(force).__name__, force.values, force.step) for force in forces]
+        alike = replace(setup, device=replace(setup.device, threads=None))
+        # Of a law its coefficients: a record has the text of a custom one, which may differ in each process.
+        compared = alike.to_record() | {"law": (setup.law_class, setup.law_rows.tobytes())}
         self.comm.require_equal(repr(compared), "box, law, walls, forces or options")
 
-    def _check_exclusions(self, gravity: Gravity, forces: Sequence[Force], law: type[CollisionLaw]) -> None:
-        """Refuse what cannot go together with this gravity, these forces and this law."""
-        checks.check_exclusions(
-            self.box, self.walls[: self.given_walls], gravity, forces, law, self.options, **self._facts
-        )
-
-    @property
-    def _given_gravity(self) -> Gravity:
-        """Gravity as it was set: that which rotates, or the present one."""
-        return self.gravity if self.turning.rotation is None else self.turning.rotation
-
-    def _check_collapse(
-        self, law_table: NDArray[np.float64], law: type[CollisionLaw], gravity: tuple[float, float]
-    ) -> None:
+    def _check_collapse(self, setup: Setup, gravity: tuple[float, float]) -> None:
         """Refuse a law or gravity to which the speed of the remedy for inelastic collapse does not suit."""
+        law = setup.law_class
+        e_n = law.column(setup.law_rows, "e_n") if law.is_proved and "e_n" in law.coefficients else None
         checks.check_collapse(
-            self.options.collapse, self.kinds, self.box, self.walls, gravity,
-            law.column(law_table, "e_n") if law.is_proved and "e_n" in law.coefficients else None, self.options.device,
-        )  # fmt: skip
+            setup.collapse, self.kinds, setup.box, setup.all_walls, gravity, e_n, setup.device
+        )
 
     def _wake(self) -> None:
         """Wake all disks at the present time, between windows, before their support changes."""
-        if self.options.resting_speed:
+        if self.setup.resting_speed:
             self._restart_from(self._state(), wakes=True)
 
-    def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
-        """Set another law for later collisions; arguments as for the engine."""
-        law_table = np.ascontiguousarray(law_table, dtype=np.float64)
-        self._check_exclusions(self._given_gravity, self.force_steps.forces, law)
-        self._check_collapse(law_table, law, self.gravity)
+    def set_law(self, law: Sequence[Sequence[CollisionLaw]]) -> None:
+        """Set another table of laws, which are not checked here, for later collisions."""
+        setup = replace(self.setup, law=tuple(map(tuple, law)))
+        checks.check_exclusions(setup, **self._facts)
+        self._check_collapse(setup, self.gravity)
         with self.exclusive_update():
             self._end_window()
             self._wake()
-            self._law_table, self._law = law_table, law
-            kind: Any = law  # mypy does not take a class for hashable
-            self.arrays.set_law(self._law_table, compiled(kind))
+            self.setup = setup
+            kind: Any = setup.law_class  # mypy does not take a class for hashable
+            self.arrays.set_law(setup.law_rows, compiled(kind))
             self._mark_changed()
 
     def set_forces(self, forces: Sequence[Force]) -> None:
@@ -524,19 +441,19 @@ class Engine:
 
         self.check_valid()
 
-        def checked() -> ForceSteps:
-            checks.check_forces(forces)
-            self._check_exclusions(self._given_gravity, forces, self._law)
-            steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
-            hottest = checks.hottest(self.walls, steps.forces)
+        def changed() -> tuple[Setup, ForceSteps]:
+            setup = replace(self.setup, forces=forces)  # type: ignore[arg-type]  # checked there
+            checks.check_exclusions(setup, **self._facts)
+            steps = ForceSteps(setup.forces, self.arrays, self.disks, setup.seed, self.time)
+            hottest = checks.hottest(self.walls, setup.forces)
             checks.check_magnitudes(self.disks_here, self.box, 0.0, self.precision, hottest)
-            return steps
+            return setup, steps
 
-        steps = self.comm.run_on_all(checked)
-        self._check_alike(steps.forces)
+        setup, steps = self.comm.run_on_all(changed)
+        self._check_alike(setup)
         with self.exclusive_update():
             self._end_window()
-            self.force_steps = steps
+            self.setup, self.force_steps = setup, steps
             self._install_forces()
             self._mark_changed()
 
@@ -554,19 +471,19 @@ class Engine:
 
     def set_gravity(self, gravity: tuple[float, float]) -> None:
         """Set another gravity; InputError unless gravity is constant and can act in this direction."""
-        if isinstance(self.options.gravity, RotatingGravity):
+        if self.turning.rotation is not None:
             raise InputError(
-                f"gravity = {gravity}: cannot be set where gravity rotates ({self.options.gravity}); begin a new "
+                f"gravity = {gravity}: cannot be set where gravity rotates ({self.turning.rotation}); begin a new "
                 "simulation from this state"
             )
-        gravity = checked.PAIR("gravity", gravity)
-        self._check_exclusions(gravity, self.force_steps.forces, self._law)
-        self._check_collapse(self._law_table, self._law, gravity)
+        setup = replace(self.setup, gravity=checked.PAIR("gravity", gravity))
+        checks.check_exclusions(setup, **self._facts)
+        self._check_collapse(setup, setup.start_gravity)
         with self.exclusive_update():
             self._end_window()
             self._wake()
-            self.gravity = gravity
-            self.arrays.set_gravity(gravity, self.options.resting_speed)
+            self.setup, self.turning = setup, TurningGravity(setup.gravity, self.time)
+            self.apply_gravity()
             self._mark_changed()
 
     def set_piston_force(self, number: int, force: float) -> None:
@@ -582,15 +499,16 @@ class Engine:
         changed = replace(wall, piston=replace(wall.piston, force=force))
         with self.exclusive_update():
             self._end_window()
-            self.walls = (*self.walls[:number], changed, *self.walls[number + 1 :])
+            walls = (*self.setup.walls[:number], changed, *self.setup.walls[number + 1 :])
+            self.setup = replace(self.setup, walls=walls)
             self.arrays.change_wall(number, changed)
             self.set_gates(self.open_gates)
             self._mark_changed()
 
     def apply_gravity(self) -> None:
-        """Apply the present direction of rotating gravity, at a window's beginning."""
+        """Apply the present gravity, at a window's beginning."""
         self.gravity = self.turning.gravity
-        self.arrays.set_gravity(self.gravity, self.options.resting_speed, self.turning.turned_at)
+        self.arrays.set_gravity(self.gravity, self.setup.resting_speed, self.turning.turned_at)
 
     def _turn_gravity(self) -> None:
         """Turn gravity, if it is time. No disk is woken: the next window first checks which disks still rest."""
@@ -745,7 +663,7 @@ class Engine:
             return True
         self.windows.go_on(self.next_kick)
         walls_move = self.arrays.clock.wall_speed > 0.0 or self.arrays.uses.pistons
-        all_sleep = self.options.resting_speed and not self.windows.inside and self.asleep == self.n
+        all_sleep = self.setup.resting_speed and not self.windows.inside and self.asleep == self.n
         verified = self.statistics.windows > 0 and self.time != self.turning.turned_at
         if all_sleep and verified:  # else the next window first checks whether they may
             return not walls_move
@@ -805,15 +723,15 @@ class Engine:
 
     def _advice(self, *, at_wall: bool) -> str:
         """Sentence on remedies for an inelastic collapse in this gas."""
-        given, e_n = self.options, None
-        if self._law is IFRLaw:
+        law, e_n = self.setup.law_class, None
+        if law is IFRLaw:
             rows = np.unique(self.kinds.material)
             of_walls = [wall.material for wall in self.walls if wall.temperature is None]
             columns = np.array(of_walls if at_wall else [*rows, *of_walls], dtype=np.int64)
-            e_n = float(IFRLaw.column(self._law_table, "e_n")[np.ix_(rows, columns)].min(initial=1.0))
+            e_n = float(law.column(self.setup.law_rows, "e_n")[np.ix_(rows, columns)].min(initial=1.0))
         rests = any(self.gravity) and not self.force_steps.forces and not self.arrays.uses.pistons
         return advice(
-            given.collapse, e_n=e_n, can_rest=rests and self._law is IFRLaw,
+            self.setup.collapse, e_n=e_n, can_rest=rests and law is IFRLaw,
             rebounds=e_n is None or e_n >= checks.LEAST_REBOUND[self.precision], at_wall=at_wall,
         )  # fmt: skip
 
@@ -916,12 +834,12 @@ class Engine:
         separated, self._no_future_collisions = self._no_future_collisions, False
         state.position = state.position + state.velocity * (stop - self.time)
         state.angle = (
-            state.angle + state.spin * (stop - self.time) if "angle" in self.options.record else state.angle
+            state.angle + state.spin * (stop - self.time) if "angle" in self.setup.record else state.angle
         )
         state.time = stop
         self.windows.commit_at(stop)
         self.arrays.clock.recent = 0.0  # disks may be much faster soon
-        self.arrays.load(self.disks, self.options, state)
+        self.arrays.load(self.disks, state)
         self._no_future_collisions = separated
 
     def _thermal_part(self) -> float:

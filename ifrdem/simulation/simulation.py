@@ -19,12 +19,14 @@ from ..kernels.columns import READOUT, Named
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
 from ..model.custom_code import check_constants
+from ..model.device import Device
 from ..model.gravity import RotatingGravity
 from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw, check_law_constants
 from ..model.laws.pairs import PairLaws
 from ..model.observables import Measure, measure_of_totals, sums
 from ..model.overlaps import check_no_overlap, tolerances
+from ..model.setup import Setup, laws_of
 from ..model.state import (
     COLUMNS,
     DiskKinds,
@@ -37,7 +39,7 @@ from ..model.state import (
 )
 from ..model.walls import crush
 from ..model.walls.checks import check_types
-from ..model.walls.wall import Wall, WallSums, sides
+from ..model.walls.wall import Wall, WallSums, at_displacements, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked
@@ -48,8 +50,6 @@ from ..tools.progress import output_is_interactive
 from ..tools.read_only import NotCopied, ReadOnlyAttributes
 from . import backend
 from .checkpoints import checkpoint
-from .checkpoints.gas_record import arguments, differences, gas_record, laws_of
-from .device import Device
 from .engine import CollisionTimes, Engine
 from .measuring.tracking import Events, Tracking, checked_ids
 from .start import checks
@@ -223,34 +223,36 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         kinds: Disks = comm.result_of_holders(lambda: DiskKinds.of(disks))
         kinds = disks if comm.has_all else kinds
         materials = [wall.material for wall in [*walls, *sides(box)]]
-        self._laws = comm.run_on_all(lambda: PairLaws.of(law, kinds, materials, device.precision))
+        laws = comm.run_on_all(lambda: PairLaws.of(law, kinds, materials, device.precision))
+
+        given: dict[str, Any] = {
+            "box": box, "law": laws.table, "walls": walls, "gravity": gravity, "forces": forces, "collapse": collapse,
+            "device": device, "record": record, "seed": seed,
+        }  # fmt: skip
+        setup = comm.run_on_all(lambda: Setup(**given))
 
         def apart() -> None:
             near, _ = tolerances(box, disks.radius, begin.position, device.rounding)
             check_no_overlap(box, disks.radius, begin.position, tolerance=near, time=begin.time)
 
         comm.result_of_holders(apart)
-        self._tracking = self._follow_disks(tracked, kinds.n, [*walls, *sides(box)])
+        self._tracking = self._follow_disks(tracked, kinds.n, setup)
         self._stopping = False
         self._pinches_checked = False
         self._external_energy = 0.0  # from changes between runs
         with backend.sole_use():
-            self._engine = Engine(
-                disks, box, begin, self._laws.coefficients, law=self._laws.kind, walls=walls, gravity=gravity,
-                forces=forces, collapse=collapse, device=device, record=record,
-                seed=seed, tracking=self._tracking, comm=comm,
-            )  # fmt: skip
+            self._engine = Engine(setup, disks, begin, tracking=self._tracking, comm=comm)
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             known = box.shear_rate == 0.0 and (comm.size == 1 or comm.is_distributed)
             if box.shear_rate:
                 self._first = self._energy()
             else:
                 self._first = comm.result_of_holders(lambda: self._energy_of(disks, begin))
-            self._passive_known = self._laws.is_passive
-            self._check_laws(self._laws, begin if known else None)
+            self._passive_known = laws.is_passive
+            self._check_laws(laws, begin if known else None)
 
     def _follow_disks(
-        self, tracked: Sequence[int] | NDArray[np.integer], n: int, walls: Sequence[Wall]
+        self, tracked: Sequence[int] | NDArray[np.integer], n: int, setup: Setup
     ) -> Tracking | None:
         ids = checked_ids(tracked, n)
         if not len(ids):
@@ -260,35 +262,36 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             rows = [getattr(self.disks_here, name) for name in COLUMNS]
             return Disks(len(requested), *self.comm.rows_of(n, requested, rows))
 
-        return Tracking(ids, n, disks_of, self._laws.table, walls)
+        return Tracking(ids, n, disks_of, setup.law, setup.all_walls)
 
     def __repr__(self) -> str:
         """A line on the gas and its law, and one on its present time and collisions."""
-        engine, n, box = self._engine, self.disks.n, self.box
+        setup, n, box = self.setup, self.disks.n, self.box
         size = (
             "open box"
             if box.is_open
             else f"box {box.lengths[0]:.6g} x {box.lengths[1]:.6g} ({describe_sides(box)})"
         )
-        parts = [f"{n} disk{'s' * (n != 1)}", size, self._law_name]
+        parts = [f"{n} disk{'s' * (n != 1)}", size, setup.law_class.__name__]
         parts += [f"{len(self.walls)} wall{'s' * (len(self.walls) != 1)}"] * bool(self.walls)
-        parts += [f"gravity {engine.options.gravity}"] * any(self.gravity)
+        parts += [f"gravity {setup.gravity}"] * any(self.gravity)
         parts += [", ".join(type(force).__name__ for force in self.forces)] * bool(self.forces)
-        parts += [str(engine.options.collapse)] * (engine.options.collapse is not None)
-        parts.append(f"{engine.options.device.name} {engine.precision}")
+        parts += [str(setup.collapse)] * (setup.collapse is not None)
+        parts.append(f"{setup.device.name} {setup.device.precision}")
         count = self.collisions
         now = f"t = {self.time:.6g}, {count} collision{'s' * (count != 1)} ({2.0 * count / max(n, 1):.6g} per disk)"
-        of_walls = f", {self.wall_collisions} with walls" if engine.walls else ""
+        of_walls = f", {self.wall_collisions} with walls" if setup.all_walls else ""
         return f"Simulation: {', '.join(parts)}\n{now}{of_walls}"
 
     @property
-    def _law_name(self) -> str:
-        return self._laws.kind.__name__
+    def setup(self) -> Setup:
+        """The present setup: what the simulation was made of, and what was set since."""
+        return self._engine.setup
 
     @property
     def has_ledger(self) -> bool:
         """True if the energy that collisions take is added up, by mechanism."""
-        return self._engine.options.has_ledger
+        return self.setup.has_ledger
 
     @property
     def gravity(self) -> tuple[float, float]:
@@ -298,7 +301,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
     @property
     def forces(self) -> tuple[Force, ...]:
         """Forces that act between collisions, in their order."""
-        return self._engine.force_steps.forces
+        return self.setup.forces
 
     @validated
     def set_law(self, law: Annotated[CollisionLaw | Sequence[Sequence[CollisionLaw]], LATER]) -> None:
@@ -313,11 +316,10 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         laws = PairLaws.of(law, self.disks, materials, self._engine.precision)
         with backend.sole_use():
             self._check_laws(laws, None)
-            self._engine.set_law(laws.coefficients, laws.kind)
-        self._laws = laws
+            self._engine.set_law(laws.table)
         self._passive_known = self._passive_known and laws.is_passive
         if self._tracking is not None:
-            self._tracking.laws = laws.table
+            self._tracking.laws = self.setup.law
 
     @validated
     def set_forces(self, forces: Annotated[Sequence[Force], LATER]) -> None:
@@ -460,12 +462,12 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
     @property
     def box(self) -> Box:
         """The box."""
-        return self._engine.box
+        return self.setup.box
 
     @property
     def walls(self) -> tuple[Wall, ...]:
         """Walls other than those at the sides of the box."""
-        return tuple(self._engine.walls[: self._engine.given_walls])
+        return self.setup.walls
 
     @property
     def time(self) -> float:
@@ -499,7 +501,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
     @property
     def wall_heats(self) -> NDArray[np.float64]:
         """Heat that each of the `walls` has given to the disks up to the latest `state` [energy], shape (walls,)."""
-        return self._engine.wall_heats[: self._engine.given_walls]
+        return self._engine.wall_heats[: len(self.walls)]
 
     @property
     def wall_sums(self) -> WallSums:
@@ -510,7 +512,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         InputError
             If this simulation was made without them.
         """
-        if "wall" not in self._engine.options.record:
+        if "wall" not in self.setup.record:
             raise InputError('wall_sums: not recorded; make the simulation with record=["wall"]')
         return WallSums(self._engine.walls, self._engine.wall_sums)
 
@@ -618,7 +620,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         found["state_pistons"] = self.pistons
         found |= {f"disks_{name}": getattr(self.disks_here, name) for name in COLUMNS}
         found["tracked"] = self.tracked
-        meta: dict[str, Any] = {"gas": gas_record(self._engine, self._laws.table), "n": n}
+        meta: dict[str, Any] = {"gas": self._record(), "n": n}
         meta |= {"first": self._first, "given": self._external_energy, "extra": dict(extra or {})}
         own, small = checkpoint.divided(found)
         small |= arrays or {}
@@ -654,6 +656,12 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         extra: dict[str, Any] = meta["extra"]
         return extra
 
+    def _record(self) -> dict[str, Any]:
+        """The record of the present setup, with a hash of the disks and their species."""
+        engine = self._engine
+        disks = [self.comm.digest(getattr(engine.disks_here, name)).hex() for name in COLUMNS]
+        return {"disks": disks, **self.setup.to_record(), "species": dict(engine.kinds.species)}
+
     def _restore(
         self, path: str | os.PathLike[str], found: dict[str, NDArray[Any]], meta: Mapping[str, Any]
     ) -> None:
@@ -662,7 +670,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
 
         with checkpoint.as_damage_error(path, "its record"):
             checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
-            if different := differences(gas_record(self._engine, self._laws.table), meta["gas"]):
+            if different := checkpoint.differences(self._record(), meta["gas"]):
                 raise InputError(
                     f"{path}: the checkpoint of another gas: it differs in {', '.join(different)}"
                 )
@@ -723,9 +731,9 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
             if law is None:
                 law = comm.root_result(lambda: laws_of(meta["gas"], path))
-            given = arguments(
-                meta["gas"], found["state_pistons"][:, 0].tolist(), law=law, forces=forces, device=device
-            )
+            setup = Setup.from_record(meta["gas"], path, law=law, forces=forces, device=device)
+            pistons = at_displacements(setup.walls, found["state_pistons"][:, 0].tolist())
+            given = replace(setup, walls=tuple(pistons)).arguments
             n, state = int(meta["n"]), checkpoint.state_of(found)
             disks = checkpoint.disks_of(found, species_in(meta["gas"]["species"], comm.slice_of(n)))
         whole: Any = disks, state
@@ -744,7 +752,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
 
         Quantities that are not recorded (`record`) raise InputError when used.
         """
-        return self._engine.state().without_all_but(self._engine.options.recorded)
+        return self._engine.state().without_all_but(self.setup.recorded)
 
     @validated
     def run(
@@ -903,7 +911,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         """
         if not self.has_ledger:
             raise InputError('the ledger is not recorded; make the simulation with record=["energy"]')
-        if "disk_energy" in self._engine.options.record:
+        if "disk_energy" in self.setup.record:
             raise InputError('record: "disk_energy" needs "energy", which must stay on')
         self._engine.switch_ledger(on)
 
@@ -940,8 +948,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
     ) -> None:
         """Check what users can have changed, and follow a plan to its end, or to a stop."""
         self._stopping = False
-        kind = self._laws.kind
-        check_law_constants(kind)
+        check_law_constants(self.setup.law_class)
         for i, force in enumerate(self.forces):
             check_constants(f"forces[{i}] = {type(force).__name__}", type(force), "act", "measure")
         self._engine.check_duration(plan.end.time)
@@ -1078,7 +1085,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         measured = measure_of_totals(
             self.disks, totals, self.time, self.wall_collisions, species=species, **self._energy_terms()
         )
-        recorded = self._engine.options.recorded
+        recorded = self.setup.recorded
 
         def call_back() -> None:
             assert state is not None
@@ -1104,7 +1111,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
-        if "wall" in self._engine.options.record:
+        if "wall" in self.setup.record:
             ledger["walls"] = self._engine.wall_sums
         ledger["species"] = self._engine.species_totals()
         return measure_of_totals(
@@ -1117,5 +1124,5 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
             "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,
-            "about_mean": free, "virial": self._engine.virial if "stress" in self._engine.options.record else None,
+            "about_mean": free, "virial": self._engine.virial if "stress" in self.setup.record else None,
         }  # fmt: skip

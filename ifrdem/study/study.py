@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
-from ..case.objects import choose_runtime, device_of
 from ..errors import DamageError, DamageWarning, InputError, counted, listed, option_name
 from ..runs.signals import Stopped, Stops
 from ..runs.status import Status
@@ -146,8 +145,8 @@ class Study:
         check_jobs(cluster, self._processes(cluster)[1])
         if cluster.scheduler is None and cluster.kind is None:
             for case in {each.run.device: each for each in good.values()}.values():
-                choose_runtime(case.run)  # before the check of a GPU, which imports a runtime
-                backend.check(device_of(case.run))
+                case.run.choose_runtime()  # before the check of a GPU, which imports a runtime
+                backend.check(case.run.made_device())
             processes, _ = self._processes(cluster)
             largest = max(sum(each.number for each in case.species) for case in good.values())
             case = next(iter(good.values()))

@@ -15,7 +15,7 @@ from ifrdem import forces
 from ifrdem.case import file as case_file
 from ifrdem.case.case import CaseSections, Force
 from ifrdem.case.estimate import RunEstimate
-from ifrdem.case.gas import CaseGas, forces_of
+from ifrdem.case.gas import CaseGas
 from ifrdem.case.messages import kind_of, models_in
 from ifrdem.cli.main import main
 from ifrdem.model.laws.ifr import IFRLaw
@@ -154,7 +154,7 @@ def test_every_kind_of_force_reaches_its_class() -> None:
     assert given.keys() == {kind_of(each) for each in models_in(Force)}
     raw = changed()
     raw["force"] = [{"kind": kind, "step": 0.1} | keys for kind, (keys, _) in given.items()]
-    made = forces_of(CaseSections.model_validate(raw))
+    made = [each.made() for each in CaseSections.model_validate(raw).force]
     for one, (_, other) in zip(made, given.values(), strict=True):
         assert type(one) is type(other)
         assert (one.step, one.values) == (other.step, other.values)
@@ -164,7 +164,7 @@ def test_a_rate_in_place_of_the_step_makes_kicks_at_random_times() -> None:
     raw = changed("force[0].step=", "force[0].rate=25.0")
     raw["force"].append({"kind": "random_torque", "rate": 3.0, "diffusion": 0.5})  # type: ignore[attr-defined]
     case = CaseSections.model_validate(raw)
-    made = forces_of(case)
+    made = [each.made() for each in case.force]
     assert [repr(each) for each in made] == [
         "<PoissonKicks: rate 25, power 3, diffusion 0>",
         "<PoissonSpinKicks: rate 3, power 0, diffusion 0.5>",

@@ -11,7 +11,7 @@ import pytest
 
 from ifrdem.case import file as case_file
 from ifrdem.case.case import TableFrictionForce
-from ifrdem.case.gas import CaseGas, forces_of
+from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.plots import run
@@ -52,10 +52,10 @@ def test_coins_on_a_table_come_to_rest_and_are_drawn(
 
 def test_keys_of_table_friction_make_the_force() -> None:
     case = case_file.read(CASE, ["force[0].gravity=1.62"]).case
-    (force,) = forces_of(case)
+    (force,) = (each.made() for each in case.force)
     assert force.deceleration == 0.2 * 1.62
     assert TableFrictionForce.model_fields["mu"].is_required()
-    (earth,) = forces_of(case_file.read(CASE).case)
+    (earth,) = (each.made() for each in case_file.read(CASE).case.force)
     assert earth.deceleration == 0.2 * 9.81
 
 

@@ -18,8 +18,8 @@ from ifrdem.case.file import validated
 from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
 from ifrdem.model import rules
+from ifrdem.model.setup import Setup
 from ifrdem.simulation import backend
-from ifrdem.simulation.engine import EngineOptions
 from ifrdem.simulation.start.checks import check_exclusions
 
 SIDE = 40.0
@@ -176,12 +176,11 @@ def refused_by_python(gas: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> s
     try:
         given = arguments(gas)
         if "ranks" in gas or "order" in gas:
-            names = ("device", "gravity", "collapse", "record")
-            options = EngineOptions(order=gas.get("order"), **{name: given[name] for name in names})
+            names = ("box", "walls", "device", "gravity", "forces", "collapse", "record")
+            setup = Setup(law=((given["law"],),), **{name: given[name] for name in names})
             check_exclusions(
-                *(given[name] for name in ("box", "walls", "gravity", "forces")), ifrdem.IFRLaw, options,
-                n=gas.get("most", 2), immovable=False, tracked="histories" in gas.get("output", {}),
-                ranks=gas.get("ranks", 1),
+                setup, n=gas.get("most", 2), immovable=False, tracked="histories" in gas.get("output", {}),
+                ranks=gas.get("ranks", 1), order=gas.get("order", ""),
             )  # fmt: skip
         else:
             ifrdem.Simulation(**given)

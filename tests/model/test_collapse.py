@@ -21,6 +21,7 @@ from ifrdem.model.state import State
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.validation.rows import engine_of
 
 ORDERS = ("serial", "tiled")
 INELASTIC = (0.6, *ELASTIC[1:])
@@ -64,7 +65,7 @@ def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
     monkeypatch.setattr(
         "ifrdem.simulation.windows.tiling.SINGLE_TILE", 100
     )  # short windows, as of gases that are divided
-    engine = Engine(
+    engine = engine_of(
         disks, box, state, np.array([[law]]), order=order, tile_disks=60, collapse=ContactTime(contact_time)
     )
     count = 1250
@@ -88,7 +89,7 @@ def test_a_stored_state_has_the_latest_collision_times() -> None:
     box, state = equilibrated(disks, 0.65)
 
     def engine(state: State) -> Engine:
-        return Engine(disks, box, state, np.array([[INELASTIC]]), collapse=ContactTime(0.02))
+        return engine_of(disks, box, state, np.array([[INELASTIC]]), collapse=ContactTime(0.02))
 
     first = engine(state)
     run(first, 500)
@@ -108,7 +109,7 @@ def test_the_tc_rule_gives_the_same_bits_on_two_threads(order: str) -> None:
     box, state = equilibrated(disks, 0.6)
     ends = []
     for threads in (2, 1):
-        engine = Engine(
+        engine = engine_of(
             disks,
             box,
             state,
@@ -142,7 +143,7 @@ def test_a_collision_soon_after_another_is_elastic(contact_time: float, elastic:
         time=1e6,
     )
     law = np.array([[(0.5, *ELASTIC[1:])]])
-    engine = Engine(
+    engine = engine_of(
         disks,
         Box((40.0, 6.0)),
         state,
@@ -166,7 +167,7 @@ def test_a_bouncing_ball_ends_with_bounces_shorter_than_the_contact_time() -> No
     """
     start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
     law = np.array([[(0.5, *ELASTIC[1:])]])
-    engine = Engine(
+    engine = engine_of(
         equal_disks(1),
         Box((10.0, 10.0), (True, False)),
         start,
@@ -188,7 +189,7 @@ def test_a_column_of_disks_comes_to_rest_on_a_floor() -> None:
     """
     n, contact_time, g = 10, 0.01, 1.0
     position = np.column_stack((np.full(n, 5.0), 1.0 + 1.3 * np.arange(n)))
-    engine = Engine(
+    engine = engine_of(
         equal_disks(n),
         Box((10.0, 16.0), (True, False)),
         State(position, np.zeros((n, 2)), np.zeros(n)),

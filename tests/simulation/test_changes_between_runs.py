@@ -96,6 +96,8 @@ def test_a_changed_gas_continues_as_a_new_one_from_its_state_and_the_ledger_clos
     act(gas)
     fresh = {"law": LAW, "record": ["energy"], "seed": 5, **options, **given}
     other = Simulation(disks, box, state=gas.state, **fresh)
+    assert gas.setup.to_record() == other.setup.to_record()
+    assert repr(gas).splitlines()[0] == repr(other).splitlines()[0]
     gas.run(t_end=1.4)
     other.run(t_end=1.4)
     assert gas.collisions > 0

@@ -15,7 +15,7 @@ from ifrdem import ContactTime, Device, Rest, RotatingGravity, VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.initial.placement import check_no_overlap
 from ifrdem.kernels.compiler import runtime
-from ifrdem.model import forces
+from ifrdem.model import forces, setup
 from ifrdem.model.box import Box
 from ifrdem.model.forces import (
     Drag,
@@ -36,7 +36,7 @@ from ifrdem.model.laws.walton import Walton
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Piston, Turn
 from ifrdem.model.walls.wall import Wall
-from ifrdem.simulation.checkpoints import checkpoint, gas_record
+from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.not_recorded import NotRecorded
 
@@ -179,7 +179,7 @@ class Named(Drag):
     ids=lambda law: type(law).__name__,
 )
 def test_every_force_and_law_of_the_program_comes_back_with_all_of_its_attributes(tmp_path, monkeypatch, law):
-    assert {type(each) for each in FORCES} == set(gas_record._forces())
+    assert {type(each) for each in FORCES} == set(setup._force_classes())
     assert {kind for kind, _ in ARGUMENTS.values()} == {IFRLaw, Walton, Viscoelastic}
     monkeypatch.setattr(forces, "Named", Named, raising=False)
     monkeypatch.setattr(forces, "__all__", [*forces.__all__, "Named"])
@@ -188,7 +188,7 @@ def test_every_force_and_law_of_the_program_comes_back_with_all_of_its_attribute
     Simulation(disks, Box((9.0, 9.0)), law, state, forces=given).save_checkpoint(tmp_path / "gas.h5")
     again = Simulation.from_checkpoint(tmp_path / "gas.h5")
     assert [(type(one), vars(one)) for one in again.forces] == [(type(one), vars(one)) for one in given]
-    assert [(type(one), vars(one)) for one in again._laws.table[0]] == [(type(law), vars(law))]
+    assert [(type(one), vars(one)) for one in again.setup.law[0]] == [(type(law), vars(law))]
 
 
 @pytest.mark.full(keep=("walled", "driven"))

@@ -11,8 +11,8 @@ from ifrdem import Device
 from ifrdem.errors import InputError
 from ifrdem.model.laws.pairs import PairLaws
 from ifrdem.plots import dissipation, pictures
-from ifrdem.simulation.engine import Engine
 from ifrdem.trajectory.export import export
+from ifrdem.validation.rows import engine_of
 
 LAW = ifrdem.IFRLaw(e_n=0.8, e_t=-0.5, mu=0.2, rho=0.05)
 
@@ -81,7 +81,7 @@ def test_tiles_know_what_one_tile_knows():
     state, table = dataclasses.replace(start.state), PairLaws.of(LAW, start.disks).coefficients
     found = []
     for order in ("serial", "tiled"):
-        engine = Engine(
+        engine = engine_of(
             start.disks,
             start.box,
             state,

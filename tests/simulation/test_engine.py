@@ -16,10 +16,11 @@ from ifrdem.model.forces import Rescale
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation import backend
-from ifrdem.simulation.engine import Engine, EngineOptions
+from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.windows.windows import NEXT
 from ifrdem.simulation.windows.windows import State as WindowState
+from ifrdem.validation.rows import engine_of
 
 SMOOTH = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 COIN_LAW = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
@@ -39,7 +40,7 @@ def test_elastic_gas_keeps_energy_and_momentum_and_collides_at_the_enskog_rate(
     """
     disks = equal_disks(20_000)
     box, state = equilibrated(disks, packing_fraction)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), device=device)
+    engine = engine_of(disks, box, state, np.array([[ELASTIC]]), device=device)
     advance(engine, 100)
     end = engine.state()
     energy = [0.5 * float(np.sum(s.velocity**2)) for s in (state, end)]
@@ -72,7 +73,7 @@ def test_frictional_gas_keeps_momentum_and_loses_energy_at_every_frame(device: s
 def test_dense_disks_never_overlap() -> None:
     disks = equal_disks(2000)
     box, state = equilibrated(disks, 0.7)
-    engine = Engine(disks, box, state, np.array([[COIN]]))
+    engine = engine_of(disks, box, state, np.array([[COIN]]))
     for _ in range(20):
         advance(engine, 2)
         # A pair that just touched may stand closer than contact by the rounding of two positions.
@@ -93,7 +94,7 @@ def test_trajectory_is_bitwise_the_same_on_one_and_two_threads() -> None:
     box, state = start(disks, 0.5)
     ends = []
     for threads in (2, 1):
-        engine = Engine(
+        engine = engine_of(
             disks,
             box,
             state,
@@ -117,7 +118,7 @@ def test_order_of_disks_in_memory_does_not_matter_for_where_they_go() -> None:
     moved = State(box.wrap(state.position + shift), state.velocity, state.spin)
     ends = []
     for s in (state, moved):
-        engine = Engine(disks, box, s, np.array([[COIN]]))
+        engine = engine_of(disks, box, s, np.array([[COIN]]))
         advance(engine, 4)
         ends.append(engine.state())
     # Other rounding from the start; four collisions amplify it by some 1e4.
@@ -180,7 +181,7 @@ def test_a_run_by_collisions_ends_right_after_the_last_one() -> None:
 def test_an_interrupted_window_is_not_continued(monkeypatch: pytest.MonkeyPatch) -> None:
     disks = equal_disks(100)
     box, state = start(disks, 0.3)
-    engine = Engine(disks, box, state, np.array([[COIN]]))
+    engine = engine_of(disks, box, state, np.array([[COIN]]))
     engine.advance(collisions=10)
 
     def interrupted(*_: object, **__: object) -> None:
@@ -277,7 +278,7 @@ def test_tiles_go_through_a_collapse_like_the_whole_box_in_order(monkeypatch: py
     law = np.array([[(0.05, -1.0, 0.0, 0.0, 0.0)]])
     ends = []
     for order in ("tiled", "serial"):
-        engine = Engine(disks, box, state, law, order=order, tile_disks=250)
+        engine = engine_of(disks, box, state, law, order=order, tile_disks=250)
         advance(engine, 100)
         assert 0 <= engine.collisions - 50 * disks.n < 500
         ends.append(engine.state())
@@ -296,7 +297,7 @@ def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     """In addition there is the scratch space of the tiles that run at the same time, which does not grow with n."""
     disks = equal_disks(60_000)
     box, state = start(disks, 0.3)
-    engine = Engine(
+    engine = engine_of(
         disks, box, state, np.array([[ELASTIC]]), record=["energy"] * ledger, device=Device(threads=1)
     )
     engine.advance(t_end=1e-3)
@@ -323,7 +324,7 @@ def test_units_that_numbers_cannot_hold_are_refused(
     state = State(position, np.array([[speed, 0.0], [0.0, 0.0]]), np.zeros(2))
     box = Box((10.0 * length, 10.0 * length))
     with pytest.raises(InputError, match=named.replace("^", r"\^").replace("(", r"\(").replace(")", r"\)")):
-        Engine(disks, box, state, np.array([[ELASTIC]]), device=Device(precision=precision))
+        engine_of(disks, box, state, np.array([[ELASTIC]]), device=Device(precision=precision))
 
 
 @pytest.mark.parametrize("name", ["temperature", "energy"])
@@ -334,8 +335,8 @@ def test_a_thermostat_hotter_than_numbers_can_hold_is_refused(name: str) -> None
     law = np.array([[ELASTIC]])
     forces = [Rescale(0.1, **{name: 1e39})]
     with pytest.raises(InputError, match=r"v.2 = .*f32 can compute with"):
-        Engine(disks, Box((10.0, 10.0)), state, law, device=Device(precision="f32"), forces=forces)
-    engine = Engine(disks, Box((10.0, 10.0)), state, law, device=Device(precision="f32"))
+        engine_of(disks, Box((10.0, 10.0)), state, law, device=Device(precision="f32"), forces=forces)
+    engine = engine_of(disks, Box((10.0, 10.0)), state, law, device=Device(precision="f32"))
     with pytest.raises(InputError, match=r"v.2 = .*f32 can compute with"):
         engine.set_forces(forces)
 
@@ -351,7 +352,7 @@ def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
         scaled = State(state.position * length, state.velocity * speed, state.spin * (speed / length))
         law = np.array([[(*ROLLING[:4], ROLLING[4] * length)]])
         larger = Box((box.lengths[0] * length, box.lengths[1] * length))
-        engine = Engine(disks, larger, scaled, law, device=Device(precision=precision))
+        engine = engine_of(disks, larger, scaled, law, device=Device(precision=precision))
         end = run_to(engine, collisions=2000)
         ends.append((end.position / length, end.velocity / speed, end.spin / (speed / length)))
     for one, other in zip(*ends, strict=True):
@@ -361,10 +362,12 @@ def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
 @pytest.mark.parametrize("value", [0, 1e-4, 10.1, float("nan"), "1", [1], True])
 def test_lengths_of_windows_that_are_none_are_refused(value: object) -> None:
     with pytest.raises(InputError, match=r"window_collisions = .*: must be a number from 0\.001 to 10"):
-        EngineOptions(device=Device(window_collisions=value))  # type: ignore[arg-type]
+        Device(window_collisions=value)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("value", [0, -5, 1.5, "x"])
 def test_numbers_of_disks_in_a_tile_that_are_none_are_refused(value: object) -> None:
+    disks = equal_disks(2)
+    box, state = start(disks, 0.1)
     with pytest.raises(InputError, match=r"tile_disks = .*: must be an integer from 1"):
-        EngineOptions(tile_disks=value)  # type: ignore[arg-type]
+        engine_of(disks, box, state, np.array([[COIN]]), tile_disks=value)

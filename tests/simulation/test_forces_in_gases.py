@@ -18,9 +18,9 @@ from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation import backend
-from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.theory.driven_gas import Driving, steady_state
+from ifrdem.validation.rows import engine_of
 
 # --- energy, steady state, threads --------------------------------------------------------------------------
 
@@ -138,7 +138,7 @@ def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
     ends: dict[str, tuple[State, NDArray[np.float64]]] = {}
     for threads in (2, 1):  # another number restarts Taichi, which takes seconds
         for order in ("serial", "tiled"):
-            engine = Engine(
+            engine = engine_of(
                 disks, box, state, np.array([[COIN]]), device=Device(threads=threads), order=order, tile_disks=500,
                 forces=forces, seed=9,
             )  # fmt: skip

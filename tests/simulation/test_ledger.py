@@ -19,9 +19,9 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
 from ifrdem.quantities import MECHANISMS, REGIMES
-from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.steps.schedule import Trigger
+from ifrdem.validation.rows import engine_of
 
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point", rho=0.02)
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
@@ -217,7 +217,7 @@ def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
     box, state = start(disks, 0.4)
     found = []
     for threads, order in ((2, "tiled"), (1, "tiled"), (1, "serial")):
-        engine = Engine(
+        engine = engine_of(
             disks,
             box,
             state,

@@ -22,9 +22,9 @@ from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
-from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.measuring.tracking import KICK
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.validation.rows import engine_of
 
 LOSSY = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 
@@ -228,7 +228,7 @@ def ends(
     state.spin *= speed
     found = {}
     for order in ("serial", "tiled"):
-        engine = Engine(
+        engine = engine_of(
             disks,
             box,
             state,

@@ -25,6 +25,7 @@ from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.windows.windows import Windows
 from ifrdem.theory import contact_value
 from ifrdem.theory.sheared_gas import steady_state
+from ifrdem.validation.rows import engine_of
 
 ORDERS = ["serial", "tiled"]
 # Times at which the image above lies where it began; somewhere; more than twelve boxes further. All negative shear too.
@@ -54,7 +55,7 @@ def made(
 ) -> Engine:
     """An engine of several tiles and rows of tiles; or of one tile, whose images are its neighbours."""
     tile_disks = 30 if order == "tiled" else None
-    return Engine(disks, box, state, np.array([[law]]), order=order, tile_disks=tile_disks, **options)  # type: ignore[arg-type]
+    return engine_of(disks, box, state, np.array([[law]]), order=order, tile_disks=tile_disks, **options)  # type: ignore[arg-type]
 
 
 def assert_same_collisions(found: CollisionTimes, expected: list[tuple[float, int, int]]) -> None:
@@ -123,7 +124,7 @@ def test_a_halo_is_too_narrow_if_the_flow_brings_disks_past_it(monkeypatch: pyte
 
     monkeypatch.setattr(Windows, "_plan", narrow)
     box = Box((72.0, 72.0), shear_rate=0.01)
-    engine = Engine(
+    engine = engine_of(
         equal_disks(4),
         box,
         State(position, velocity, np.zeros(4)),
@@ -173,7 +174,7 @@ def test_small_boxes_give_the_serial_collisions(order: str) -> None:
     state = State(position, velocity, np.zeros(9))
     reference = Sheared(disks, box, ELASTIC, state)
     reference.run(collisions=14, window=0.05)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=3)
+    engine = engine_of(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=3)
     assert_same_collisions(run(engine, 14), reference.collisions)
 
 
@@ -186,7 +187,7 @@ def test_a_sheared_run_is_bitwise_the_same_on_one_and_two_threads() -> None:
     ends: dict[str, tuple[State, float]] = {}
     for threads in (2, 1):  # another number restarts Taichi, which takes seconds
         for order in ORDERS:
-            engine = Engine(
+            engine = engine_of(
                 disks,
                 box,
                 state,

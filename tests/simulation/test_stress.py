@@ -18,9 +18,9 @@ from ifrdem.model.observables import Measure, Stress, measure, stress
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
-from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.steps.schedule import Trigger
+from ifrdem.validation.rows import engine_of
 
 ROUGH = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 
@@ -97,7 +97,7 @@ def test_a_sheared_gas_transfers_the_momentum_of_a_serial_code(order):
     reference = Sheared(disks, box, COIN, state)
     reference.run(collisions=700, window=0.1)
     options = {"order": order, "tile_disks": 30 if order == "tiled" else None, "record": ["stress"]}
-    engine = Engine(disks, box, state, np.array([[COIN]]), **options)
+    engine = engine_of(disks, box, state, np.array([[COIN]]), **options)
     while engine.collisions < 700:
         engine.advance(collisions=700)
     # Rounding grows tenfold with each collision of a disk.

@@ -16,9 +16,9 @@ from ifrdem.model.forces import Drag, RandomKicks, TableFriction
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.paper import table_reference
+from ifrdem.validation.rows import engine_of
 
 HEAD_ON = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)  # no friction between coins
 BOX = Box((400.0, 400.0))
@@ -117,7 +117,7 @@ def test_a_gas_that_has_come_to_rest_goes_to_the_end_at_no_cost(order: str) -> N
     """The ledger is complete: friction and collisions have taken all energy."""
     disks = equal_disks(200)
     box, state = start(disks, 0.3)
-    engine = Engine(
+    engine = engine_of(
         disks,
         box,
         state,
@@ -169,7 +169,7 @@ def test_threads_orders_and_precisions_agree() -> None:
     box, state = start(disks, 0.3)
 
     def end(order: str, **options: Any) -> State:
-        engine = Engine(
+        engine = engine_of(
             disks, box, state, np.array([[COIN]]), forces=[table(0.05)], order=order, tile_disks=60, **options
         )
         reached = run_to(engine, 0.4)

@@ -20,10 +20,11 @@ from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import Wall
 from ifrdem.runs.info import describe
-from ifrdem.simulation.engine import Engine, no_pair_approaches
+from ifrdem.simulation.engine import no_pair_approaches
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
+from ifrdem.validation.rows import engine_of
 
 LAW = IFRLaw(e_n=COIN[0], e_t=COIN[1], mu=COIN[2])
 
@@ -42,7 +43,7 @@ def test_collisions_are_those_in_a_huge_periodic_box(order: str) -> None:
     found = []
     huge = State(state.position + 2000.0, state.velocity, state.spin)
     for box, begin in ((Box.open(), state), (Box((4000.0, 4000.0)), huge)):
-        engine = Engine(disks, box, begin, np.array([[COIN]]), order=order, tile_disks=40)
+        engine = engine_of(disks, box, begin, np.array([[COIN]]), order=order, tile_disks=40)
         engine.keep_collisions = True
         times, pairs = [], []
         while engine.time < 3.0:
@@ -62,7 +63,7 @@ def test_collisions_are_those_in_a_huge_periodic_box(order: str) -> None:
 def test_a_gas_that_flies_apart_costs_the_logarithm_of_the_time() -> None:
     """Once no disk approaches another one there are no more windows; until then each tenfold time takes as many."""
     disks, state = blob(200)
-    engine = Engine(disks, Box.open(), state, np.array([[COIN]]))
+    engine = engine_of(disks, Box.open(), state, np.array([[COIN]]))
     windows = []
     for t_end in (10.0, 100.0, 1e3, 1e4, 1e5, 1e12):
         run_to(engine, t_end)
@@ -104,7 +105,7 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
     law = np.array([[COIN]])
     ends = [
         run_to(
-            Engine(
+            engine_of(
                 disks, Box.open(), state, law, order="tiled", tile_disks=60, device=Device(threads=threads)
             ),
             20.0,

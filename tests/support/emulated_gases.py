@@ -14,12 +14,13 @@ import numpy as np
 
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
+from ifrdem.model.device import Device
 from ifrdem.model.forces import Drag, PoissonKicks, RandomKicks
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import Wall
-from ifrdem.simulation.device import Device
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.steps.schedule import RunPoint
+from ifrdem.validation import rows
 
 COIN = (0.87, -0.88, 0.21, 0.0, 0.0)
 COMPARED = ("time", "position", "velocity", "spin", "collisions", "wall_collisions", "image")
@@ -59,7 +60,7 @@ def engine_of(gas: Gas, device: Literal["cpu", "cuda"], **options: Any) -> Engin
     disks = Disks(int(free.sum()), mass=1.0, radius=0.5)
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=2)
     state = State(position[free], velocity, placement.gaussian_spins(disks.n, spin_rms=1.0, seed=3))
-    return Engine(
+    return rows.engine_of(
         disks,
         box,
         state,

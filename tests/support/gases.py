@@ -11,6 +11,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import CollisionTimes, Engine
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.validation.rows import engine_of
 
 ELASTIC = (1.0, -1.0, 0.0, 0.0, 0.0)  # smooth elastic disks: e_n = 1, e_t = -1, mu = 0
 COIN = (0.87, -0.88, 0.21, 0.0, 0.0)  # 1 pta coins of the paper's Table II, percussion-centre sticking
@@ -63,7 +64,7 @@ def sheared(disks: Disks, packing_fraction: float, rate: float) -> tuple[Box, St
 def equilibrated(disks: Disks, packing_fraction: float, seed: int = 1) -> tuple[Box, State]:
     """Like `start`, but after 20 elastic collisions per disk have mixed it; clock and counts at zero."""
     box, state = start(disks, packing_fraction, seed)
-    mixed = run_to(Engine(disks, box, state, np.array([[ELASTIC]])), collisions=10 * disks.n)
+    mixed = run_to(engine_of(disks, box, state, np.array([[ELASTIC]])), collisions=10 * disks.n)
     return box, State(mixed.position, mixed.velocity, mixed.spin)
 
 

@@ -49,6 +49,7 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.measuring.tracking import Tracking
 from ifrdem.simulation.windows import tiling
 from ifrdem.theory.driven_gas import Driving
+from ifrdem.validation.rows import engine_of
 from ifrdem.validation.speed.gate import checked_out
 
 os.environ[runtime.variable("OFFLINE_CACHE_CLEANING_POLICY")] = "never"
@@ -76,7 +77,7 @@ def anywhere(disks: Disks, box: Box, walls: list[Wall]) -> State:
 
 def periodic(disks: Disks, packing_fraction: float, row: Any, **options: Any) -> Engine:
     box, state = start(disks, packing_fraction)
-    return Engine(disks, box, state, np.array([[row]]), **options)
+    return engine_of(disks, box, state, np.array([[row]]), **options)
 
 
 def two_sizes(**options: Any) -> Engine:
@@ -86,7 +87,7 @@ def two_sizes(**options: Any) -> Engine:
     disks = Disks(n, mass=np.where(large, 9.0, 1.0), radius=np.where(large, 1.5, 0.4))
     state = lattice(n, box, 1.0, (1.0, 1.0))
     state.position[large] = [[4.0, 23.0], [9.0, 23.0], [14.0, 23.0], [19.0, 23.0]]
-    return Engine(disks, box, state, np.array([[COIN]]), **options)
+    return engine_of(disks, box, state, np.array([[COIN]]), **options)
 
 
 def with_tracking(disks: Disks, box: Box, state: State, walls: list[Wall], **options: Any) -> Engine:
@@ -97,7 +98,9 @@ def with_tracking(disks: Disks, box: Box, state: State, walls: list[Wall], **opt
         return Disks(len(ids), *(each[ids] for each in columns))
 
     tracking = Tracking(np.arange(0, disks.n, 5, dtype=np.int32), disks.n, disks_of, [[law]], walls)
-    return Engine(disks, box, state, np.array([[law.table_row()]]), walls=walls, tracking=tracking, **options)
+    return engine_of(
+        disks, box, state, np.array([[law.table_row()]]), walls=walls, tracking=tracking, **options
+    )
 
 
 def walled(**options: Any) -> Engine:
@@ -127,7 +130,7 @@ def contained(**options: Any) -> Engine:
     walls = [Wall.container((20.0, 20.0), 18.0), Wall.segment((8.0, 20.0), (12.0, 20.0))]
     disks = equal_disks(130)
     state = anywhere(disks, box, walls)
-    return Engine(disks, box, state, np.array([[COIN]]), walls=walls, gravity=(0.0, -0.1), **options)
+    return engine_of(disks, box, state, np.array([[COIN]]), walls=walls, gravity=(0.0, -0.1), **options)
 
 
 def pistons(**options: Any) -> Engine:
@@ -138,7 +141,7 @@ def pistons(**options: Any) -> Engine:
     ]
     state = lattice(250, box, 1.2, (0.8, 1.0))
     options = {"gravity": (0.0, -0.2), "record": ["energy", "wall"], "order": "serial"} | options
-    return Engine(equal_disks(250), box, state, np.array([[COIN]]), walls=walls, **options)
+    return engine_of(equal_disks(250), box, state, np.array([[COIN]]), walls=walls, **options)
 
 
 def resting(**options: Any) -> Engine:
@@ -153,7 +156,7 @@ def resting(**options: Any) -> Engine:
     state = lattice(60, box, 1.1, (1.2, 6.0), speed=0.3)
     law = (0.4, -0.5, 0.4, 0.0, 0.02)
     options = {"gravity": (0.0, -10.0), "collapse": Rest(0.1)} | ALL_SUMS | options
-    return Engine(mixture(60), box, state, np.array([[law]]), walls=walls, **options)
+    return engine_of(mixture(60), box, state, np.array([[law]]), walls=walls, **options)
 
 
 def resting_bed(**options: Any) -> Engine:
@@ -161,14 +164,14 @@ def resting_bed(**options: Any) -> Engine:
     box = Box((15.0, 20.0), (True, False))
     state = lattice(60, box, 1.1, (0.6, 0.7), speed=0.2)
     options = {"gravity": (0.0, -10.0), "collapse": Rest(0.1)} | options
-    return Engine(equal_disks(60), box, state, np.array([[(0.4, -0.5, 0.4, 0.0, 0.0)]]), **options)
+    return engine_of(equal_disks(60), box, state, np.array([[(0.4, -0.5, 0.4, 0.0, 0.0)]]), **options)
 
 
 def sheared(**options: Any) -> Engine:
     disks = mixture(N)
     box, state = gases.sheared(disks, 0.3, rate=0.4)
     options = {"forces": [Rescale(0.1, energy=1.2), Drag(0.1, rate=0.2)], **ALL_SUMS} | options
-    return Engine(disks, box, state, np.array([[ROLLING]]), **options)
+    return engine_of(disks, box, state, np.array([[ROLLING]]), **options)
 
 
 def driven(**options: Any) -> Engine:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...initial import placement
 from ...model.box import Box
+from ...model.device import Device
 from ...model.forces import Drag, Langevin, PoissonKicks, RandomKicks, Rescale
 from ...model.laws.coin_table import coins
 from ...model.laws.ifr import IFRLaw
@@ -24,9 +25,9 @@ from ...model.state import Disks, State
 from ...model.walls.motion import Motion
 from ...model.walls.wall import Wall
 from ...simulation import backend
-from ...simulation.device import Device
 from ...simulation.engine import Engine
 from ..report.registry import Result, Skip
+from ..rows import engine_of
 
 QUESTION = "Does a GPU give the bits of the CPU, the same again, and keep energy, momentum and gaps?"
 REFERENCE = "the same engine on the CPU, and conservation laws"
@@ -114,7 +115,7 @@ EXACT: dict[str, Callable[[int], Gas]] = {
 def after(gas: Gas, per_disk: float, device: Literal["cpu", "cuda"], **options: Any) -> Engine:
     """The engine of a gas, when its disks have had so many collisions."""
     disks, box, state, law, more = gas
-    engine = Engine(
+    engine = engine_of(
         disks,
         box,
         state,

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from ...initial import placement
 from ...model.box import Box
+from ...model.device import Device
 from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls.wall import sides
-from ...simulation.device import Device
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style

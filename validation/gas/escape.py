@@ -26,6 +26,7 @@ from ...model.box import Box
 from ...model.collapse import VelocityCutoff
 from ...model.laws.coin_table import coins
 from ...model.laws.ifr import IFRLaw
+from ...model.setup import Setup
 from ...model.state import Disks, State
 from ...model.walls.motion import Motion, Turn
 from ...model.walls.wall import Wall
@@ -67,11 +68,11 @@ def room(order: str = "serial", *, seed: int = 1) -> Engine:
         Wall.post((15.0, 26.0), 0.0),
     ]
     disks = Disks(12, mass=np.ones(12), radius=np.full(12, 0.5))
-    law = np.array([[coins["1 pta"].law.table_row()]])
-    return Engine(
-        disks, Box((30.0, 30.0), (False, False)), state, law, order=order, walls=walls, gravity=(0.0, -0.02),
+    setup = Setup(
+        Box((30.0, 30.0), (False, False)), ((coins["1 pta"].law,),), tuple(walls), (0.0, -0.02),
         collapse=VelocityCutoff(0.01), seed=seed,
     )  # fmt: skip
+    return Engine(setup, disks, state, order=order)
 
 
 def corners(order: str = "serial", *, seed: int = 1) -> Engine:
@@ -97,18 +98,11 @@ def corners(order: str = "serial", *, seed: int = 1) -> Engine:
     disks = Disks(40, mass=np.ones(40), radius=np.full(40, 0.35))
     position = random_positions(box, disks.radius, seed=seed, walls=walls)
     state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=seed), np.zeros(40))
-    law = np.array([[IFRLaw(e_n=0.85, e_t=-0.6, mu=0.2).table_row()]])
-    return Engine(
-        disks,
-        box,
-        state,
-        law,
-        order=order,
-        walls=walls,
-        gravity=(0.0, -0.02),
-        collapse=VelocityCutoff(1e-3),
+    setup = Setup(
+        box, ((IFRLaw(e_n=0.85, e_t=-0.6, mu=0.2),),), tuple(walls), (0.0, -0.02), collapse=VelocityCutoff(1e-3),
         seed=seed,
-    )
+    )  # fmt: skip
+    return Engine(setup, disks, state, order=order)
 
 
 ROOMS = {"kinds": room, "corners": corners}

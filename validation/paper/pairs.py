@@ -23,11 +23,11 @@ from ...initial.placement import check_no_overlap
 from ...model.box import Box
 from ...model.laws import ifr as law_module
 from ...model.state import Disks, State
-from ...simulation.engine import Engine
 from ...tools.checked import Array, choice
 from ...trajectory.reader import Trajectory
 from ...trajectory.writer import TrajectoryWriter
 from ..report.registry import ROUND_OFF as ROUND_OFF
+from ..rows import engine_of
 from .equations import Impact
 
 PATCH = 6.0  # side of a pair's patch, in largest contact distances
@@ -182,7 +182,7 @@ def approach(c: Impact, normal: Array) -> Array:
 
 def _run(disks: Disks, box: Box, start: State, table: Array, t_end: float) -> State:
     """Fly to `t_end` and return the last frame of the trajectory file."""
-    engine = Engine(disks, box, start, table)
+    engine = engine_of(disks, box, start, table)
     with tempfile.TemporaryDirectory(prefix="ifrdem-pairs-") as folder:
         path = Path(folder) / "pairs.h5"
         with TrajectoryWriter(path, disks, box, precision="f8") as file:

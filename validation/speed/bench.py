@@ -27,7 +27,6 @@ from ...case import file as case_file
 from ...case import shipped, summary
 from ...case.case import UNITS, CaseSections
 from ...case.gas import CaseGas
-from ...case.objects import choose_runtime, device_of
 from ...errors import InputError
 from ...kernels.compiler import runtime
 from ...mpi import SERIAL, Communicator
@@ -300,7 +299,7 @@ def measure(
         del simulation  # its arrays end with the Taichi that they belong to
         gc.collect()
         try:
-            backend.start(device_of(run), profile=True)
+            backend.start(run.made_device(), profile=True)
             simulation = gas.simulation(state)
             warm_up(simulation)
             profiled = _profiled(simulation, seconds)
@@ -335,8 +334,8 @@ def prepared(
 ) -> tuple[CaseGas, Simulation]:
     """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
     run = case.run
-    choose_runtime(run)  # before the check of a GPU, which imports a runtime
-    backend.check(device_of(run))
+    run.choose_runtime()  # before the check of a GPU, which imports a runtime
+    backend.check(run.made_device())
     summary.refuse_beyond_memory(sum(each.number for each in case.species), run.device, case.start.positions)
     gas = CaseGas.from_case(case, folder)
     simulation = gas.simulation(comm=comm)

@@ -66,11 +66,11 @@ from ...errors import InputError
 from ...initial import placement
 from ...kernels.compiler import runtime
 from ...model.box import Box
+from ...model.device import Device
 from ...model.laws.ifr import IFRLaw
 from ...model.observables import measure
 from ...model.state import Disks, State
 from ...simulation import backend
-from ...simulation.device import Device
 from ...simulation.simulation import Simulation
 from ...tools.arguments import script, whole
 from ...tools.versions import __version__

@@ -58,7 +58,7 @@ class PairLaws:
         kind = _kind(table, table_given=not isinstance(law, CollisionLaw))
         check_symmetric(table)
         _check_energy(table, disks, of_walls)
-        coefficients = np.array([[one.table_row() or (0.0,) for one in row] for row in table])
+        coefficients = rows_of(table)
         _check_magnitudes(coefficients, precision)
         return cls(table, kind, coefficients)
 
@@ -83,6 +83,11 @@ class PairLaws:
         """Try laws that are not known to be passive on random pairs (`sampling.py`)."""
         if not self.is_passive:
             check_by_sampling(self.kind, self.coefficients, disks, of_walls, speed)
+
+
+def rows_of(table: Sequence[Sequence[CollisionLaw]]) -> Array:
+    """Coefficients of a table of laws (`table_row`), shape (M, M, c); a zero for a law without any."""
+    return np.array([[one.table_row() or (0.0,) for one in row] for row in table], dtype=np.float64)
 
 
 def _table(law: Any, materials: int) -> Laws:

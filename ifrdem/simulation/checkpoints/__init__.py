@@ -2,7 +2,6 @@
 
 ============  ================================================
 `checkpoint`  files of checkpoints
-`gas_record`  arguments of a simulation in JSON
 `snapshot`    the complete state of an engine, to the last bit
 ============  ================================================
 """

@@ -314,6 +314,27 @@ def disks_of(arrays: Mapping[str, NDArray[Any]], species: Mapping[str, int]) -> 
     return Disks(len(columns[0]), *columns, species=species)
 
 
+def differences(one: dict[str, Any], other: dict[str, Any]) -> list[str]:
+    """Names of what differs between the records of two gases, but for what changes no bit.
+
+    That is threads, and where pistons are.
+    """
+    a, b = _compared(one), _compared(other)
+    return [name for name in a if a[name] != b.get(name)]
+
+
+def _compared(record: dict[str, Any]) -> dict[str, Any]:
+    free = ("threads", "low_memory")
+    device = {key: value for key, value in record["device"].items() if key not in free}
+    left_out = ("k", "path")
+    law = [[{key: one[key] for key in one if key not in left_out} for one in row] for row in record["law"]]
+    given = [dict(wall) for wall in record["walls"]]
+    for wall in given:
+        if piston := wall.get("piston"):  # where a piston starts, as where disks do
+            wall["piston"] = {key: piston[key] for key in piston if key not in ("displacement", "velocity")}
+    return {**record, "device": device, "law": law, "walls": given}
+
+
 def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], device: str = "cpu") -> None:
     """Refuse a checkpoint of another version, which could change bits: InputError with both versions.
 

@@ -4,28 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, refuse, shortened
+from ...errors import InputError, refuse
 from ...kernels.columns import ADDRESSABLE, MOST_IDS, SINGLE_TILE, most_disks
 from ...model import rules
 from ...model.box import Box
 from ...model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
-from ...model.gravity import Gravity, RotatingGravity
-from ...model.laws.ifr import IFRLaw
 from ...model.overlaps import tolerances
+from ...model.setup import Setup, library_classes
 from ...model.state import Disks, State
 from ...model.walls.checks import check as check_walls
 from ...model.walls.wall import Wall, wall_names
 from ...mpi import current
 
 if TYPE_CHECKING:
+    from ...model.device import Device
     from ...model.forces import Force
-    from ..device import Device
-    from ..engine import EngineOptions
     from .start import StartCounts
 
 MOST_JUMP = 0.01
@@ -238,22 +236,13 @@ def check_stored(largest: Mapping[str, float], precision: str, energy: float = 0
             )
 
 
-def check(
-    disks: Disks,
-    box: Box,
-    state: State,
-    counts: StartCounts,
-    materials: int,
-    walls: Sequence[Wall],
-    forces: Sequence[Force],
-    options: EngineOptions,
-    ranks: int,
-) -> None:
-    """Refuse what the engine cannot simulate; arguments as for `Engine`, `materials` the rows of the law's table.
+def check(setup: Setup, disks: Disks, state: State, counts: StartCounts, ranks: int) -> None:
+    """Refuse what the engine cannot simulate.
 
-    Of ranks, `disks` and `state` may be those of a slice; `counts` are of all disks. Walls include sides of the box.
+    Of ranks, `disks` and `state` may be those of a slice; `counts` are of all disks.
     """
-    check_number(counts.n, ranks, "partner" in options.record, low_memory=options.device.low_memory)
+    box, walls, device, materials = setup.box, setup.all_walls, setup.device, len(setup.law)
+    check_number(counts.n, ranks, "partner" in setup.record, low_memory=device.low_memory)
     n = disks.n
     check_motion(disks, state)
     if n and int(disks.material.max()) >= materials:
@@ -272,12 +261,12 @@ def check(
             f"{n} disks and {thermal} thermal walls: the engine's 32-bit indices allow {ADDRESSABLE // thermal} disks "
             "with so many"
         )
-    check_magnitudes(disks, box, counts.speed, options.device.precision, hottest(walls, forces))
-    check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.device.precision)
+    check_magnitudes(disks, box, counts.speed, device.precision, hottest(walls, setup.forces))
+    check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, device.precision)
     check_walls(
         walls, box, state.position, disks.radius, materials, float(state.time),
         collisions=counts.collisions,
-        tolerance=tolerances(box, disks.radius, state.position, options.device.rounding)[1],
+        tolerance=tolerances(box, disks.radius, state.position, device.rounding)[1],
     )  # fmt: skip
 
 
@@ -313,56 +302,37 @@ def _check_jumps(disks: Disks, gravity: tuple[float, float], collapse: Rest) -> 
         )
 
 
-def check_exclusions(
-    box: Box, walls: Sequence[Wall], gravity: Gravity, forces: Sequence[Force], law: type, options: EngineOptions, *,
-    n: int, immovable: bool, tracked: bool, ranks: int,
-) -> None:  # fmt: skip
+def check_exclusions(setup: Setup, **others: Any) -> None:
     """Refuse what cannot go together (`model.rules`): InputError with a line for each exclusion.
 
-    Arguments as for `Engine`, whose walls are those without the sides of the box; gravity and forces are those to be.
+    The setup is the one that is to be; `others` are facts that are not in it (`Setup.facts`).
     """
-    device, collapse = options.device, options.collapse
+    box, walls, forces, device = setup.box, setup.walls, setup.forces, setup.device
     pistons = [w for w, wall in enumerate(walls) if wall.piston is not None]
-    kinds = [_library_classes(force) for force in forces]
-    turns = isinstance(gravity, RotatingGravity)
-    facts = rules.Facts(
-        is_open=box.is_open, periodic=box.periodic, shear_rate=box.shear_rate, walls=len(walls), pistons=len(pistons),
-        gravity=gravity.start if isinstance(gravity, RotatingGravity) else gravity, turns=turns,
-        forces=frozenset[str]().union(*kinds), collapse=type(collapse).__name__ if collapse else "",
-        law="" if law is IFRLaw else law.__name__, record=options.record, device=device.name,
-        precision=device.precision, low_memory=device.low_memory, tracked=tracked, n=n, immovable=immovable,
-        ranks=ranks, order=options.order or "",
-    )  # fmt: skip
+    facts = setup.facts(**others)
 
     def said(name: str) -> str:
         """An argument, with its value."""
         first, _, kind = name.partition(".")
         if first == "forces" and kind:
-            i = next(i for i, each in enumerate(kinds) if kind in each)
+            i = next(i for i, force in enumerate(forces) if kind in library_classes(force))
             return f"forces[{i}] = {forces[i]}"
         sides = f"walls at sides of the box (periodic = {box.periodic})"
         words = {
             "box.open": "box = Box.open()", "box.periodic": f"box.periodic = {box.periodic}",
-            "box.shear_rate": f"box.shear_rate = {box.shear_rate:g}", "gravity": f"gravity = {gravity}",
+            "box.shear_rate": f"box.shear_rate = {box.shear_rate:g}", "gravity": f"gravity = {setup.gravity}",
             "walls": "walls" if walls else sides if facts.walled else "walls = []",
             "walls.piston": f"walls[{next(iter(pistons), 0)}].piston", "forces": f"forces = {list(forces)}",
-            "collapse": f"collapse = {collapse}", "law": f"law = {law.__name__}", "record": f'record = "{kind}"',
+            "collapse": f"collapse = {setup.collapse}", "law": f"law = {facts.law}", "record": f'record = "{kind}"',
             "device.name": f'device.name = "{device.name}"', "device.low_memory": "device.low_memory = True",
-            "device.precision": f'device.precision = "{device.precision}"', "order": f'order = "{options.order}"',
-            "disks.n": f"{n} disk{'s' * (n != 1)}", "disks.mass": "disks of infinite mass", "tracked": "tracked",
-            "comm": f"comm of {ranks} ranks",
+            "device.precision": f'device.precision = "{device.precision}"', "order": f'order = "{facts.order}"',
+            "disks.n": f"{facts.n} disk{'s' * (facts.n != 1)}", "disks.mass": "disks of infinite mass",
+            "tracked": "tracked", "comm": f"comm of {facts.ranks} ranks",
         }  # fmt: skip
         return words.get(name) or words[first]
 
     broken = rules.refusals(facts)
     refuse([f"{said(rule.at)}: cannot be combined with {said(rule.with_)}: {rule.why}" for rule in broken])
-
-
-def _library_classes(force: Force) -> frozenset[str]:
-    """Names of the classes of this library that a force is of."""
-    return frozenset(
-        kind.__name__ for kind in type(force).__mro__ if kind.__module__ == "ifrdem.model.forces"
-    )
 
 
 def check_motion(disks: Disks, state: State) -> None:
@@ -374,19 +344,3 @@ def check_motion(disks: Disks, state: State) -> None:
             f"disk {i} has an infinite mass and moves (velocity {state.velocity[i]}, spin {state.spin[i]}): "
             "an immovable disk must be at rest"
         )
-
-
-def check_forces(forces: object) -> None:
-    """Raise InputError unless it is a list of forces, none of them only the base class, or a class itself."""
-    if not isinstance(forces, Sequence) or isinstance(forces, str):
-        raise InputError(f"forces = {shortened(forces)}: must be a list of forces, [force] for one")
-    if not forces:
-        return
-    from ...model.forces import Force  # imports Taichi, which is slow
-
-    for i, force in enumerate(forces):
-        if not isinstance(force, Force) or type(force).act is Force.act:
-            raise InputError(
-                f"forces[{i}] = {shortened(force)}: must be an object of a class derived from "
-                "ifrdem.forces.Force, with a method act"
-            )

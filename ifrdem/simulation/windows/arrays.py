@@ -56,7 +56,7 @@ from .domain import Domain
 from .tiling import RESTING_FALL, RESTING_WINDOW, Tiling, filled_region, split_of
 
 if TYPE_CHECKING:
-    from ..engine import EngineOptions
+    from ...model.setup import Setup
 
 GPU_THREADS = 32768  # of which some work on events, spread over all multiprocessors
 BURST = 64  # windows of a gas in one tile that one launch runs at most
@@ -93,8 +93,7 @@ def concatenated_ranges(first: NDArray[np.integer], count: NDArray[np.integer]) 
 class DeviceArrays:
     """All arrays of one engine, under the names that kernels give their arguments.
 
-    Coefficients of the law for each pair of materials, `law_table` (M, M, c); `options` of `Engine`; `walls`,
-    a row of `columns.WALL` for each of their pieces.
+    `walls` have a row of `columns.WALL` for each of their pieces; `order` and `tile_disks` as of `Engine`.
     """
 
     tile: Any
@@ -109,32 +108,34 @@ class DeviceArrays:
 
     def __init__(
         self,
+        setup: Setup,
         disks: Disks,
-        box: Box,
-        law_table: NDArray[np.float64],
-        options: EngineOptions,
         walls: NDArray[np.float64],
         uses: k.Uses,
         domain: Domain | None = None,
+        *,
+        order: str | None = None,
+        tile_disks: int | None = None,
     ) -> None:
         n = disks.n
         self.n: int = n
         self.domain: Domain = domain or Domain()
         self.domain.attach(self)
-        self.box: Box = box
+        self.box: Box = setup.box
+        self._device, self._order, self._tile_disks = setup.device, order, tile_disks
         self.uses: k.Uses = uses
-        self.real: type[np.floating[Any]] = np.float32 if options.device.precision == "f32" else np.float64
-        self._type = getattr(ti, options.device.precision)
+        self.real: type[np.floating[Any]] = np.float32 if setup.device.precision == "f32" else np.float64
+        self._type = getattr(ti, setup.device.precision)
         self._launchers: dict[Callable[..., Any], tuple[Launcher, Callable[[Any], tuple[Any, ...]]]] = {}
-        self.on_gpu: bool = options.device.name != "cpu"
-        self._low_memory = options.device.low_memory
+        self.on_gpu: bool = setup.device.name != "cpu"
+        self._low_memory = setup.device.low_memory
         self._twins: dict[str, Any] = {}
         self.room: int = 0
         self.parts: int = 2
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
         self._take_kinds(disks)
-        self.law: Any = ti.ndarray(self._type, law_table.shape)
-        from_numpy(self.law, law_table.astype(self.real))
+        self.law: Any = ti.ndarray(self._type, setup.law_rows.shape)
+        from_numpy(self.law, setup.law_rows.astype(self.real))
         self.wall_rows: NDArray[np.float64] = walls.reshape(-1, WALL.width)
         self.extra_tally: ExtraTally = ExtraTally.of(
             self.wall_rows, summed=uses.summed, stressed=uses.stressed
@@ -144,7 +145,7 @@ class DeviceArrays:
         self.make("walls", len(self.wall_rows))
         if len(self.wall_rows):
             from_numpy(self.walls, self.wall_rows.astype(self.real))
-        self._make_small_arrays(options)
+        self._make_small_arrays(setup)
         self._lanes = 0
         self.batch: int = 0
         self.make_parts(2, self.domain.first_slots(n))
@@ -179,7 +180,7 @@ class DeviceArrays:
         if by_id:
             from_numpy(self.kind, code.astype(np.int32))
 
-    def _make_small_arrays(self, options: EngineOptions) -> None:
+    def _make_small_arrays(self, setup: Setup) -> None:
         """Make the arrays that the host reads after every launch, with what stays the same in them.
 
         Kernels on a CPU take NumPy arrays as they are; a GPU has arrays of its own for them (`launch`).
@@ -191,7 +192,7 @@ class DeviceArrays:
         self.scale: Named = blank("scale", self.real)
         self.sums: NDArray[np.float64] = np.zeros(self.columns)
         self.scale.moment = k.FAR
-        words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
+        words = np.array([setup.seed & 0xFFFFFFFF, setup.seed >> 32], dtype=np.uint32)
         self.grid.seed_low, self.grid.seed_high = words.view(np.int32)
         # Where there are more disks, on several ranks, no kernel asks how many.
         self.grid.n, self.grid.lanes, self.clock.n = min(n, ADDRESSABLE), 1, n
@@ -199,8 +200,8 @@ class DeviceArrays:
         self.grid.first_piston = pistons[0] if len(pistons) else -1
         self.grid.periodic_x, self.grid.periodic_y = self.box.periodic
         self.scale.widest = self.widest
-        self.scale.velocity_cutoff, self.scale.resting_speed = options.velocity_cutoff, options.resting_speed
-        self.scale.contact_time = options.contact_time
+        self.scale.velocity_cutoff, self.scale.resting_speed = setup.velocity_cutoff, setup.resting_speed
+        self.scale.contact_time = setup.contact_time
         self.scale.shear = self.box.shear_rate
 
     # ------------------------------------------------------------------ room
@@ -399,11 +400,20 @@ class DeviceArrays:
         self.total = np.zeros(columns)
         self.total[: min(len(known), columns)] = known[:columns]
 
-    def load(self, disks: Disks, options: EngineOptions, state: State) -> None:
+    def load(self, disks: Disks, state: State) -> None:
         """Divide the box, or the region of an open gas, into tiles, and begin a window from a state."""
         low, high = filled_region(self.box, state, self.widest)
         self.area: float = float(np.prod(high - low))
-        tiling = Tiling.of(disks, high - low, self.widest, self._split, self.uses, options)
+        tiling = Tiling.of(
+            disks,
+            high - low,
+            self.widest,
+            self._split,
+            self.uses,
+            self._device,
+            self._order,
+            self._tile_disks,
+        )
         self.single_tile: bool = tiling.single_tile
         self.scale.cell_side, self.grid.coarse = tiling.cell_side, tiling.coarse
         if self._split is not None:

@@ -18,7 +18,7 @@ from ...model.state import Disks, State
 
 if TYPE_CHECKING:
     from ...kernels.layout import Uses
-    from ..engine import EngineOptions
+    from ...model.device import Device
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
 # The same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL. A window lasts a fall by
@@ -145,19 +145,21 @@ class Tiling:
         widest: float,
         split: float | None,
         uses: Uses,
-        options: EngineOptions,
+        device: Device,
+        order: str | None,
+        tile_disks: int | None,
     ) -> Tiling:
         """The tiling of a rectangle with these sides [length], of disks up to `widest` across in one layer of cells.
 
-        In two layers, small cells hold disks of radii up to `split` [length].
+        In two layers, small cells hold disks of radii up to `split` [length]. Order and disks of a tile as of `Engine`.
         """
-        n, on_gpu = disks.n, options.device.name != "cpu"
-        given, few = options.device.window_collisions, n <= SINGLE_TILE
+        n, on_gpu = disks.n, device.name != "cpu"
+        given, few = device.window_collisions, n <= SINGLE_TILE
         area = float(np.prod(sides))
         phi = min(packing_fraction(disks.covered, area), DENSEST)
-        collisions, tile_disks = tile_parameters(phi)
+        collisions, in_tile = tile_parameters(phi)
         if on_gpu:
-            collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
+            collisions, in_tile = min(collisions, GPU_COLLISIONS), GPU_TILE
             if uses.blockwise:  # so that lists have some ten disks
                 collisions = min(collisions, float(np.interp(phi, [0.1, 0.3], [0.2, 0.4])))
         elif few and not uses.sheared:
@@ -172,20 +174,20 @@ class Tiling:
         if given is not None:
             window_side = min(window_side, math.sqrt(GPU_TILE * free))
         elif uses.sheared or not few or on_gpu:
-            window_side = min(window_side, math.sqrt(tile_disks * free))
+            window_side = min(window_side, math.sqrt(in_tile * free))
         # Columns and rows of cells are counted in 16 bits; of more disks no region is the whole box.
-        least = float(sides.max()) / 3e4 if n <= most_disks(options.device.low_memory) else 0.0
+        least = float(sides.max()) / 3e4 if n <= most_disks(device.low_memory) else 0.0
         cell = (RESTING_CELL if uses.rests else CELL) * widest if split is None else CELL * 2.0 * split
         cell_side = max(cell, math.sqrt(disks_per_cell(phi) * free), least)
         coarse = 1 if split is None else math.ceil(CELL * widest / cell_side)
-        single_tile = options.order == "serial" or (options.order is None and few and not on_gpu)
+        single_tile = order == "serial" or (order is None and few and not on_gpu)
         single_tile = single_tile and not uses.sheared
         tiles = (1, 1)
         chain_halo = widest * ((GPU_CHAINS if on_gpu else CHAINS) + 3.0 * phi)
         if not single_tile:
             least_tile = (GPU_LEAST_TILE if on_gpu else LEAST_TILE) * widest
-            tiles = tiles_along(sides, (options.tile_disks or tile_disks) * free, least_tile)
-            if on_gpu and uses.blockwise and n and not options.tile_disks:
+            tiles = tiles_along(sides, (tile_disks or in_tile) * free, least_tile)
+            if on_gpu and uses.blockwise and n and not tile_disks:
                 # By the speed of the fastest of n disks in equilibrium.
                 way = min(path * math.sqrt(math.log(n) + 2.0), MAX_TRAVEL * window_side)
                 side = max(block_side(phi, free, chain_halo + 2.0 * way), least_tile)

@@ -17,8 +17,8 @@ from ifrdem.model.laws.ifr import EnergyWarning, IFRLaw
 from ifrdem.model.laws.law import CollisionLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.validation.rows import engine_of
 
 
 def viscoelastic(c: float = 0.0) -> Viscoelastic:
@@ -39,7 +39,7 @@ def test_the_ifr_law_as_a_custom_law_gives_the_same_bits(order: str) -> None:
     box, state = start(disks, 0.4)
 
     def end(table: tuple[float, ...], law: type[CollisionLaw]) -> State:
-        engine = Engine(disks, box, state, np.array([[table]]), law=law, order=order, tile_disks=60)
+        engine = engine_of(disks, box, state, np.array([[table]]), law=law, order=order, tile_disks=60)
         reached = run_to(engine, 0.5)
         assert engine.collisions > 300
         return reached

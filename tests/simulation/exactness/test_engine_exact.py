@@ -16,7 +16,7 @@ from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation import backend
-from ifrdem.simulation.engine import Engine
+from ifrdem.validation.rows import engine_of
 
 pytestmark = [pytest.mark.full, pytest.mark.optimised]
 
@@ -63,7 +63,9 @@ def test_every_way_of_running_gives_the_serial_sequence(
 ) -> None:
     disks, box, state, pairs, times = expected(phi, kind, law)
     for way, options in WAYS.items():
-        engine = Engine(disks, box, state, np.array([[LAWS[law]]]), device=Device(threads=threads), **options)  # type: ignore[arg-type]
+        engine = engine_of(
+            disks, box, state, np.array([[LAWS[law]]]), device=Device(threads=threads), **options
+        )  # type: ignore[arg-type]
         found = run(engine, len(pairs))
         np.testing.assert_array_equal(partners(found.pair), partners(pairs), err_msg=way)
         np.testing.assert_allclose(found.time, times, rtol=0.0, atol=3e-6, err_msg=way)
@@ -79,7 +81,7 @@ def test_no_disks_overlap_in_ten_million_collisions(phi: float, law: str, order:
     """Two runs of five million; contact may be short of the contact distance by the rounding of two positions."""
     disks = equal_disks(10_000)
     box, state = equilibrated(disks, phi)
-    engine = Engine(disks, box, state, np.array([[LAWS[law]]]), order=order)
+    engine = engine_of(disks, box, state, np.array([[LAWS[law]]]), order=order)
     for frame in range(1, 11):
         state = run_to(engine, collisions=frame * 500_000)
         placement.check_no_overlap(box, disks.radius, state.position, tolerance=1e-11)
@@ -92,7 +94,7 @@ def test_a_run_repeats_to_the_last_bit(order: str) -> None:
     box, state = equilibrated(disks, 0.4)
     ends = []
     for _ in range(2):
-        engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=300)
+        engine = engine_of(disks, box, state, np.array([[COIN]]), order=order, tile_disks=300)
         ends.append(run_to(engine, collisions=30_000))
     for name in ("position", "velocity", "spin", "collisions", "image", "time"):
         np.testing.assert_array_equal(getattr(ends[0], name), getattr(ends[1], name))
@@ -111,11 +113,11 @@ def test_single_precision_keeps_energy_and_contacts_to_its_rounding() -> None:
         order: {"order": order, "tile_disks": 1000} for order in ("serial", "tiled")
     }
     double = {
-        order: Engine(disks, box, state, np.array([[ELASTIC]]), **given).bytes_allocated
+        order: engine_of(disks, box, state, np.array([[ELASTIC]]), **given).bytes_allocated
         for order, given in options.items()
     }
     for order, given in options.items():
-        engine = Engine(disks, box, state, np.array([[ELASTIC]]), device=Device(precision="f32"), **given)
+        engine = engine_of(disks, box, state, np.array([[ELASTIC]]), device=Device(precision="f32"), **given)
         assert (
             engine.bytes_allocated < 0.9 * double[order]
         )  # the scratch space of so few disks is half of all

@@ -30,6 +30,7 @@ from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine
+from ifrdem.validation.rows import engine_of
 
 PER_DISK = 5
 
@@ -82,7 +83,7 @@ def test_collisions_are_those_of_the_serial_code(
     packing_fraction: float, law: tuple[float, ...], order: str, device: str
 ) -> None:
     disks, box, state, per_disk, by_serial = equal_gas(packing_fraction, law)
-    engine = Engine(disks, box, state, np.array([[law]]), device=device, order=order, tile_disks=60)
+    engine = engine_of(disks, box, state, np.array([[law]]), device=device, order=order, tile_disks=60)
     assert_same_as_serial(disks, box, state, law, engine, per_disk, by_serial)
     assert engine.statistics.in_order < engine.statistics.windows
 
@@ -96,7 +97,7 @@ def test_none_of_many_disks_ever_overlap(order: str, n: int) -> None:
     """
     disks = equal_disks(n)
     box, state = start(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order)
+    engine = engine_of(disks, box, state, np.array([[ELASTIC]]), order=order)
     lengths = np.array(box.lengths)
     for _ in range(30):
         position = run_to(engine, collisions=engine.collisions + disks.n // 8).position % lengths
@@ -108,7 +109,7 @@ def test_none_of_many_disks_ever_overlap(order: str, n: int) -> None:
 def test_collisions_of_a_mixture_are_those_of_the_serial_code(packing_fraction: float, device: str) -> None:
     disks = mixture(1000)
     box, state = equilibrated(disks, packing_fraction)
-    engine = Engine(disks, box, state, np.array([[COIN]]), device=device)
+    engine = engine_of(disks, box, state, np.array([[COIN]]), device=device)
     assert_same_as_serial(disks, box, state, COIN, engine, per_disk=4 if packing_fraction < 0.2 else PER_DISK)
 
 
@@ -124,7 +125,7 @@ def driven_by_heavy_disks(n: int) -> tuple[Disks, Box, State]:
 def test_disks_that_become_fast_lose_no_collision(order: str) -> None:
     """Faster than any at the beginning of a window, after which its length and the halos were chosen."""
     disks, box, state = driven_by_heavy_disks(900)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=100)
+    engine = engine_of(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=100)
     assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=3)
 
 
@@ -155,7 +156,7 @@ def test_small_boxes_give_the_serial_collisions(
     make: Callable[[], tuple[Disks, Box, State]], order: str
 ) -> None:
     disks, box, state = make()
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=3)
+    engine = engine_of(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=3)
     assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=3)
 
 
@@ -175,7 +176,7 @@ def test_a_light_disk_flies_on_from_a_heavy_one_at_twice_its_speed(order: str) -
     """And takes all of the box in the rest of the window."""
     disks = Disks(2, mass=np.array([1.0, 0.01]), radius=0.5)
     state = State(np.array([[1.0, 5.0], [5.8, 5.0]]), np.array([[1.0, 0.0], [0.0, 0.0]]), np.zeros(2))
-    engine = Engine(disks, Box((20.0, 20.0)), state, np.array([[ELASTIC]]), order=order)
+    engine = engine_of(disks, Box((20.0, 20.0)), state, np.array([[ELASTIC]]), order=order)
     assert sequence(engine, 6.0) == [(0, 1)]
     # Elastic: the heavy one keeps (M - m) / (M + m), the light one gets 2 M / (M + m).
     np.testing.assert_allclose(engine.state().velocity[:, 0], [0.99 / 1.01, 2.0 / 1.01], rtol=1e-14)
@@ -192,7 +193,7 @@ def test_a_disk_among_thousands_of_small_ones_loses_none() -> None:
     velocity = np.random.default_rng(4).normal(size=(n + 1, 2))
     velocity[0] = 0.0
     state = State(np.vstack(([[120.0, 120.0]], far)), velocity, np.zeros(n + 1))
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]))
+    engine = engine_of(disks, box, state, np.array([[ELASTIC]]))
     assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=1)
 
 
@@ -202,6 +203,6 @@ def test_disks_in_a_strip_of_three_diameters_meet_by_every_image(n: int) -> None
     box = Box((3.0, 2.4 * n))
     position = np.stack([np.full(n, 1.5), 2.4 * np.arange(n) + 0.3], axis=1)
     velocity = placement.maxwellian(np.ones(n), temperature=1.0, seed=1)
-    engine = Engine(equal_disks(n), box, State(position, velocity, np.zeros(n)), np.array([[ELASTIC]]))
+    engine = engine_of(equal_disks(n), box, State(position, velocity, np.zeros(n)), np.array([[ELASTIC]]))
     position = run_to(engine, 2.0).position % np.array(box.lengths)
     assert not cKDTree(position, boxsize=box.lengths).query_pairs(1.0 - 1e-9)

@@ -24,6 +24,7 @@ from ifrdem.simulation import backend
 from ifrdem.simulation.checkpoints import snapshot
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.steps import force_steps
+from ifrdem.validation.rows import engine_of
 
 ONE = Device(threads=1)
 ALL_SUMS = ["disk_energy", "partner", "angle"]
@@ -35,7 +36,7 @@ def gas(
 ) -> Engine:
     filled, state = start(disks, 0.3)
     options = dict[str, Any](device=ONE, seed=3, record=ALL_SUMS) | options
-    return Engine(disks, box or filled, state, np.array([[law]]), forces=forces, **options)
+    return engine_of(disks, box or filled, state, np.array([[law]]), forces=forces, **options)
 
 
 def two_forces() -> list[Force]:
@@ -54,7 +55,7 @@ def bounded(**options: Any) -> Engine:
         Wall.line((0.0, 33.0), (0.0, -1.0), temperature=2.0),
     ]
     options = dict[str, Any](record=[*ALL_SUMS, "wall"], device=ONE, seed=3) | options
-    return Engine(disks, box, state, np.array([[COIN]]), walls=walls, gravity=(0.0, -0.5), **options)
+    return engine_of(disks, box, state, np.array([[COIN]]), walls=walls, gravity=(0.0, -0.5), **options)
 
 
 def with_piston() -> Engine:
@@ -66,7 +67,7 @@ def with_piston() -> Engine:
         Wall.line((0.0, 20.0), (0.0, -1.0), piston=Piston(40.0, force=20.0)),
     ]
     forces = [Langevin(0.05, temperature=1.0, rate=0.3)]
-    return Engine(
+    return engine_of(
         disks,
         box,
         state,
@@ -83,7 +84,9 @@ def in_shear() -> Engine:
     disks = mixture(700)
     box, state = sheared(disks, 0.3, rate=0.4)
     forces = [Drag(0.05, rate=0.2), RandomKicks(0.05, power=0.5)]
-    return Engine(disks, box, state, np.array([[COIN]]), forces=forces, device=ONE, seed=3, record=["energy"])
+    return engine_of(
+        disks, box, state, np.array([[COIN]]), forces=forces, device=ONE, seed=3, record=["energy"]
+    )
 
 
 CASES: dict[str, Make] = {
@@ -183,7 +186,7 @@ def test_strong_kicks_are_exact_in_tiles(power: float) -> None:
             disks = mixture(1000)
             box, state = start(disks, 0.3)
             state = State(state.position, speed * state.velocity, speed * state.spin)
-            engine = Engine(
+            engine = engine_of(
                 disks, box, state, np.array([[ROLLING]]), forces=[RandomKicks(0.05, power=power)], device=ONE, seed=3,
                 order=order, tile_disks=60, record=ALL_SUMS,
             )  # fmt: skip

@@ -23,6 +23,7 @@ from ifrdem.model.state import State
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.steps.schedule import RunPoint
 from ifrdem.simulation.windows.windows import Windows
+from ifrdem.validation.rows import engine_of
 
 LOOKED_AT = (*COMPARED, "angle", "last_partner", "dissipated", "latest_collision")
 KEPT: dict[str, Any] = {
@@ -42,7 +43,7 @@ def looked_at(
     )
     disks, box, state, law, more = made(name)
     kept = KEPT | ({"record": [*KEPT["record"], "wall"]} if "walls" in more else {})
-    engine = Engine(disks, box, state, np.array([[law]]), **more, **kept, **options)
+    engine = engine_of(disks, box, state, np.array([[law]]), **more, **kept, **options)
     found = []
     while due:
         stop = functools.reduce(RunPoint.earlier, due)
@@ -130,7 +131,7 @@ def test_low_memory_keeps_the_bits_without_room_for_moments(name: str) -> None:
     disks, box, state, law, _ = made(name)
     for low in (False, True):
         device = Device(low_memory=low)
-        engine = Engine(disks, box, state, np.array([[law]]), order="tiled", tile_disks=250, device=device)
+        engine = engine_of(disks, box, state, np.array([[law]]), order="tiled", tile_disks=250, device=device)
         states = []
         for i in range(1, 9):
             engine.advance(t_end=0.11 * i + 0.02 * (i % 2))
@@ -173,7 +174,7 @@ def test_low_memory_is_refused_where_bits_depend_on_the_window(name: str, more: 
     disks, box, state, law, options = made(name)
     options = options or {"collapse": ContactTime(1e-9)}
     with pytest.raises(InputError, match=rf"low_memory = True: cannot be combined with {more}"):
-        Engine(disks, box, state, np.array([[law]]), device=Device(low_memory=True), **options)
+        engine_of(disks, box, state, np.array([[law]]), device=Device(low_memory=True), **options)
 
 
 def test_low_memory_tells_collisions_apart_that_differ_in_the_last_digits() -> None:
@@ -182,7 +183,7 @@ def test_low_memory_tells_collisions_apart_that_differ_in_the_last_digits() -> N
     position = np.array([[20.0, 25.0], [24.0, 25.0], [70.0, 75.0], [74.0, 75.0]])
     velocity = np.array([[1.0, 0.0], [-1.0, 0.0], [slower, 0.0], [-slower, 0.0]])
     state = State(position, velocity, np.zeros(4))
-    engine = Engine(
+    engine = engine_of(
         equal_disks(4), Box((100.0, 100.0)), state, np.array([[ELASTIC]]), order="tiled", tile_disks=1,
         device=Device(low_memory=True),
     )  # fmt: skip
@@ -198,7 +199,7 @@ def test_low_memory_tells_collisions_apart_that_differ_in_the_last_digits() -> N
 
 def test_threads_take_the_tiles_with_most_collisions_first() -> None:
     disks, box, state, law, _ = made("phi = 0.3")
-    engine = Engine(disks, box, state, np.array([[law]]), order="tiled", tile_disks=250)
+    engine = engine_of(disks, box, state, np.array([[law]]), order="tiled", tile_disks=250)
     engine.advance(t_end=0.5)
     arrays = engine.arrays
     tiles = arrays.costliest_first

@@ -25,6 +25,7 @@ from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.windows.runner import TileRunner
 from ifrdem.simulation.windows.windows import Windows
+from ifrdem.validation.rows import engine_of
 
 pytestmark = pytest.mark.optimised
 
@@ -81,7 +82,7 @@ def clusters() -> Gas:
     """Coins that have cooled for 150 collisions each: dense clusters in a thin gas."""
     disks = equal_disks(N)
     box, state = equilibrated(disks, 0.3)
-    cooled = run_to(Engine(disks, box, state, np.array([[COIN]]), order="serial"), collisions=75 * N)
+    cooled = run_to(engine_of(disks, box, state, np.array([[COIN]]), order="serial"), collisions=75 * N)
     count = np.histogram2d(*cooled.position.T, bins=12, range=[(0.0, length) for length in box.lengths])[0]
     assert count.var() > 3.0 * count.mean()  # of chance alone at this density: 0.4 times
     scale = np.sqrt(2.0 / np.mean(np.sum(cooled.velocity**2, axis=1)))
@@ -107,7 +108,7 @@ def made(name: str) -> Gas:
 
 def after(name: str, per_disk: float | None = None, **options: Any) -> tuple[Engine, State]:
     disks, box, state, law, more = made(name)
-    engine = Engine(disks, box, state, np.array([[law]]), **more, **options)
+    engine = engine_of(disks, box, state, np.array([[law]]), **more, **options)
     return engine, run_to(engine, collisions=int((per_disk or PER_DISK.get(name, 100)) * N / 2))
 
 
@@ -229,7 +230,7 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
 
     monkeypatch.setattr(Windows, "_plan", narrow)
     monkeypatch.setattr(TileRunner, "run_bad", count)
-    engine = Engine(disks, Box((48.0, 48.0)), state, np.array([[ELASTIC]]), order="tiled", tile_disks=1)
+    engine = engine_of(disks, Box((48.0, 48.0)), state, np.array([[ELASTIC]]), order="tiled", tile_disks=1)
     assert engine.arrays.tiles == 16
     engine.arrays.clock.path, engine.arrays.clock.longest = 1e9, 3.0
     engine.advance(t_end=3.0)
@@ -352,7 +353,7 @@ def test_ids_up_to_the_last_of_32_bits_on_one_thread() -> None:
     shift = 2**31 - N
     found = []
     for first in (0, shift):
-        engine = Engine(
+        engine = engine_of(
             disks,
             box,
             state,

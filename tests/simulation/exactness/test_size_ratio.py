@@ -14,7 +14,7 @@ from test_engine_serial_order import run
 from ifrdem.initial import packing, placement, radii
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation.engine import Engine
+from ifrdem.validation.rows import engine_of
 
 N = 1000
 SIZES = {
@@ -68,7 +68,7 @@ def expected(name: str) -> tuple[Disks, Box, State, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("name", GASES)
 def test_collisions_of_very_unequal_disks_are_those_of_the_serial_code(name: str, order: str) -> None:
     disks, box, state, pairs, times = expected(name)
-    engine = Engine(disks, box, state, np.array([[GASES[name][2]]]), order=order, tile_disks=100)
+    engine = engine_of(disks, box, state, np.array([[GASES[name][2]]]), order=order, tile_disks=100)
     assert engine.arrays.uses.layered == (name != "all sizes")
     assert (engine.arrays.grid.coarse == 1) == (name in ("all sizes", "thin"))
     found = run(engine, len(times))  # two collisions per disk on average: many more of the large ones
@@ -100,7 +100,7 @@ def test_small_disks_that_come_far_without_collisions_meet_a_large_one(along: tu
     disks, box = Disks(n, mass=radius**2, radius=radius), Box((48.0, 48.0))
     state = State(position, velocity, np.zeros(n))
     _, found = simulate(disks, box, COIN, state, max_collisions=3)
-    engine = Engine(disks, box, state, np.array([[COIN]]), order="serial")
+    engine = engine_of(disks, box, state, np.array([[COIN]]), order="serial")
     assert int(48.0 / (engine.arrays.grid.coarse * engine.arrays.scale.cell_side)) == 4
     met = run(engine, 3)
     assert [tuple(sorted(pair)) for pair in met.pair] == [tuple(sorted(one[1:])) for one in found]

@@ -12,8 +12,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import sides
-from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.validation.rows import engine_of
 
 WIDTH = 1.3  # diameters are 0.8 and 1
 
@@ -54,7 +54,7 @@ def test_a_narrow_channel_in_many_tiles_has_the_bits_of_one() -> None:
     box = Box((300.0, WIDTH), (True, False))
     ends = []
     for order in ("serial", "tiled"):
-        engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=15)
+        engine = engine_of(disks, box, state, np.array([[COIN]]), order=order, tile_disks=15)
         ends.append(run_to(engine, 4.0))
         assert engine.collisions > 75  # one of each disk
         assert (engine.arrays.tiles > 5) == (order == "tiled")

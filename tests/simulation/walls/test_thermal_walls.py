@@ -23,6 +23,7 @@ from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.validation.rows import engine_of
 
 ORDERS = ("serial", "tiled")
 LAW = np.array([[ELASTIC]])
@@ -56,7 +57,7 @@ def between(
         Wall.line((0.0, 0.0), (1.0, 0.0), temperature=hot),
         Wall.line((box.lengths[0], 0.0), (-1.0, 0.0), temperature=cold),
     ]
-    return Engine(disks, box, state, law, walls=walls, **options)  # type: ignore[arg-type]
+    return engine_of(disks, box, state, law, walls=walls, **options)  # type: ignore[arg-type]
 
 
 def test_disks_leave_with_a_rayleigh_and_two_gaussian_components_in_the_frame_of_the_surface() -> None:
@@ -82,7 +83,7 @@ def test_disks_leave_with_a_rayleigh_and_two_gaussian_components_in_the_frame_of
     position = at + np.outer(1.2 * np.arange(1, n + 1), tangent) + np.outer(radius + 1.0, normal)
     velocity = np.outer(np.full(n, -0.8), normal) + np.outer(np.full(n, 0.3), tangent)
     box = Box((4100.0, 11_600.0), (False, False))
-    engine = Engine(disks, box, State(position, velocity, np.ones(n)), LAW, walls=[wall], seed=7)
+    engine = engine_of(disks, box, State(position, velocity, np.ones(n)), LAW, walls=[wall], seed=7)
     end = run_to(engine, 1.0005)  # the gap of 1 closes at speed 1
     np.testing.assert_array_equal(end.wall_collisions, 1)
     assert engine.collisions == 0
@@ -119,7 +120,7 @@ def furnished(order: str, *, seed: int = 3, law: tuple[float, ...] = COIN, **opt
         Wall.segment((5.0, 28.9), (12.0, 28.7), temperature=1.0),
         Wall.post((18.0, 29.2), 0.1),
     ]
-    return Engine(
+    return engine_of(
         Disks(250, mass=1.0, radius=0.5), box, state, np.array([[law]]), order=order, tile_disks=40, walls=walls,
         gravity=(0.0, -0.1), seed=seed, **options,
     )  # fmt: skip
@@ -299,7 +300,7 @@ def test_an_elastic_gas_under_gravity_follows_the_barometric_law(floor: str) -> 
     wanted = n * T + n * g * (mean - position[:, 1].mean())
     velocity *= math.sqrt(2.0 * wanted / np.sum(velocity**2))
     walls = [Wall.line((0.0, 0.0), (0.0, 1.0), temperature=T)] if floor == "thermal" else []
-    engine = Engine(
+    engine = engine_of(
         disks, box, State(position, velocity, np.zeros(n)), LAW, walls=walls, gravity=(0.0, -g), seed=1
     )
     edges = np.interp(np.linspace(0.0, 1.0, 16), below, y)

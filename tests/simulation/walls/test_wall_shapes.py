@@ -18,6 +18,7 @@ from ifrdem.model.walls.motion import Motion, Turn
 from ifrdem.model.walls.wall import SUMS, Wall
 from ifrdem.simulation.engine import ORDERS, Engine
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.validation.rows import engine_of
 
 SIDE = 30.0
 BOX = Box((SIDE, SIDE), (False, False))
@@ -65,7 +66,7 @@ def gas(
     walls = room() if walls is None else walls
     position = random_positions(BOX, disks.radius, seed=3, walls=walls)
     state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=3), np.zeros(n))
-    return Engine(
+    return engine_of(
         disks, BOX, state, np.array([[law]]), order=order, walls=walls, gravity=gravity, record=["wall"] * sums,
         tile_disks=30, device=Device(threads=threads), collapse=VelocityCutoff(cutoff) if cutoff else None,
     )  # fmt: skip
@@ -181,7 +182,7 @@ def test_a_rotating_wall_is_equivalent_to_a_rotating_frame() -> None:
         [[15.0 + d * math.cos(beta), 15.0 + d * math.sin(beta)], [28.0, 28.0]], np.zeros((2, 2)), [0.0] * 2
     )
     blade = Wall.segment(MIDDLE, (20.0, 15.0), turn=Turn("steady", center=MIDDLE, rate=w))
-    engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade, *CORNER], record=["wall"])
+    engine = engine_of(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade, *CORNER], record=["wall"])
     t = (beta - math.asin(R / d)) / w
     run_to(engine, t - 1e-12)
     assert engine.wall_collisions == 0
@@ -204,7 +205,7 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
     state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=5), np.zeros(60))
 
     def engine_of(state: State, walls: list[Wall]) -> Engine:
-        return Engine(
+        return engine_of(
             disks, BOX, state, np.array([[COIN]]), walls=walls, order=order, tile_disks=20, record=["wall"]
         )
 
@@ -242,7 +243,7 @@ def test_a_wall_moves_from_one_time_to_another() -> None:
     def above(y: float, speed: float, t: float) -> Engine:
         start = State([[15.0, y], [25.0, 25.0]], [[0.0, speed], [0.0, 0.0]], np.zeros(2), time=t)
         walls = [floor, *CORNER]
-        return Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=walls, record=["wall"])
+        return engine_of(disks, BOX, start, np.array([[ELASTIC]]), walls=walls, record=["wall"])
 
     engine = above(10.7, 0.0, 0.0)  # the floor stands at 10 before
     run_to(engine, 1.4 - 1e-9)
@@ -264,7 +265,7 @@ def test_walls_at_the_edges_of_cells_are_hit_as_elsewhere(order: str) -> None:
     walls = [Wall.segment((float(x), 0.01), (float(x), side - 0.01)) for x in range(1, side)]
     state = State(np.stack((column + 0.5, row + 0.5), axis=1), np.stack((u, 0.0 * u), axis=1), 0.0 * u)
     box, disks = Box((side, side), (False, True)), Disks(side**2, mass=1.0, radius=radius)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), walls=walls, order=order, tile_disks=64)
+    engine = engine_of(disks, box, state, np.array([[ELASTIC]]), walls=walls, order=order, tile_disks=64)
     assert engine.arrays.tiles == (1 if order == "serial" else 64)
     found = run_to(engine, end)
     w = 1.0 - 2.0 * radius
@@ -280,7 +281,7 @@ def test_the_end_of_a_segment_is_a_point_and_nothing_is_beyond_it(above: float, 
     """A disk that flies past at this height above the end touches it at the angle whose sine is height over radius."""
     wall = Wall.segment((10.0, 8.0), (10.0, 12.0))
     start = State([[4.0, 12.0 + above]], [[1.0, 0.0]], [0.0])
-    engine = Engine(
+    engine = engine_of(
         Disks(1, mass=1.0, radius=0.5), BOX, start, np.array([[ELASTIC]]), walls=[wall], order="serial"
     )
     found = run_to(engine, 8.0)

@@ -26,6 +26,7 @@ from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.windows.runner import TileRunner
+from ifrdem.validation.rows import engine_of
 
 ORDERS = ("serial", "tiled")
 RUNNER = "ifrdem.simulation.windows.runner"
@@ -49,7 +50,7 @@ def test_a_ball_on_a_floor_bounces_with_the_period_of_a_parabola(order: str) -> 
     """Dropped from height h above contact, an elastic ball is back at 2 sqrt(2 h / g), and drifts sideways steadily."""
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State(np.array([[5.0, 3.0]]), np.array([[0.3, 0.0]]), np.zeros(1))
-    engine = Engine(disks, Box((10.0, 10.0), (True, False)), start, LAW, gravity=(0.0, -2.0), order=order)
+    engine = engine_of(disks, Box((10.0, 10.0), (True, False)), start, LAW, gravity=(0.0, -2.0), order=order)
     period = 2.0 * math.sqrt(2.0 * 2.5 / 2.0)
     for bounce in range(1, 21):
         state = run_to(engine, bounce * period)
@@ -66,7 +67,7 @@ def test_a_wall_is_a_disk_of_infinite_mass_to_the_law() -> None:
         (0.0, 0.2), (0.0, 1.0), material=1, surface_speed=0.3, motion=Motion("steady", speed=0.1)
     )
     law = np.array([[ELASTIC, COIN], [COIN, ELASTIC]])
-    engine = Engine(disks, Box((10.0, 10.0), (True, False)), start, law, walls=[wall])
+    engine = engine_of(disks, Box((10.0, 10.0), (True, False)), start, law, walls=[wall])
     after = run_to(engine, 1.0)
     vx, vy, spin, *_ = collide_pair(
         *COIN, 0.0, -1.0, 1.0 / 2.0, 0.5, 1.7, 0.7, -1.0, 0.4, 0.0, 0.5, 1.0, -0.3, 0.1, 0.0
@@ -86,7 +87,7 @@ def test_a_billiard_in_a_circle_keeps_its_angular_momentum(order: str) -> None:
     disks = Disks(1, mass=1.0, radius=0.5)
     velocity = np.array([0.8, 0.6])
     start = State(np.array([[6.0, 4.5]]), velocity[None, :], np.zeros(1))
-    engine = Engine(
+    engine = engine_of(
         disks,
         Box((10.0, 10.0), (False, False)),
         start,
@@ -153,7 +154,7 @@ def test_a_moving_wall_is_hit_at_the_first_root(shape: str, motion: Motion, grav
             continue
         compared += 1
         start = State(x[None, :], velocity[None, :], np.zeros(1))
-        engine = Engine(disks, box, start, LAW, walls=[wall], gravity=(0.0, -gravity))
+        engine = engine_of(disks, box, start, LAW, walls=[wall], gravity=(0.0, -gravity))
         state = run_to(engine, expected - 1e-9)
         assert engine.wall_collisions == 0, (shape, motion)
         state = run_to(engine, expected + 1e-9)
@@ -176,7 +177,7 @@ def test_a_disk_meets_the_image_of_a_post_behind_a_periodic_side(order: str) -> 
         start = State(begin[None, turned], v[None, turned], np.zeros(1))
         wall = Wall.post(tuple((post - [10.0, 0.0])[turned]), 0.3)
         disk = Disks(1, mass=1.0, radius=0.5)
-        engine = Engine(disk, Box((10.0, 10.0)), start, LAW, walls=[wall], order=order)
+        engine = engine_of(disk, Box((10.0, 10.0)), start, LAW, walls=[wall], order=order)
         state = run_to(engine, 2.0)
         assert engine.wall_collisions == 1
         np.testing.assert_allclose((state.position + 10.0 * state.image)[0, turned], end, rtol=1e-13)
@@ -193,7 +194,7 @@ def test_a_slow_disk_is_not_at_rest_near_a_fast_wall(kind: str) -> None:
     floor = Wall.line((0.0, 1.0), (0.0, 1.0), motion=Motion(kind, amplitude=A, frequency=frequency))  # type: ignore[arg-type]
     distance = 2.0 * A + 1e-2  # from the mean position of the wall
     start = State(np.array([[5.0, 1.5 + distance]]), np.array([[0.0, -speed]]), np.zeros(1))
-    engine = Engine(
+    engine = engine_of(
         Disks(1, mass=1.0, radius=0.5), Box((10.0, 10.0), (True, False)), start, LAW, walls=[floor]
     )
     reached = (distance - A) / speed
@@ -235,7 +236,7 @@ def test_smooth_elastic_walls_are_mirrors(order: str) -> None:
     )
     expected = [(t, a, b) for t, a, b in found if a < n and b < n]
     walls = [t for t, a, b in found if abs(a - b) == n]
-    engine = Engine(disks, box, spinless, LAW, order=order, tile_disks=20)
+    engine = engine_of(disks, box, spinless, LAW, order=order, tile_disks=20)
     engine.keep_collisions = True
     pairs, times = [], []
     end = expected[150][0]
@@ -262,7 +263,7 @@ def shaken(order: str, threads: int | None = None, n: int = 300, law: tuple[floa
             (18.0, 0.3), 0.1, motion=Motion("sawtooth", amplitude=0.2, frequency=0.5, direction=(1.0, 0.0))
         ),
     ]
-    return Engine(
+    return engine_of(
         disks, box, state, np.array([[law]]), order=order, device=Device(threads=threads), tile_disks=60,
         walls=[floor, *inside], gravity=(0.0, -0.1),
     )  # fmt: skip
@@ -305,7 +306,7 @@ def test_a_ball_that_comes_to_rest_on_a_wall_stops_the_run_with_a_reason() -> No
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
     law = np.array([[(0.5, *ELASTIC[1:])]])
-    engine = Engine(disks, Box((10.0, 10.0), (True, False)), start, law, gravity=(0.0, -1.0))
+    engine = engine_of(disks, Box((10.0, 10.0), (True, False)), start, law, gravity=(0.0, -1.0))
     with pytest.raises(InelasticCollapse, match="came to rest on a wall"):
         run_to(engine, 100.0)
 
@@ -334,7 +335,7 @@ def viscoelastic_balls(n: int = 1, **options: Any) -> Engine:
     )
     box, disks = Box((max(10.0, 2.0 * n), 10.0), (True, False)), Disks(n, mass=1.0, radius=0.5)
     table = np.array(law.table_row())[None, None]
-    return Engine(disks, box, start, table, law=type(law), gravity=(0.0, -1.0), **options)
+    return engine_of(disks, box, start, table, law=type(law), gravity=(0.0, -1.0), **options)
 
 
 def test_a_viscoelastic_ball_that_comes_to_rest_stops_the_run_with_a_reason(
@@ -388,7 +389,7 @@ def test_a_long_window_that_pauses_for_its_work_has_the_bits_of_one_that_does_no
     slot = [Wall.line((0.0, 4.5), (0.0, 1.0)), Wall.line((0.0, 5.5 + 1e-6), (0.0, -1.0))]
     start = State([[5.0, 5.0 + 5e-7]], [[0.3, 1.0]], [0.0])
     for steps in ([2.0], [0.05, 0.6, 0.61, 2.0]):
-        engine = Engine(
+        engine = engine_of(
             Disks(1, mass=1.0, radius=0.5), Box((10.0, 10.0), (True, False)), start, LAW, walls=slot
         )
         if not ends:
@@ -437,7 +438,7 @@ def test_a_cut_off_keeps_a_ball_bouncing_with_a_speed_just_below_it(order: str) 
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
     law = np.array([[(0.5, *ELASTIC[1:])]])
-    engine = Engine(
+    engine = engine_of(
         disks,
         Box((10.0, 10.0), (True, False)),
         start,
@@ -458,7 +459,7 @@ def test_a_cut_off_keeps_a_ball_bouncing_with_a_speed_just_below_it(order: str) 
 def test_a_cut_off_takes_no_energy_from_slow_collisions(order: str) -> None:
     box = Box((12.0, 12.0), (False, True))
     disks, state = gas_in(box, 60)
-    engine = Engine(
+    engine = engine_of(
         disks, box, state, np.array([[COIN]]), collapse=VelocityCutoff(100.0), order=order, tile_disks=20
     )
     end = run_to(engine, 10.0)
@@ -482,7 +483,7 @@ def test_impossible_walls_are_refused(wall: object, message: str) -> None:
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
     with pytest.raises(InputError, match=message):
-        Engine(disks, Box((10.0, 10.0), (True, False)), start, LAW, walls=[wall()])  # type: ignore[operator]
+        engine_of(disks, Box((10.0, 10.0), (True, False)), start, LAW, walls=[wall()])  # type: ignore[operator]
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -495,7 +496,7 @@ def test_drag_and_gravity_together_reach_the_terminal_velocity(order: str) -> No
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State(np.array([[5.0, 380.0]]), np.zeros((1, 2)), np.zeros(1))
     dt, gamma = 0.1, 0.5
-    engine = Engine(
+    engine = engine_of(
         disks, Box((40.0, 400.0), (True, False)), start, LAW, gravity=(0.0, -2.0), order=order,
         forces=[forces.Drag(step=dt, rate=gamma)],
     )  # fmt: skip
@@ -514,7 +515,7 @@ def test_a_wall_that_would_leave_through_a_periodic_side_is_refused(wall: str) -
     }
     state = State(np.array([[2.0, 2.0]]), np.zeros((1, 2)), np.zeros(1))
     with pytest.raises(InputError, match="carries it across a periodic side"):
-        Engine(
+        engine_of(
             Disks(1, mass=1.0, radius=0.5),
             Box((30.0, 30.0)),
             state,

@@ -32,6 +32,7 @@ from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.windows import arrays, ranks, runner, tiling
+from ifrdem.validation.rows import engine_of
 
 k.BLOCK_OF_TILES = sums.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
 tiling.SINGLE_TILE = 100  # windows as short as those of gases that are divided
@@ -130,7 +131,7 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     options = {"order": "tiled", "tile_disks": 150, "device": Device(threads=1)} | more
     if comm is not None and comm.rank:  # those of the first are taken
         disks, state = None, None  # type: ignore[assignment]
-    engine = Engine(disks, box, state, np.array([[law]]), comm=comm, **options)
+    engine = engine_of(disks, box, state, np.array([[law]]), comm=comm, **options)
     half = engine.collisions + int(per_disk * N / 4)
     while engine.collisions < half:
         engine.advance(collisions=half)

@@ -20,6 +20,7 @@ from support.gases import COIN, mixture, start
 from ifrdem.model.forces import Rescale
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.windows import tiling
+from ifrdem.validation.rows import engine_of
 
 tiling.GPU_CHAINS = 0.3  # halos that are too narrow for some tiles
 N, COMM = 700, MPI.COMM_WORLD
@@ -33,7 +34,7 @@ def after(comm: Any) -> tuple[Engine, dict[str, Any]]:
     if comm is not None and comm.rank:
         disks = state = None
     forces = [Rescale(0.3, energy=1.0)]
-    engine = Engine(
+    engine = engine_of(
         disks,
         box,
         state,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from ..model.overlaps import COMPUTED
 from ..tools.checked import Choice, Count, Number, must_be, validated
+from .overlaps import COMPUTED
 
 NAMES = ("cpu", "cuda")
 
