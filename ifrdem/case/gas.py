@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, listed, outside_level, refuse
+from ..errors import InputError, Problem, listed, outside_level, refuse
 from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import StartData
 from ..model.box import Box
@@ -37,7 +37,6 @@ from . import exclusions, pair_rules, rules
 from .case import GROWN, IMPACT_SCAN, CaseSections, ForceSection, force_class
 from .objects import choose_runtime, collapse_of, device_of, gravity_of, record_of
 from .pair_rules import PairVerdict
-from .section import Problem
 from .species import Species, species_of
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, get_args, get_origin
 
 from pydantic import ValidationError
 
-from ..errors import cut, nearest
+from ..errors import Problem, cut, nearest
 from .case import CaseSections
-from .section import Problem, Section
+from .section import Section
 
 KeyPath = tuple[str | int, ...]
 

@@ -7,7 +7,6 @@ import functools
 import inspect
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import (
@@ -46,19 +45,6 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(each) for each in value]
     return value.tolist() if hasattr(value, "tolist") else value
-
-
-@dataclass(frozen=True)
-class Problem:
-    """A mistake: its key, the value there as text (None without one), and the reason."""
-
-    key: str
-    value: str | None
-    text: str
-
-    def __str__(self) -> str:
-        place = self.key if self.value is None else f"{self.key} = {self.value}"
-        return f"{place}: {self.text}"
 
 
 class Section(BaseModel):

@@ -1,10 +1,15 @@
-"""Checks of users' arguments by type and range, with errors that name the argument.
+"""Checks of users' numbers and other values by type and range, with errors that name the argument, key or option.
 
 `validated` checks the arguments of a public function or class by its annotations, once for all of them: `Positive`,
 `Fraction`, `Vectors` and others below, classes, `Literal`, `bool`, `X | None`. Functions get float, int or float64
-arrays; float64 arrays are not copied. Three numbers cost 1.6 us a call, an array of 100 numbers 9 us. (pydantic's
-`validate_call`, measured in the same minutes: 1.2 and 13 us; it takes "0.5" and True for numbers, wraps generators, and
-its errors are long.)
+arrays; float64 arrays are not copied. The same types are those of keys of cases (`ifrdem.case`), where pydantic calls
+their checks (`Keyed`), and of options of commands (`ifrdem.cli.options.option`): a value out of range gets the same
+sentence from all three.
+
+Three numbers cost 1.6 us a call of a function that is `validated`, 1.4 us by pydantic's `validate_call` with these
+checks, and 0.5 us with pydantic's own strict types. Those refuse "0.5" and True too, but they refuse whole numbers that
+users have (`np.int32(3)`, `np.int64(3)`, 3.0, an array without axes), take `np.True_`, `Decimal` and masked arrays for
+numbers, know no arrays of numbers with a shape, and their messages do not say the whole range.
 """
 
 from __future__ import annotations
@@ -17,7 +22,6 @@ import itertools
 import math
 import os
 import re
-import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,7 +33,7 @@ from typing import Annotated, Any, Literal, Protocol, TypeVar, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest, shortened, there_are
+from ..errors import InputError, Problem, nearest, shortened, there_are
 from ..mpi import Communicator, current
 
 Array = NDArray[np.float64]
@@ -38,15 +42,44 @@ Array = NDArray[np.float64]
 
 MOST_OF_PATH, MOST_OF_NAME = 4095, 255
 """Bytes of a path, and of the name of a file or folder, at most: on Linux, in nearly all file systems."""
-LEAST, MOST = 1e-100, 1e100
-"""Smallest and largest size of a number, other than 0, with whose squares and quotients can be computed."""
+LEAST, MOST = 1e-50, 1e50
+"""Smallest and largest size of a number, other than 0: products of six such numbers can be computed with."""
 
 
 def must_be(name: str, value: object, needed: str) -> InputError:
     """The error of an argument that is not what is needed."""
     is_array = isinstance(value, np.ndarray) and value.ndim > 0
     shown = f"array of shape {value.shape}" if is_array else shortened(value)  # type: ignore[attr-defined]
-    return InputError(f"{name} = {shown}: must be {needed}")
+    return InputError(Problem(name, shown, f"must be {needed}"))
+
+
+def number_of(text: str) -> float | None:
+    """The number that a text is, NaN and infinity included; None if it is none. Not 1_000, which Python allows."""
+    try:
+        return None if "_" in text else float(text)
+    except ValueError:
+        return None
+
+
+def whole_of(text: str) -> int | None:
+    """The whole number that a text is, 1e5 as well as 100000; None if it is none."""
+    number = number_of(text)
+    if number is None or math.isnan(number):
+        return None
+    try:
+        return int(text)  # not by way of a float, which would change long ones
+    except ValueError:
+        return int(number) if number.is_integer() else None
+
+
+def is_number(value: object) -> bool:
+    """True if a value is a real number, of Python's or NumPy's; truth values and spans of time are none."""
+    return isinstance(value, RealNumber) and not isinstance(value, bool | np.bool_ | np.timedelta64)
+
+
+def is_integer(value: object) -> bool:
+    """True if a value is an integer by its type, of Python's or NumPy's."""
+    return isinstance(value, int | np.integer) and is_number(value)
 
 
 class Check(Protocol):
@@ -69,52 +102,75 @@ def is_masked(value: Any) -> bool:
 def _number_in(value: Any) -> Any:
     """The number in an array without axes or of a type of NumPy, as one of Python; anything else unchanged.
 
-    NumPy rounds bounds to the type of its own numbers: 1e100 is infinite as a float32.
+    NumPy rounds bounds to the type of its own numbers: 1e50 is infinite as a float32.
     """
     if isinstance(value, np.ndarray) and value.shape == () and not is_masked(value):
         value = value[()]
     if isinstance(value, np.floating):
         return float(value)
-    if isinstance(value, np.integer) and not isinstance(value, np.timedelta64):
-        return int(value)
-    return value
+    return int(value) if isinstance(value, np.integer) and is_integer(value) else value
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, RealNumber) and not isinstance(value, bool | np.bool_ | np.timedelta64)
+class Keyed:
+    """A check that a key of a case has as its type, too: pydantic calls it, and its message is that of the check."""
+
+    def __call__(self, name: str, value: Any) -> Any:
+        """As `Check`."""
+        raise NotImplementedError
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> Any:
+        from pydantic_core import PydanticCustomError, core_schema
+
+        def checks(value: Any) -> Any:
+            try:
+                return self("", value)
+            except InputError as error:
+                raise PydanticCustomError("needed", "{text}", {"text": error.reason}) from None
+
+        return core_schema.no_info_plain_validator_function(checks)
 
 
 @dataclass(frozen=True)
-class Number:
-    """Check of a real number from `low` to `high`, or 0 where `zero`, or NaN where `gaps`; it passes as a float."""
+class Number(Keyed):
+    """Check of a real number from `low` to `high`, or 0 where `zero`, or NaN where `gaps`; it passes as a float.
+
+    With `units` it is the number of something with a unit: of one that is too large or too small the message says that
+    other units help.
+    """
 
     low: float
     high: float
     needed: str
     zero: bool = False
     gaps: bool = False
+    units: bool = False
 
     def __call__(self, name: str, value: Any) -> float:
         if type(value) is float and self.low <= value <= self.high:
             return value
         number = _number_in(value)
         if not (
-            _is_number(number)
+            is_number(number)
             and (
                 self.low <= number <= self.high
                 or (self.zero and number == 0)
                 or (self.gaps and number != number)
             )
         ):
-            raise must_be(name, value, self.needed)
+            raise must_be(name, value, f"{self.needed}{self._remedy(number)}")
         try:
             return float(number)
         except OverflowError:  # a whole number below infinity
             raise must_be(name, value, self.needed) from None
 
+    def _remedy(self, number: Any) -> str:
+        """What helps if nothing but its size is wrong with a number that has a unit."""
+        sized = self.units and is_number(number) and 0 < abs(number) < math.inf
+        return ": choose other units" if sized and self.low <= (1.0 if number > 0 else -1.0) else ""
+
 
 @dataclass(frozen=True)
-class Integer:
+class Integer(Keyed):
     """Check of a whole number from `low` to `high`, which passes as an int; 3.0 is one."""
 
     low: int
@@ -126,7 +182,7 @@ class Integer:
 
     def __call__(self, name: str, value: Any) -> int:
         number = _number_in(value)
-        if not (_is_number(number) and self.low <= number <= self.high and number == int(number)):
+        if not (is_number(number) and self.low <= number <= self.high and number == int(number)):
             raise must_be(name, value, self.needed)
         return int(number)
 
@@ -259,7 +315,7 @@ _NAMES: dict[type, str] = {str: "text", os.PathLike: "path", Callable: "function
 
 
 @dataclass(frozen=True)
-class Choice:
+class Choice(Keyed):
     """Check of a text that is one of those allowed."""
 
     allowed: tuple[Any, ...]
@@ -358,13 +414,21 @@ class Optional:
         return None if value is None else self.one(name, value)
 
 
-_LARGEST = sys.float_info.max
-FINITE = Number(-_LARGEST, _LARGEST, "a finite number")
-POSITIVE = Number(math.ulp(0.0), _LARGEST, "a positive finite number")
-NON_NEGATIVE = Number(0.0, _LARGEST, "a finite number, 0 or more")
+FINITE = Number(-MOST, MOST, f"a finite number, at most {MOST:g} in size", units=True)
+POSITIVE = Number(LEAST, MOST, f"a positive number from {LEAST:g} to {MOST:g}", units=True)
+NON_NEGATIVE = replace(POSITIVE, needed=f"0, or a number from {LEAST:g} to {MOST:g}", zero=True)
 PAIR = Each(FINITE, "sequence", 2)
+RATIO = replace(POSITIVE, units=False)
+FRACTION = Number(0.0, 1.0, "a number from 0 to 1")
+PART = Number(1e-15, 1.0 - 1e-15, "a number above 0 and below 1, by 1e-15 or more")
+E_N = replace(FRACTION, needed="a number from 0 to 1; above 1, collisions would add energy")
+E_T = Number(-1.0, 1.0, "a number from -1 to 1; beyond, collisions would add energy")
+MU = replace(NON_NEGATIVE, units=False)
 NUMBERS = Numbers(low=-math.inf, high=math.inf, each="a number", gaps=True)
-"""Checks that functions call by themselves; of NUMBERS infinities and NaN pass."""
+"""Checks that functions call by themselves, and those of the types below; of NUMBERS infinities and NaN pass.
+
+E_N, E_T and MU are of the coefficients of laws: normal and tangential restitution, and friction.
+"""
 
 
 def integer(name: str, value: Any, low: int, high: int = 2**63 - 1) -> int:
@@ -421,14 +485,21 @@ def integers(
     return np.ascontiguousarray(np.broadcast_to(found, shape), dtype=np.int32)
 
 
-Real = Annotated[float, Number(-MOST, MOST, f"a finite number, at most {MOST:g} in size")]
-Positive = Annotated[float, Number(LEAST, MOST, f"a positive number from {LEAST:g} to {MOST:g}")]
-NonNegative = Annotated[float, Number(LEAST, MOST, f"0, or a number from {LEAST:g} to {MOST:g}", zero=True)]
-Fraction = Annotated[float, Number(0.0, 1.0, "a number from 0 to 1")]
+Real = Annotated[float, FINITE]
+Positive = Annotated[float, POSITIVE]
+NonNegative = Annotated[float, NON_NEGATIVE]
+Ratio = Annotated[float, RATIO]
+Fraction = Annotated[float, FRACTION]
+Part = Annotated[float, PART]
 Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
+Pair = Annotated[tuple[float, float], PAIR]
+NormalRestitution = Annotated[float, E_N]
+TangentialRestitution = Annotated[float, E_T]
+Friction = Annotated[float, MU]
 Count = Annotated[int, Integer(1)]
 Seed = Annotated[int, Integer(0, 2**64 - 1)]
-"""Numbers as public functions need them; `Packed` is a packing fraction."""
+"""Numbers as public functions, keys of cases and options need them. `Ratio` is a positive pure number, `Part` a part of
+something, `Packed` a packing fraction of theory, `Pair` a vector."""
 
 
 Comm = Annotated[Any, lambda _name, value: Communicator.of(value)]
