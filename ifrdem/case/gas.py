@@ -473,7 +473,7 @@ class CaseGas:
             velocity = placement.maxwellian(mass, speed_rms=first.speed_rms, seed=seed)
         else:
             energy = np.repeat([each.mean_energy for each in self.species], numbers)
-            velocity = placement.maxwellian(mass, temperature=energy, seed=seed)
+            velocity = placement.thermal(mass, energy, seed)
         spin_rms = np.repeat([each.spin_rms for each in self.species], numbers)
         return velocity, placement.gaussian_spins(len(mass), spin_rms=spin_rms, seed=seed)
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import InputError, shortened
 from ..model.box import Box
 from ..model.density import disk_area, packing_fraction
 from ..model.near import near_pairs
@@ -38,7 +38,6 @@ from ..tools.checked import (
     PositiveColumn,
     Seed,
     column,
-    shortened,
     validated,
 )
 
@@ -577,6 +576,16 @@ def maxwellian(
         raise InputError(
             f"speed_rms = {speed_rms}, temperature = {shortened(temperature)}: exactly one of them must be given"
         )
+    return _drawn_velocities(masses, sizes, weight, seed)
+
+
+def thermal(masses: Array, energies: Array, seed: int) -> Array:
+    """As `maxwellian`, of a temperature of each disk, unchecked: squares of speeds have a wider range than numbers."""
+    return _drawn_velocities(masses, energies, masses / 2.0, seed)
+
+
+def _drawn_velocities(masses: Array, sizes: Array, weight: Array, seed: int) -> Array:
+    """Maxwellian velocities of which the mean of `weight` times the square is that of `sizes`, all (n,)."""
     comm = current()
     ids, n = comm.number(len(masses))
     velocity = seeds.drawn(

@@ -54,7 +54,7 @@ from .engine import CollisionTimes, Engine
 from .measuring.tracking import Events, Tracking, checked_ids
 from .start import checks
 from .steps.schedule import (
-    MOST,
+    OUTPUTS,
     FrameCallback,
     Progress,
     RunPlan,
@@ -882,9 +882,9 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         if not (progress is None or isinstance(progress, bool) or callable(progress)):
             raise InputError(f"progress = {shortened(progress)}: must be True, False or a function")
         if not isinstance(frames, Trigger):
-            frames = Trigger(number=checked.integer("frames", frames, 1, MOST))
+            frames = Trigger(number=OUTPUTS("frames", frames))
         if series is not None and not isinstance(series, Trigger):
-            series = Trigger(number=checked.integer("series", series, 1, MOST))
+            series = Trigger(number=OUTPUTS("series", series))
         n, comm, bar = self.disks.n, self.comm, None
         plan = RunPlan(n, now, end, frames, series)
         self._warn_of_pinches(end.time)

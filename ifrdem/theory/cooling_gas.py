@@ -48,7 +48,7 @@ def changes_per_collision(theta: NonNegativeArray, law: KineticLaw, k: Positive)
     >>> [float(change) for change in theory.changes_per_collision(0.5, law, 2.0)]
     [0.0, 0.0]
     """
-    return changes(theta, law, k)
+    return changes(np.asarray(theta, dtype=np.float64), law, k)
 
 
 def changes(theta: float | Array, law: ClosedLaw, k: float) -> tuple[Array, Array]:

@@ -26,15 +26,53 @@ import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from numbers import Real as RealNumber
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol, TypeVar, Union
+from typing import Annotated, Any, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, Problem, nearest, shortened, there_are
+from ..errors import InputError, there_are
 from ..mpi import Communicator, current
+from .values import (  # noqa: F401  (the types of numbers have one place for all who check arguments)
+    E_N,
+    E_T,
+    FINITE,
+    FRACTION,
+    LEAST,
+    MOST,
+    MU,
+    NON_NEGATIVE,
+    PART,
+    POSITIVE,
+    RATIO,
+    Check,
+    Choice,
+    Count,
+    Fraction,
+    Friction,
+    Integer,
+    Keyed,
+    Natural,
+    NonNegative,
+    NormalRestitution,
+    Number,
+    Packed,
+    Part,
+    Positive,
+    Ratio,
+    Real,
+    Seed,
+    TangentialRestitution,
+    Whole,
+    check_in,
+    is_integer,
+    is_masked,
+    is_number,
+    must_be,
+    number_of,
+    whole_of,
+)  # fmt: skip
 
 Array = NDArray[np.float64]
 """An array of float64."""
@@ -42,149 +80,6 @@ Array = NDArray[np.float64]
 
 MOST_OF_PATH, MOST_OF_NAME = 4095, 255
 """Bytes of a path, and of the name of a file or folder, at most: on Linux, in nearly all file systems."""
-LEAST, MOST = 1e-50, 1e50
-"""Smallest and largest size of a number, other than 0: products of six such numbers can be computed with."""
-
-
-def must_be(name: str, value: object, needed: str) -> InputError:
-    """The error of an argument that is not what is needed."""
-    is_array = isinstance(value, np.ndarray) and value.ndim > 0
-    shown = f"array of shape {value.shape}" if is_array else shortened(value)  # type: ignore[attr-defined]
-    return InputError(Problem(name, shown, f"must be {needed}"))
-
-
-def number_of(text: str) -> float | None:
-    """The number that a text is, NaN and infinity included; None if it is none. Not 1_000, which Python allows."""
-    try:
-        return None if "_" in text else float(text)
-    except ValueError:
-        return None
-
-
-def whole_of(text: str) -> int | None:
-    """The whole number that a text is, 1e5 as well as 100000; None if it is none."""
-    number = number_of(text)
-    if number is None or math.isnan(number):
-        return None
-    try:
-        return int(text)  # not by way of a float, which would change long ones
-    except ValueError:
-        return int(number) if number.is_integer() else None
-
-
-def is_number(value: object) -> bool:
-    """True if a value is a real number, of Python's or NumPy's; truth values and spans of time are none."""
-    return isinstance(value, RealNumber) and not isinstance(value, bool | np.bool_ | np.timedelta64)
-
-
-def is_integer(value: object) -> bool:
-    """True if a value is an integer by its type, of Python's or NumPy's."""
-    return isinstance(value, int | np.integer) and is_number(value)
-
-
-class Check(Protocol):
-    """A check of one argument."""
-
-    @property
-    def needed(self) -> str:
-        """Needed type and range, in words behind "must be"."""
-
-    def __call__(self, name: str, value: Any) -> Any:
-        """The value as the function needs it; InputError if it is something else."""
-
-
-def is_masked(value: Any) -> bool:
-    """True if a value is a masked array. `numpy.ma` is not imported for lists and plain arrays."""
-    derived = isinstance(value, np.ndarray) and type(value) is not np.ndarray
-    return derived and np.ma.isMaskedArray(value)
-
-
-def _number_in(value: Any) -> Any:
-    """The number in an array without axes or of a type of NumPy, as one of Python; anything else unchanged.
-
-    NumPy rounds bounds to the type of its own numbers: 1e50 is infinite as a float32.
-    """
-    if isinstance(value, np.ndarray) and value.shape == () and not is_masked(value):
-        value = value[()]
-    if isinstance(value, np.floating):
-        return float(value)
-    return int(value) if isinstance(value, np.integer) and is_integer(value) else value
-
-
-class Keyed:
-    """A check that a key of a case has as its type, too: pydantic calls it, and its message is that of the check."""
-
-    def __call__(self, name: str, value: Any) -> Any:
-        """As `Check`."""
-        raise NotImplementedError
-
-    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> Any:
-        from pydantic_core import PydanticCustomError, core_schema
-
-        def checks(value: Any) -> Any:
-            try:
-                return self("", value)
-            except InputError as error:
-                raise PydanticCustomError("needed", "{text}", {"text": error.reason}) from None
-
-        return core_schema.no_info_plain_validator_function(checks)
-
-
-@dataclass(frozen=True)
-class Number(Keyed):
-    """Check of a real number from `low` to `high`, or 0 where `zero`, or NaN where `gaps`; it passes as a float.
-
-    With `units` it is the number of something with a unit: of one that is too large or too small the message says that
-    other units help.
-    """
-
-    low: float
-    high: float
-    needed: str
-    zero: bool = False
-    gaps: bool = False
-    units: bool = False
-
-    def __call__(self, name: str, value: Any) -> float:
-        if type(value) is float and self.low <= value <= self.high:
-            return value
-        number = _number_in(value)
-        if not (
-            is_number(number)
-            and (
-                self.low <= number <= self.high
-                or (self.zero and number == 0)
-                or (self.gaps and number != number)
-            )
-        ):
-            raise must_be(name, value, f"{self.needed}{self._remedy(number)}")
-        try:
-            return float(number)
-        except OverflowError:  # a whole number below infinity
-            raise must_be(name, value, self.needed) from None
-
-    def _remedy(self, number: Any) -> str:
-        """What helps if nothing but its size is wrong with a number that has a unit."""
-        sized = self.units and is_number(number) and 0 < abs(number) < math.inf
-        return ": choose other units" if sized and self.low <= (1.0 if number > 0 else -1.0) else ""
-
-
-@dataclass(frozen=True)
-class Integer(Keyed):
-    """Check of a whole number from `low` to `high`, which passes as an int; 3.0 is one."""
-
-    low: int
-    high: int = 2**31 - 1
-
-    @property
-    def needed(self) -> str:
-        return "an integer" if self.low <= -(2**63) else f"an integer from {self.low} to {self.high}"
-
-    def __call__(self, name: str, value: Any) -> int:
-        number = _number_in(value)
-        if not (is_number(number) and self.low <= number <= self.high and number == int(number)):
-            raise must_be(name, value, self.needed)
-        return int(number)
 
 
 @dataclass(frozen=True)
@@ -315,25 +210,11 @@ _NAMES: dict[type, str] = {str: "text", os.PathLike: "path", Callable: "function
 
 
 @dataclass(frozen=True)
-class Choice(Keyed):
-    """Check of a text that is one of those allowed."""
-
-    allowed: tuple[Any, ...]
-
-    @property
-    def needed(self) -> str:
-        return f"one of {', '.join(map(repr, self.allowed))}"
-
-    def __call__(self, name: str, value: Any) -> Any:
-        if not isinstance(value, str) or value not in self.allowed:
-            spelling = nearest(value, self.allowed) if isinstance(value, str) else ""
-            raise must_be(name, value, f"{self.needed}{spelling}")
-        return value
-
-
-@dataclass(frozen=True)
 class Each:
-    """Check of a sequence (of `length` if given), or of any iterable if `what` is another name; gives a tuple."""
+    """Check of a sequence (of `length` if given), or of any iterable if `what` is another name; gives a tuple.
+
+    A key of a case that has it as its type is a list of values that `one` checks.
+    """
 
     one: Check | None
     what: str = "sequence"
@@ -358,6 +239,13 @@ class Each:
         if self.length is not None and len(found) != self.length:
             raise must_be(name, value, self.needed)
         return tuple(self.one(f"{name}[{i}]", each) for i, each in enumerate(found)) if self.one else found
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        assert isinstance(self.one, Keyed)
+        one = self.one.__get_pydantic_core_schema__(source, handler)
+        return core_schema.list_schema(one, min_length=self.length, max_length=self.length, strict=True)
 
 
 @dataclass(frozen=True)
@@ -414,16 +302,7 @@ class Optional:
         return None if value is None else self.one(name, value)
 
 
-FINITE = Number(-MOST, MOST, f"a finite number, at most {MOST:g} in size", units=True)
-POSITIVE = Number(LEAST, MOST, f"a positive number from {LEAST:g} to {MOST:g}", units=True)
-NON_NEGATIVE = replace(POSITIVE, needed=f"0, or a number from {LEAST:g} to {MOST:g}", zero=True)
 PAIR = Each(FINITE, "sequence", 2)
-RATIO = replace(POSITIVE, units=False)
-FRACTION = Number(0.0, 1.0, "a number from 0 to 1")
-PART = Number(1e-15, 1.0 - 1e-15, "a number above 0 and below 1, by 1e-15 or more")
-E_N = replace(FRACTION, needed="a number from 0 to 1; above 1, collisions would add energy")
-E_T = Number(-1.0, 1.0, "a number from -1 to 1; beyond, collisions would add energy")
-MU = replace(NON_NEGATIVE, units=False)
 NUMBERS = Numbers(low=-math.inf, high=math.inf, each="a number", gaps=True)
 """Checks that functions call by themselves, and those of the types below; of NUMBERS infinities and NaN pass.
 
@@ -485,23 +364,8 @@ def integers(
     return np.ascontiguousarray(np.broadcast_to(found, shape), dtype=np.int32)
 
 
-Real = Annotated[float, FINITE]
-Positive = Annotated[float, POSITIVE]
-NonNegative = Annotated[float, NON_NEGATIVE]
-Ratio = Annotated[float, RATIO]
-Fraction = Annotated[float, FRACTION]
-Part = Annotated[float, PART]
-Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
 Pair = Annotated[tuple[float, float], PAIR]
-NormalRestitution = Annotated[float, E_N]
-TangentialRestitution = Annotated[float, E_T]
-Friction = Annotated[float, MU]
-Count = Annotated[int, Integer(1)]
-Seed = Annotated[int, Integer(0, 2**64 - 1)]
-"""Numbers as public functions, keys of cases and options need them. `Ratio` is a positive pure number, `Part` a part of
-something, `Packed` a packing fraction of theory, `Pair` a vector."""
-
-
+"""A vector."""
 Comm = Annotated[Any, lambda _name, value: Communicator.of(value)]
 """Ranks of MPI, or None."""
 
@@ -546,8 +410,8 @@ def check_of(annotation: Any) -> Check | None:
     """The check for an annotation; None if any value is allowed."""
     if annotation is Any or isinstance(annotation, TypeVar) or typing.get_origin(annotation) is typing.Unpack:
         return None
-    if typing.get_origin(annotation) is Annotated:
-        return next(one for one in annotation.__metadata__ if callable(one))
+    if (named := check_in(annotation)) is not None:
+        return named
     for simple, check in _SIMPLE.items():
         if annotation == simple:
             return check
@@ -556,8 +420,6 @@ def check_of(annotation: Any) -> Check | None:
         alias := origin or annotation, "__value__"
     ):  # `type NDArray = ...` of NumPy 2.5, with Python 3.12
         return check_of(alias.__value__[parts] if parts else alias.__value__)
-    if origin is Literal:
-        return Choice(parts)
     if origin in (Union, types.UnionType):
         some = [check_of(part) for part in parts if part is not type(None)]
         if None in some:

@@ -92,7 +92,8 @@ def end_after(
 FEW = 9
 SPACINGS = ("even", "log")
 MOST = 10_000_000
-"""Of frames or of rows of series in a run."""
+OUTPUTS = checked.Integer(1, MOST)
+"""Check of the number of frames, or of rows of series, in a run."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ class Trigger:
                 f"cadence: exactly one of number, interval and collisions must be given; given: {given}"
             )
         if self.number is not None:
-            checked.integer("number", self.number, 1)
+            checked.Integer(1)("number", self.number)
         for name in ("interval", "collisions"):
             value = getattr(self, name)
             if value is not None:
