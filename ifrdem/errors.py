@@ -8,23 +8,47 @@ import os
 import reprlib
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 MOST_LINE = 2000
 """Characters of a line of a message at most."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A mistake: its key, argument or place, the value there as text (None without one), and the reason."""
+
+    key: str
+    value: str | None
+    text: str
+
+    def __str__(self) -> str:
+        place = self.key if self.value is None else f"{self.key} = {self.value}"
+        return f"{place}: {self.text}"
 
 
 class InputError(ValueError):
     """Input that cannot be used: says what is wrong, where, and what is allowed.
 
     The command line prints the message and exits with status 2. Lines beyond `MOST_LINE` are cut: files and callers can
-    have names and lists of any length.
+    have names and lists of any length. Of an error that is made of one `Problem`, `problem` is that.
     """
 
+    problem: Problem | None = None
+
     def __init__(self, *arguments: object) -> None:
+        if len(arguments) == 1 and isinstance(arguments[0], Problem):
+            self.problem = arguments[0]
+            arguments = (str(self.problem),)
         text = str(arguments[0]) if len(arguments) == 1 else ""
         if len(text) > MOST_LINE:
             arguments = ("\n".join(cut(line, MOST_LINE) for line in text.split("\n")),)
         super().__init__(*arguments)
+
+    @property
+    def reason(self) -> str:
+        """The message, without key and value where it is made of a `Problem`."""
+        return str(self) if self.problem is None else self.problem.text
 
 
 class AttributeRefused(InputError, AttributeError):
@@ -204,12 +228,13 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def refuse(problems: Sequence[str], source: object = "", most: int = 100, count: int | None = None) -> None:
+def refuse(
+    problems: Sequence[str | Problem], source: object = "", most: int = 100, count: int | None = None
+) -> None:
     """Raise InputError with a line for each thing that is wrong, behind the name of its source; return if none is."""
     if problems:
-        raise InputError(
-            listed([f"{source}: {each}" for each in problems] if source else problems, most, count)
-        )
+        lines = [f"{source}: {each}" if source else str(each) for each in problems]
+        raise InputError(listed(lines, most, count))
 
 
 def listed(lines: Sequence[str], most: int = 20, count: int | None = None) -> str:

@@ -844,7 +844,7 @@ def test_nonsense_that_was_taken_before_is_named(call: Callable[[], Any], named:
 
 @pytest.mark.parametrize("value", [np.float32("inf"), np.float16("inf"), np.float32(0.0), np.float32("nan")])
 def test_numbers_of_short_types_of_numpy_are_held_to_the_same_bounds(value: Any) -> None:
-    """NumPy rounds bounds to the type of its own numbers: 1e100 to inf, 1e-100 to 0."""
+    """NumPy rounds bounds to the type of its own numbers: 1e50 to inf, 1e-50 to 0."""
     for call in (
         lambda: ifrdem.theory.mean_free_path(0.2, value),
         lambda: ifrdem.Piston(mass=value),

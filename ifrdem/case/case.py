@@ -6,6 +6,7 @@ judged by `ifrdem.case.rules`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -15,15 +16,29 @@ from ..errors import InputError, nearest
 from ..initial import radii
 from ..kernels.columns import MOST_IDS
 from ..kernels.compiler import runtime
-from ..model.box import Box
+from ..model.box import Box, PackingFraction
 from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.device import Device
-from ..model.gravity import DEFAULT_STEP, MAX_STEP, Gravity, RotatingGravity
+from ..model.gravity import DEFAULT_STEP, Gravity, RotatingGravity, Step
+from ..tools.checked import (
+    POSITIVE,
+    Count,
+    Each,
+    Integer,
+    Natural,
+    NonNegative,
+    Number,
+    Part,
+    Positive,
+    Ratio,
+    Real,
+    Whole,
+)
 from ..tools.tables import TableFormat
 from .laws_section import CoinName, FileKeys, Material, PairOfMaterials
 from .output_section import OutputSection
-from .section import Name, Section, exclusive_with, field, refusal
-from .walls_section import Pair, Wall
+from .section import Name, Pair, Section, exclusive_with, field, refusal
+from .walls_section import Wall
 
 if TYPE_CHECKING:
     from ..model.forces import Force as ModelForce
@@ -57,6 +72,12 @@ def force_class(kind: str, at_random_times: bool) -> str:
     return (_AT_RANDOM_TIMES if at_random_times else {}).get(kind) or _FORCES.get(kind, kind)
 
 
+Sides = Annotated[list[float], Each(POSITIVE, length=2)]
+_RIGHT = math.nextafter(90.0, 0.0)
+Angles = Annotated[list[float], Each(Number(-_RIGHT, _RIGHT, "an angle above -90 and below 90"), length=2)]
+NumberOfDisks = Annotated[int, Integer(1, MOST_IDS)]
+
+
 class RunSection(Section):
     """The run as a whole."""
 
@@ -64,16 +85,16 @@ class RunSection(Section):
 
     name: str = field("cooling", "run", pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$", max_length=100)
     """Name [text: letters, digits, _ . + -]; the outputs are NAME.h5 and NAME.png."""
-    seed: int = field(1, 0, ge=0, lt=2**63)
+    seed: Natural = field(1, 0)
     """Seed of every random number [whole number]; one seed, one result."""
-    t_end: float | None = field(2.0, None, gt=0.0)
+    t_end: Positive | None = field(2.0, None)
     """Simulated time at which the run ends [s]: a time of the run's clock, which begins at start.time."""
-    collisions_per_disk: float | None = field(50.0, None, gt=0.0)
+    collisions_per_disk: Ratio | None = field(50.0, None)
     """Collisions per disk, mean over all disks, at which the run ends [1]; if the clock of a frame continues, those
     before the frame count too."""
     device: Literal["cpu", "cuda"] = field("cpu", "cpu")
     """Device: "cpu", or "cuda" (an NVIDIA GPU)."""
-    threads: int | None = field(2, None, ge=1)
+    threads: Count | None = field(2, None)
     """CPU threads [whole number]; all cores without it. The result does not depend on it."""
     runtime: Literal["taichi", "quadrants"] | None = field("taichi", None)
     """Runtime that compiles the kernels: "taichi" or "quadrants"; without it, that of the variable IFRDEM_RUNTIME of
@@ -91,12 +112,12 @@ class RunSection(Section):
     """Remedy for inelastic collapse and for disks that come to rest: "none", "velocity_cutoff" (collisions slower than
     velocity_cutoff are elastic), "tc" (collisions of a disk within contact_time after its previous one are elastic) or
     "rest" (contacts slower than resting_speed last, and disks at rest sleep)."""
-    velocity_cutoff: float | None = field(1.0e-3, None, gt=0.0)
+    velocity_cutoff: Positive | None = field(1.0e-3, None)
     """Normal speed of approach below which collisions are elastic [m/s], with collapse = "velocity_cutoff"."""
-    contact_time: float | None = field(1.0e-4, None, gt=0.0)
+    contact_time: Positive | None = field(1.0e-4, None)
     """Time after a collision of a disk in which its further ones are elastic [s], with collapse = "tc"; a hundredth of
     the mean free time changes the gas little."""
-    resting_speed: float | None = field(1.0e-3, None, gt=0.0)
+    resting_speed: Positive | None = field(1.0e-3, None)
     """Speed below which contacts last and disks fall asleep under gravity [m/s], with collapse = "rest"."""
 
     @classmethod
@@ -136,16 +157,14 @@ class BoxSection(Section):
 
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("packing_fraction", "lengths"),)
 
-    packing_fraction: float | None = field(0.25, None, gt=0.0, le=0.9069)
+    packing_fraction: PackingFraction | None = field(0.25, None)
     """Fraction of the area that disks cover [1], up to 0.9069, the densest packing of equal disks; start.positions
     says how dense a start can be."""
-    aspect: float = field(1.0, 1.0, gt=0.0)
+    aspect: Ratio = field(1.0, 1.0)
     """Ratio of the sides Lx/Ly [1]."""
-    lengths: list[Annotated[float, Field(gt=0.0)]] | None = field(
-        [8.0, 8.0], None, min_length=2, max_length=2
-    )
+    lengths: Sides | None = field([8.0, 8.0], None)
     """Sides [Lx, Ly] [m]."""
-    shear_rate: float = field(0.5, 0.0)
+    shear_rate: Real = field(0.5, 0.0)
     """Rate du_x/dy of a steady shear flow along x [1/s]; starts and temperatures are relative to it."""
     open: bool = field(True, False)
     """No box: disks may fly apart for ever [true or false]. packing_fraction or lengths are then those of the
@@ -158,10 +177,10 @@ class BoxSection(Section):
     another one with a [[pair]] for each material of the disks."""
     gravity: Pair = field([0.0, -9.81], [0.0, 0.0])
     """Acceleration [gx, gy] of all disks [m/s^2]; only along directions that are not periodic."""
-    gravity_rotation_rate: float = field(0.02, 0.0)
+    gravity_rotation_rate: Real = field(0.02, 0.0)
     """Rate at which gravity rotates [rad/s], positive counter-clockwise: a slow drum in its own frame, which rotates
     the other way in the lab. gravity is its value at time 0; no side may be periodic."""
-    gravity_rotation_step: float = field(DEFAULT_STEP, DEFAULT_STEP, gt=0.0, le=MAX_STEP)
+    gravity_rotation_step: Step = field(DEFAULT_STEP, DEFAULT_STEP)
     """Angle of the steps in which gravity rotates [rad]."""
 
     @classmethod
@@ -241,9 +260,9 @@ class UniformRadii(RadiiSection):
     """Radii that are equally frequent between two ends."""
 
     distribution: Literal["uniform"]
-    low: float = field(5.0e-3, gt=0.0)
+    low: Positive = field(5.0e-3)
     """Smallest radius [m]."""
-    high: float = field(20.0e-3, gt=0.0)
+    high: Positive = field(20.0e-3)
     """Largest radius [m]."""
 
 
@@ -251,13 +270,13 @@ class GaussianRadii(RadiiSection):
     """Radii around a mean, cut off at two ends."""
 
     distribution: Literal["gaussian"]
-    mean: float = field(10.0e-3, gt=0.0)
+    mean: Positive = field(10.0e-3)
     """Mean radius of the whole distribution [m]."""
-    deviation: float = field(2.0e-3, gt=0.0)
+    deviation: Positive = field(2.0e-3)
     """Standard deviation of the radius, not of its logarithm [m]."""
-    low: float | None = field(5.0e-3, None, gt=0.0)
+    low: Positive | None = field(5.0e-3, None)
     """Smallest radius [m]; of a Gaussian, 3 deviations below the mean without it."""
-    high: float | None = field(20.0e-3, None, gt=0.0)
+    high: Positive | None = field(20.0e-3, None)
     """Largest radius [m]; of a Gaussian, 3 deviations above the mean without it."""
 
 
@@ -271,11 +290,11 @@ class BidisperseRadii(RadiiSection):
     """Radii of two sizes."""
 
     distribution: Literal["bidisperse"]
-    low: float = field(5.0e-3, gt=0.0)
+    low: Positive = field(5.0e-3)
     """The smaller radius [m]."""
-    high: float = field(20.0e-3, gt=0.0)
+    high: Positive = field(20.0e-3)
     """The larger radius [m]."""
-    large_fraction: float = field(0.5, gt=0.0, lt=1.0)
+    large_fraction: Part = field(0.5)
     """Part of the disks that have radius high [1]."""
 
 
@@ -293,31 +312,31 @@ class SpeciesSection(Section):
 
     name: Name = field("coins")
     """Name [text]."""
-    number: int = field(50000, ge=1, le=MOST_IDS)
+    number: NumberOfDisks = field(50000)
     """Number of disks [whole number]."""
     material: Name | None = field("aluminium", None)
     """Name of the material [text]; not needed with a coin, which brings its own."""
     coin: CoinName | None = field("1 pta", None)
     """Mass and diameter of this coin of the paper's Sec. III [text; SI units only]."""
-    mass: float | None = field(1.19e-3, None, gt=0.0)
+    mass: Positive | None = field(1.19e-3, None)
     """Mass of one disk [kg]."""
-    radius: float | None = field(10.5e-3, None, gt=0.0)
+    radius: Positive | None = field(10.5e-3, None)
     """Radius [m]."""
-    diameter: float | None = field(21.0e-3, None, gt=0.0)
+    diameter: Positive | None = field(21.0e-3, None)
     """Diameter [m]."""
     radii: Radii | None = field({"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3}, None)
     """Distribution of the radii instead of one radius [table; m]: "uniform" (low, high), "gaussian" or "lognormal"
     (mean, deviation; cut off at low, high), "bidisperse" (low, high, large_fraction by number)."""
-    areal_density: float | None = field(3.4, None, gt=0.0)
+    areal_density: Positive | None = field(3.4, None)
     """Mass per area [kg/m^2] instead of one mass: each disk has areal_density pi R^2. It is the density of the
     material times the thickness of the disks."""
-    k: float = field(2.0, 2.0, gt=0.0)
+    k: Ratio = field(2.0, 2.0)
     """Shape number in the moment of inertia m R^2 / k [1]: 2 homogeneous disk, 1 hoop."""
-    speed_rms: float = field(1.0, 0.0, ge=0.0)
+    speed_rms: NonNegative = field(1.0, 0.0)
     """Root mean square speed at the start [m/s], Maxwellian, the whole gas without momentum."""
-    temperature: float | None = field(0.6e-3, None, ge=0.0)
+    temperature: NonNegative | None = field(0.6e-3, None)
     """Temperature at the start, the mean of m v^2 / 2 [J], instead of speed_rms."""
-    spin_rms: float = field(0.0, 0.0, ge=0.0)
+    spin_rms: NonNegative = field(0.0, 0.0)
     """Root mean square spin at the start [rad/s], Gaussian."""
 
     @classmethod
@@ -347,7 +366,7 @@ class ForceSection(Section):
     """ "random_force" (kicks; power or diffusion; step or rate), "random_torque" (the same for spins), "langevin" (a
     heat bath; temperature, rate, spin_temperature, spin_rate), "drag" (rate, quadratic, spin_rate), "rescale" (a
     thermostat; temperature or energy) or "table_friction" (disks that lie on a table; mu, gravity)."""
-    step: float = field(2e-3, gt=0.0)
+    step: Positive = field(2e-3)
     """Time between two applications [s]; a part of the mean free time. Errors go with its square."""
 
     some: ClassVar[tuple[str, ...]] = ()
@@ -400,13 +419,13 @@ class RandomForce(ForceSection):
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("step", "rate"), ("power", "diffusion"))
 
     kind: Literal["random_force"]
-    step: float | None = field(2e-3, None, gt=0.0)  # type: ignore[assignment]
+    step: Positive | None = field(2e-3, None)  # type: ignore[assignment]
     """Time between two applications [s]; a part of the mean free time. Errors go with its square."""
-    rate: float | None = field(500.0, None, gt=0.0)
+    rate: Positive | None = field(500.0, None)
     """Instead of step: mean number of kicks of a disk per time, at random times (a Poisson process) [1/s]."""
-    power: float | None = field(1e-3, None, gt=0.0)
+    power: Positive | None = field(1e-3, None)
     """Energy that each disk gets per time [W]."""
-    diffusion: float | None = field(0.5, None, gt=0.0)
+    diffusion: Positive | None = field(0.5, None)
     """Instead of power: D in <dv_x^2> = 2 D dt [m^2/s^3], or <d omega^2> = 2 D dt [rad^2/s^3]."""
 
     @property
@@ -447,13 +466,13 @@ class LangevinForce(ForceSection):
     some: ClassVar[tuple[str, ...]] = ("rate", "spin_rate")
 
     kind: Literal["langevin"]
-    temperature: float = field(5e-4, ge=0.0)
+    temperature: NonNegative = field(5e-4)
     """Of the heat bath, mean of m v^2 / 2 [J]."""
-    rate: float | None = field(0.5, None, ge=0.0)
+    rate: NonNegative | None = field(0.5, None)
     """Friction rate of velocities [1/s]."""
-    spin_rate: float | None = field(0.5, None, ge=0.0)
+    spin_rate: NonNegative | None = field(0.5, None)
     """Friction rate of spins [1/s]."""
-    spin_temperature: float | None = field(5e-4, None, ge=0.0)
+    spin_temperature: NonNegative | None = field(5e-4, None)
     """Of the heat bath for spins, mean of I omega^2 [J]; temperature without it."""
 
     @property
@@ -478,11 +497,11 @@ class DragForce(ForceSection):
     some: ClassVar[tuple[str, ...]] = ("rate", "quadratic", "spin_rate")
 
     kind: Literal["drag"]
-    rate: float | None = field(0.5, None, ge=0.0)
+    rate: NonNegative | None = field(0.5, None)
     """Friction rate of velocities [1/s]."""
-    quadratic: float | None = field(0.1, None, ge=0.0)
+    quadratic: NonNegative | None = field(0.1, None)
     """Quadratic drag over mass, c in dv/dt = -c |v| v [1/m]."""
-    spin_rate: float | None = field(0.5, None, ge=0.0)
+    spin_rate: NonNegative | None = field(0.5, None)
     """Friction rate of spins [1/s]."""
 
     @property
@@ -497,9 +516,9 @@ class RescaleForce(ForceSection):
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("temperature", "energy"),)
 
     kind: Literal["rescale"]
-    temperature: float | None = field(5e-4, None, gt=0.0)
+    temperature: Positive | None = field(5e-4, None)
     """To rescale to: mean of m v^2 / 2 [J]."""
-    energy: float | None = field(1e-3, None, gt=0.0)
+    energy: Positive | None = field(1e-3, None)
     """To rescale to: kinetic energy of a disk, spins included, mean over all [J]."""
 
 
@@ -507,9 +526,9 @@ class TableFrictionForce(ForceSection):
     """Friction of disks that lie on a table."""
 
     kind: Literal["table_friction"]
-    mu: float = field(0.2, gt=0.0)
+    mu: Ratio = field(0.2)
     """Sliding friction on the table [1]."""
-    gravity: float | None = field(9.81, None, gt=0.0)
+    gravity: Positive | None = field(9.81, None)
     """Acceleration that presses disks on the table [m/s^2]; 9.81 without it."""
 
     @property
@@ -549,19 +568,17 @@ class StartSection(Section):
     """ "random" (one by one, to 0.5 of the area), "lubachevsky_stillinger" (random too, to 0.84), "hexagonal" (a
     lattice), "impact_scan" (pairs, one disk of each at rest, hit at angles psi), or the name of a trajectory, such as
     "run.h5" (path from the case file), whose box must be the same."""
-    frame: int | None = field(-1, None)
+    frame: Whole | None = field(-1, None)
     """Frame of the trajectory [whole number]: 0 the first, -1 the last, which it is without this key."""
     motion: bool = field(True, False)
     """Take velocities and spins from the frame as well [true or false], instead of speed_rms and spin_rms."""
-    time: float | None = field(0.0, None, ge=0.0)
+    time: NonNegative | None = field(0.0, None)
     """Time of the run's clock at the start [s], by which walls move and open, gravity turns and forces act. With a
     frame it begins a new clock; by default the clock of the frame continues, with its numbers of collisions. The
     default for a CSV file is 0."""
-    psi: list[Annotated[float, Field(gt=-90.0, lt=90.0)]] | None = field(
-        [0.0, 89.0], None, min_length=2, max_length=2
-    )
+    psi: Angles | None = field([0.0, 89.0], None)
     """Of an impact scan: first and last angle of impact from the line of centres [degrees]; 0 and 89 without it."""
-    speed: float | None = field(1.0, None, gt=0.0)
+    speed: Positive | None = field(1.0, None)
     """Of an impact scan: speed of the disk that hits [m/s]."""
     file: Name | None = field("start.csv", None)
     """CSV file [text; path from the case file]: a line a disk, in the order of the species, with the columns x, y [m]
@@ -574,7 +591,7 @@ class StartSection(Section):
     """Character that separates the CSV file's columns [text]."""
     decimal: Literal[".", ","] | None = field(",", None)
     """Decimal point of the CSV file [text]: "." or ","."""
-    relax: float | None = field(1.0e-4, None, gt=0.0)
+    relax: Positive | None = field(1.0e-4, None)
     """Largest overlap of disks in the CSV file that is an error of measurement [m]: these disks are separated."""
 
     @classmethod

@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from ..errors import Problem
 from ..model import rules
 from .case import REMEDIES, CaseSections, force_class
 from .laws_section import IFR_LAWS
 from .output_section import TRACKED
-from .section import Problem
 
 KEY_OF: Mapping[str, str] = {
     "box.open": "box.open", "box.periodic": "box.periodic", "box.shear_rate": "box.shear_rate",

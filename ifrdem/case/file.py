@@ -14,14 +14,13 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from ..errors import InputError, cut, listed, nearest, option_name
+from ..errors import InputError, Problem, cut, listed, nearest, option_name
 from ..mpi import Communicator
 from ..tools import text_file
 from . import exclusions
 from .case import IMPACT_SCAN, CaseSections
 from .gas import CaseGas, validate_case
 from .messages import KeyPath, kind_key_in, location_of, problems, spelled
-from .section import Problem
 
 MOST_BYTES = 10_000_000
 """Largest case file."""

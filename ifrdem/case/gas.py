@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, listed, outside_level, refuse
+from ..errors import InputError, Problem, listed, outside_level, refuse
 from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import StartData
 from ..model.box import Box
@@ -37,7 +37,6 @@ from ..tools import seeds
 from . import exclusions, pair_rules, rules
 from .case import GROWN, IMPACT_SCAN, CaseSections
 from .pair_rules import PairVerdict
-from .section import Problem
 from .species import Species, species_of
 
 T = TypeVar("T")
@@ -471,7 +470,7 @@ class CaseGas:
             velocity = placement.maxwellian(mass, speed_rms=first.speed_rms, seed=seed)
         else:
             energy = np.repeat([each.mean_energy for each in self.species], numbers)
-            velocity = placement.maxwellian(mass, temperature=energy, seed=seed)
+            velocity = placement.thermal(mass, energy, seed)
         spin_rms = np.repeat([each.spin_rms for each in self.species], numbers)
         return velocity, placement.gaussian_spins(len(mass), spin_rms=spin_rms, seed=seed)
 

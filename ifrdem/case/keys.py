@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
+from ..tools.checked import LEAST, MOST, Each, Integer, Number
 from ..trajectory.descriptions import REDUCED
 from .case import CaseSections
 from .messages import kind_of, models_in
@@ -170,9 +171,25 @@ def _limits(found: FieldInfo) -> Iterator[str]:
     """The range of a value, as its constraints state it."""
     inner = [each for one in (found.annotation, *get_args(found.annotation)) for each in _nested(one)]
     for each in (*found.metadata, *inner):
-        for name, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
-            if (limit := getattr(each, name, None)) is not None:
-                yield f"{sign} {'2^63' if limit == 2**63 else f'{limit:.10g}'}"
+        check = each.one if isinstance(each, Each) else each
+        if isinstance(check, Number | Integer):
+            yield from _ends(check)
+
+
+def _ends(check: Number | Integer) -> Iterator[str]:
+    """The ends of a range, but for those of all numbers (`LEAST`, `MOST`) and of all integers."""
+    if isinstance(check, Number) and check.low == LEAST:
+        yield ">= 0" if check.zero else "> 0"
+    elif check.low not in (-MOST, -(2**63)):
+        yield _end(check.low, ">")
+    if check.high not in (MOST, 2**31 - 1, 2**63 - 1):
+        yield _end(check.high, "<")
+
+
+def _end(limit: float, sign: str) -> str:
+    """An end of a range; a number next to a round one stands for all up to that."""
+    text = f"{limit:{'.10g' if isinstance(limit, int) else '.6g'}}"
+    return f"{sign}{'=' * (float(text) == limit)} {text}"
 
 
 def _nested(annotation: Any) -> Iterator[Any]:

@@ -13,18 +13,19 @@ from ..model.laws.coin_table import coins
 from ..model.laws.ifr import REQUIRED_COEFFICIENTS, IFRLaw, rough_disks, smooth_disks
 from ..model.laws.viscoelastic import Viscoelastic
 from ..model.laws.walton import Walton
+from ..tools import values
 from .section import Name, Section, exclusive_with, field, refusal
 
-# The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.
+# Example and text sit inside the types, because several sections have the key; `Section.about` finds them there.
 NormalRestitution = Annotated[
-    float, field(0.87, ge=0.0, le=1.0, description="normal restitution e_n [1], 0 to 1 (elastic)")
+    float, values.E_N, field(0.87, description="normal restitution e_n [1], 0 to 1 (elastic)")
 ]
 TANGENTIAL = (
     "tangential restitution e_t [1], -1 (smooth but for friction) to 1; with percussion-centre sticking, "
     "homogeneous disks never gain energy up to -0.5"
 )
-TangentialRestitution = Annotated[float, field(-0.88, ge=-1.0, le=1.0, description=TANGENTIAL)]
-Friction = Annotated[float, field(0.21, ge=0.0, description="sliding friction mu [1], 0 or more")]
+TangentialRestitution = Annotated[float, values.E_T, field(-0.88, description=TANGENTIAL)]
+Friction = Annotated[float, values.MU, field(0.21, description="sliding friction mu [1], 0 or more")]
 STICKING = (
     'what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s choice) or '
     '"contact_point" (Eq. 12)'
@@ -32,7 +33,9 @@ STICKING = (
 Sticking = Annotated[
     Literal["percussion_center", "contact_point"], field("percussion_center", description=STICKING)
 ]
-RollingFriction = Annotated[float, field(0.0, ge=0.0, description="rolling friction rho [m], 0 or more")]
+RollingFriction = Annotated[
+    float, values.NON_NEGATIVE, field(0.0, description="rolling friction rho [m], 0 or more")
+]
 
 
 def _known_coin(name: str) -> str:
@@ -92,7 +95,7 @@ class WaltonKeys(Section):
 
     law: Literal["walton"] = field("walton", description=LAW)
     e_n: NormalRestitution
-    beta_0: float = field(0.4, ge=-1.0, le=1.0)
+    beta_0: values.TangentialRestitution = field(0.4)
     """Tangential restitution of impacts that stick [1], -1 (smooth) to 1."""
     mu: Friction
 
@@ -105,9 +108,9 @@ class ViscoelasticKeys(Section):
     """Viscoelastic spheres, e_n by the speed of impact, with the friction of the IFR law."""
 
     law: Literal["viscoelastic"] = field("viscoelastic", description=LAW)
-    A: float = field(1e-5, ge=0.0)
+    A: values.NonNegative = field(1e-5)
     """Dissipative time of the material [s]."""
-    Y: float = field(1e9, gt=0.0)
+    Y: values.Positive = field(1e9)
     """Young's modulus over 1 - nu^2 [Pa]."""
     e_t: TangentialRestitution = -1.0
     mu: Friction = 0.0
@@ -126,7 +129,7 @@ class RoughKeys(Section):
 
     law: Literal["rough"] = field("rough", description=LAW)
     e_n: NormalRestitution
-    beta: float = field(0.5, ge=-1.0, le=1.0)
+    beta: values.TangentialRestitution = field(0.5)
     """Tangential restitution of the slip [1], -1 (smooth) to 1 (perfectly rough)."""
 
     def made(self, k: float) -> IFRLaw:

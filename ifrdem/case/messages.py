@@ -9,9 +9,10 @@ from typing import Any, NamedTuple, get_args, get_origin
 
 from pydantic import ValidationError
 
-from ..errors import cut, nearest
+from ..errors import Problem, cut, nearest
+from ..tools.checked import Choice
 from .case import CaseSections
-from .section import Problem, Section
+from .section import Section
 
 KeyPath = tuple[str | int, ...]
 
@@ -61,7 +62,8 @@ def _translated(error: Mapping[str, Any], location: Location) -> Problem:
     kind, context, key = error["type"], error.get("ctx", {}), location.key
     value: str | None = _shown(error["input"])
     if kind in {"missing", "choice"} or (
-        isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")
+        isinstance(error["input"], dict | list)
+        and not ("type" in kind or kind == "needed" or kind.startswith("too_"))
     ):
         value = None
     if kind == "extra_forbidden":
@@ -79,21 +81,21 @@ def _translated(error: Mapping[str, Any], location: Location) -> Problem:
         else:
             allowed = re.findall(r"'([^']+)'", context["expected_tags"])
             given, value = error["input"][name], _shown(error["input"][name])
-            text = f"must be {_listed(allowed)}{nearest(given, allowed) if isinstance(given, str) else ''}"
+            text = f"must be {Choice(tuple(allowed)).instead_of(given)}"
     elif kind in ("model_type", "model_attributes_type"):
         text = f"must be a table ({_table(location)})"
     elif kind == "list_type" and location.models:
         text = f"must be a list of tables ({_table(location)})"
     elif kind in ("too_short", "too_long", "string_too_short", "string_too_long"):
         text = _length(kind, error["input"], context, _about(location))
+    elif kind == "literal_error":
+        allowed = re.findall(r"'([^']+)'", context["expected"])
+        text = f"must be {Choice(tuple(allowed)).instead_of(error['input'])}"
     else:
         text = str(error["msg"]).replace("Input should", "must").replace("be a valid", "be a")
-        text = text.replace("integer", "whole number")
-        if kind == "literal_error" and isinstance(error["input"], str):
-            text += nearest(error["input"], re.findall(r"'([^']+)'", context["expected"]))
-        elif kind == "string_pattern_mismatch":
+        if kind == "string_pattern_mismatch":
             text = "characters that are not allowed"
-        if kind not in ("literal_error", "unknown_name") and (about := _about(location)):
+        if kind != "unknown_name" and (about := _about(location)):
             text += f" ({about})"
     return Problem(spelled(key), value, text)
 

@@ -7,20 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import field_validator
 
 from ..errors import InputError, nearest
 from ..mpi.distribution import GATHERED
 from ..quantities import FIELDS
-from ..simulation.steps.schedule import MOST as MOST_FRAMES
-from ..simulation.steps.schedule import Trigger
+from ..simulation.steps.schedule import OUTPUTS, Trigger
+from ..tools.checked import FINITE, Count, Each, Natural, Part, Positive, Ratio
 from .section import Section, field, refusal
 
 if TYPE_CHECKING:
     FieldName = str
 else:
     FieldName = Literal[tuple(FIELDS)]
-Interval = Annotated[float, Field(gt=0.0)]
+Outputs = Annotated[int, OUTPUTS]
+Region = Annotated[list[float], Each(FINITE, length=4)]
 ROWS_PER_FRAME = 10  # of series, up to, where a case does not say
 TRACKED = ("histories", "histories_sample", "histories_region", "histories_all")
 """Keys that say which disks are tracked."""
@@ -29,11 +30,11 @@ TRACKED = ("histories", "histories_sample", "histories_region", "histories_all")
 class OutputSection(Section):
     """The output of the run."""
 
-    frames: int = field(100, 100, ge=1, le=MOST_FRAMES)
+    frames: Outputs = field(100, 100)
     """Frames after the initial one [whole number], evenly spaced in time or in collisions, as the run ends."""
-    frames_interval: Interval | None = field(0.01, None)
+    frames_interval: Positive | None = field(0.01, None)
     """Instead: time between two frames [s]."""
-    frames_collisions: Interval | None = field(0.5, None)
+    frames_collisions: Ratio | None = field(0.5, None)
     """Instead: collisions per disk between two frames [1]."""
     frames_spacing: Literal["even", "log"] = field("log", "even")
     """Spacing of a number of frames: "even", or "log" (each is later than the one before by a constant factor)."""
@@ -45,17 +46,17 @@ class OutputSection(Section):
     travelled, for paths through periodic sides; angle: rotation since the start; last_partner: latest collision
     partner; dissipated: energy lost in its collisions, by mechanism (half of each); asleep: 1 for disks that sleep,
     with run.collapse = "rest"."""
-    series: int | None = field(1000, None, ge=1, le=MOST_FRAMES)
+    series: Outputs | None = field(1000, None)
     """Rows of the time series (energies, temperatures, momentum, collisions by regime, dissipation by mechanism) after
     the initial one [whole number]. Each may cost the computation of its window once more. Without this key, rows are
     at the ends of windows, up to 10 for each frame, and cost little."""
-    series_interval: Interval | None = field(0.001, None)
+    series_interval: Positive | None = field(0.001, None)
     """Instead: time between two rows [s]."""
-    series_collisions: Interval | None = field(0.05, None)
+    series_collisions: Ratio | None = field(0.05, None)
     """Instead: collisions per disk between two rows [1]."""
     series_spacing: Literal["even", "log"] = field("log", "even")
     """Spacing of a number of rows: "even" or "log"."""
-    log_from: float = field(1e-3, 1e-3, gt=0.0, lt=1.0)
+    log_from: Part = field(1e-3, 1e-3)
     """With spacing "log": position of the first one, as a fraction of the run [1]."""
     ledger: bool = field(True, True)
     """Store the dissipated energy by mechanism in the time series [true or false]."""
@@ -65,11 +66,11 @@ class OutputSection(Section):
     stress: bool = field(True, False)
     """Store the pressure tensor P_ab in the time series: positive in compression, mean since the row before [true or
     false]."""
-    histories: list[Annotated[int, Field(ge=0)]] | None = field([0, 7], None, min_length=1)
+    histories: list[Natural] | None = field([0, 7], None, min_length=1)
     """Disks of which every collision is stored [list of their numbers, from 0]; their paths are then exact."""
-    histories_sample: int | None = field(100, None, ge=1)
+    histories_sample: Count | None = field(100, None)
     """Instead: number of disks to track, chosen at random by run.seed [whole number]."""
-    histories_region: list[float] | None = field([0.0, 0.0, 0.1, 0.1], None, min_length=4, max_length=4)
+    histories_region: Region | None = field([0.0, 0.0, 0.1, 0.1], None)
     """Instead: disks that start in this rectangle [x_low, y_low, x_high, y_high] [m]."""
     histories_all: bool = field(True, False)
     """Instead: all disks [true or false]."""
@@ -81,7 +82,7 @@ class OutputSection(Section):
     parts: bool | Literal["auto"] = field("auto", "auto")
     """Each rank writes its disks, and checkpoints, into its own file in the folder NAME.parts; readers see NAME.h5 as
     one file [true, false or "auto": on several ranks, with more than 1e6 disks]."""
-    checkpoint_minutes: float = field(10.0, 10.0, gt=0.0)
+    checkpoint_minutes: Positive = field(10.0, 10.0)
     """Real time between two checkpoints, from which `ifrdem resume` continues [minutes]; one is also written when a run
     is interrupted."""
     views: bool = field(True, True)

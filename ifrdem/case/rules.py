@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, there_are
+from ..errors import InputError, Problem, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import StartData
 from ..initial.packing import separate
@@ -36,7 +36,6 @@ from . import exclusions
 from .case import GROWN, IMPACT_SCAN, CaseSections
 from .laws_section import FileKeys
 from .pair_rules import PairVerdict
-from .section import Problem
 from .species import Species
 
 MOST_SUMMED = 1000

@@ -7,7 +7,6 @@ import functools
 import inspect
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import (
@@ -15,18 +14,17 @@ from pydantic import (
     ConfigDict,
     Field,
     ModelWrapValidatorHandler,
-    ValidationInfo,
-    field_validator,
     model_validator,
 )
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError, ValidationError
 
 from ..errors import InputError
+from ..tools.checked import PAIR
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
-LEAST, MOST = 1e-50, 1e50
-"""Range of the magnitude of numbers other than 0: products of six of them can be computed with."""
+Pair = Annotated[list[float], PAIR]
+"""A vector [x, y]."""
 
 
 def field(example: object, default: Any = ..., /, **limits: Any) -> Any:
@@ -48,21 +46,8 @@ def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-@dataclass(frozen=True)
-class Problem:
-    """A mistake: its key, the value there as text (None without one), and the reason."""
-
-    key: str
-    value: str | None
-    text: str
-
-    def __str__(self) -> str:
-        place = self.key if self.value is None else f"{self.key} = {self.value}"
-        return f"{place}: {self.text}"
-
-
 class Section(BaseModel):
-    """A section: no unknown keys, no conversion of types, numbers from `LEAST` to `MOST`.
+    """A section: no unknown keys, no conversion of types; numbers have the types of `tools.checked`.
 
     Of each group of keys in `one_of`, exactly one is to be given. Attributes are validated when they are set, each by
     itself; what `problems` finds belongs to several keys, and is found when a whole section is validated.
@@ -92,18 +77,6 @@ class Section(BaseModel):
         except ValidationError as error:
             errors += [_again(each) for each in error.errors(include_url=False)]
         raise ValidationError.from_exception_data(cls.__name__, errors)
-
-    @field_validator("*")
-    @classmethod
-    def _of_usual_magnitude(cls, value: Any, info: ValidationInfo) -> Any:
-        for each in value if isinstance(value, list) else (value,):
-            if isinstance(each, float) and each != 0.0 and not LEAST <= abs(each) <= MOST:
-                text = f"must be of a magnitude from {LEAST:g} to {MOST:g}: choose other units"
-                if "[1]" in cls.about(str(info.field_name))[0]:  # a pure number
-                    small = abs(each) < LEAST
-                    text = f"must be at {'least' if small else 'most'} {LEAST if small else MOST:g} in size"
-                raise refusal(text, "magnitude")
-        return value
 
     def __setattr__(self, name: str, value: Any) -> None:
         found = type(self).model_fields.get(name)

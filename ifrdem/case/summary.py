@@ -12,6 +12,7 @@ from ..kernels.columns import bytes_per_disk
 from ..kernels.compiler import runtime
 from ..simulation import backend
 from ..simulation.start import checks
+from ..simulation.steps.schedule import MOST as MOST_FRAMES
 from ..simulation.windows.tiling import split_of
 from .case import GROWN, CaseSections
 from .estimate import (
@@ -21,7 +22,6 @@ from .estimate import (
     strip_bytes,
 )
 from .gas import CaseGas
-from .output_section import MOST_FRAMES
 
 WRITER_BYTES_PER_DISK = 200
 """Memory [bytes per disk] of frames that are made, wait or are written.

@@ -12,9 +12,8 @@ from ..model.walls import outlines
 from ..model.walls.motion import Motion, Piston, Turn
 from ..model.walls.wall import FULL_TURN
 from ..model.walls.wall import Wall as ModelWall
-from .section import Section, field
-
-Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+from ..tools.checked import Natural, NonNegative, Part, Positive, Real
+from .section import Pair, Section, field
 
 
 def _point(value: list[float]) -> tuple[float, float]:
@@ -47,7 +46,7 @@ class SteadyMotion(MotionSection):
     """A motion at constant velocity."""
 
     kind: Literal["steady"]
-    speed: float = field(0.1)
+    speed: Real = field(0.1)
     """Along the direction [m/s]."""
 
 
@@ -55,11 +54,11 @@ class SineMotion(MotionSection):
     """A motion as a sine of time."""
 
     kind: Literal["sine"]
-    amplitude: float = field(5.0e-3, gt=0.0)
+    amplitude: Positive = field(5.0e-3)
     """Largest displacement [m]."""
-    frequency: float = field(20.0, gt=0.0)
+    frequency: Positive = field(20.0)
     """Periods per time [1/s]."""
-    phase: float | None = field(0.0, None)
+    phase: Real | None = field(0.0, None)
     """At t = 0 [rad]; 2 pi is a period, 0 if not given."""
 
 
@@ -67,7 +66,7 @@ class SawtoothMotion(SineMotion):
     """A motion at constant speed, forth and back."""
 
     kind: Literal["sawtooth"]  # type: ignore[assignment]
-    rise: float | None = field(0.5, None, gt=0.0, lt=1.0)
+    rise: Part | None = field(0.5, None)
     """Part of the period in which it goes forth [1]; 0.5 if not given."""
 
 
@@ -84,7 +83,7 @@ class SteadyTurn(TurnSection):
     """A rotation at constant angular velocity."""
 
     kind: Literal["steady"]
-    rate: float = field(2.0)
+    rate: Real = field(2.0)
     """Angular velocity [rad/s]."""
 
 
@@ -92,11 +91,11 @@ class SineTurn(TurnSection):
     """A rotation as a sine of time."""
 
     kind: Literal["sine"]
-    amplitude: float = field(0.5, gt=0.0)
+    amplitude: Positive = field(0.5)
     """Largest angle [rad]."""
-    frequency: float = field(1.0, gt=0.0)
+    frequency: Positive = field(1.0)
     """Periods per time [1/s]."""
-    phase: float | None = field(0.0, None)
+    phase: Real | None = field(0.0, None)
     """At t = 0 [rad]; 0 if not given."""
 
 
@@ -107,19 +106,19 @@ TurnOfWall = Annotated[SteadyTurn | SineTurn, Field(discriminator="kind")]
 class PistonSection(Section):
     """A mass by which a line, or a segment across the box, moves freely along its normal."""
 
-    mass: float = field(0.05, gt=0.0)
+    mass: Positive = field(0.05)
     """Of the wall [kg]."""
-    force: float | None = field(0.1, None)
+    force: Real | None = field(0.1, None)
     """Constant force along the normal [N]; of a line, a positive one presses on the disks. None without it."""
-    spring: float | None = field(2.0, None, ge=0.0)
+    spring: NonNegative | None = field(2.0, None)
     """Stiffness of a spring that is relaxed where the wall is given [N/m]. None without it."""
-    displacement: float | None = field(0.0, None)
+    displacement: Real | None = field(0.0, None)
     """Along the normal at t = 0, from where the wall is given [m]; 0 if not given."""
-    velocity: float | None = field(0.0, None)
+    velocity: Real | None = field(0.0, None)
     """Along the normal at t = 0 [m/s]; 0 if not given."""
-    low: float | None = field(-0.1, None)
+    low: Real | None = field(-0.1, None)
     """Least displacement [m], at a stop that reflects it. No stop without it."""
-    high: float | None = field(0.1, None)
+    high: Real | None = field(0.1, None)
     """Largest displacement [m], likewise."""
 
 
@@ -144,20 +143,20 @@ class WallSection(Section):
     piston: PistonSection | None = field({"mass": 0.05, "force": 0.1}, None)
     """A mass with which a line, or a segment across the box, moves freely along its normal [table; kg, N, N/m, m, m/s],
     driven by impacts, gravity, a constant force and a spring, between stops low and high."""
-    moves_from: float | None = field(1.0, None)
+    moves_from: Real | None = field(1.0, None)
     """Time from which on it moves and turns [s]; its motion begins then, with its phase. Always without it."""
-    moves_until: float | None = field(2.0, None)
+    moves_until: Real | None = field(2.0, None)
     """Time until which it moves and turns [s]; then it stays there. For ever without it."""
-    opens_at: float | None = field(1.0, None)
+    opens_at: Real | None = field(1.0, None)
     """A gate: the time from which on it is gone [s]."""
-    opens_after: int | None = field(1000, None, ge=0)
+    opens_after: Natural | None = field(1000, None)
     """A gate: the number of collisions of two disks after which it is gone [whole number]."""
     group: str | None = field("paddle", None, min_length=1, max_length=100)
     """Name under which what it gives to the disks is added up, with other walls of that name [text]."""
-    surface_speed: float = field(0.5, 0.0)
+    surface_speed: Real = field(0.5, 0.0)
     """Speed of its surface along itself [m/s], as of a belt or drum; positive is clockwise for a container,
     counter-clockwise for a post, and to the left seen along a line's normal."""
-    temperature: float | None = field(5.0e-4, None, gt=0.0)
+    temperature: Positive | None = field(5.0e-4, None)
     """A thermal wall: disks leave it with random velocities, as if from a gas of this temperature, mean of m v^2 / 2
     [J]."""
 
@@ -243,7 +242,7 @@ class ContainerWall(WallSection):
     shape: Literal["container"]
     center: Pair = field([0.5, 0.5])
     """Centre [x, y] [m]."""
-    radius: float = field(0.4, gt=0.0)
+    radius: Positive = field(0.4)
     """Radius [m]."""
 
     def _made(self, folder: Path | None, options: dict[str, Any]) -> ModelWall:
@@ -256,7 +255,7 @@ class PostWall(WallSection):
     shape: Literal["post"]
     center: Pair = field([0.5, 0.5])
     """Centre [x, y] [m]."""
-    radius: float = field(0.4, ge=0.0)
+    radius: NonNegative = field(0.4)
     """Radius [m]; 0 is a point."""
 
     def _made(self, folder: Path | None, options: dict[str, Any]) -> ModelWall:
@@ -269,7 +268,7 @@ class ArcWall(WallSection):
     shape: Literal["arc"]
     center: Pair = field([0.5, 0.5])
     """Centre [x, y] [m]."""
-    radius: float = field(0.4, gt=0.0)
+    radius: Positive = field(0.4)
     """Radius [m]."""
     angles: Pair | None = field([0.0, 3.14], None)
     """Angles [begin, end], counter-clockwise from the x axis [rad]; a whole circle without them."""
@@ -292,9 +291,9 @@ class PolylineWall(WallSection):
     path."""
     path: str | None = field("M 0.1 0.1 L 0.2 0.3 C 0.3 0.3 0.3 0.2 0.4 0.1", None, min_length=1)
     """Instead: the data of an SVG path, y upwards [text of numbers in m]: commands M, L, H, V, Z, C, S, Q, T, A."""
-    scale: float | None = field(1.0e-3, None, gt=0.0)
+    scale: Positive | None = field(1.0e-3, None)
     """Length of a unit of the file [m]; 1 if not given."""
-    tolerance: float | None = field(1.0e-5, None, gt=0.0)
+    tolerance: Positive | None = field(1.0e-5, None)
     """Largest distance of the straight pieces that stand for curves of a path [m]; 1e-4 of its size if not given."""
 
     @classmethod

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import InputError, shortened
 from ..model.box import Box
 from ..model.density import disk_area, packing_fraction
 from ..model.near import near_pairs
@@ -31,7 +31,15 @@ from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall
 from ..mpi import collective, current, distribution
 from ..tools import seeds
-from ..tools.checked import Array, Number, Numbers, PositiveColumn, Seed, column, shortened, validated
+from ..tools.checked import (
+    Array,
+    NonNegative,
+    NonNegativePerDisk,
+    PositiveColumn,
+    Seed,
+    column,
+    validated,
+)
 
 # Of the diameter among sites, of the radius at walls: room for rounding.
 CLOSER, CLEAR = 1.0 - 1e-9, 1.0 + 1e-9
@@ -155,8 +163,6 @@ def _free(free_area: FreeArea, radius: float, distance: float, upright: bool) ->
 SATURATION = 0.547
 """Packing fraction where random sequential addition of equal disks ends (doi:10.1103/PhysRevE.74.061308)."""
 
-MOST_SPEED = 1e140
-"""Largest rms of speeds [length/time] or spins [rad/time] that is drawn: energies are its square."""
 ATTEMPTS_PER_DISK = 400
 """Attempts of random sequential addition for each disk on average before it gives up."""
 
@@ -526,15 +532,11 @@ def hexagonal_positions(
     return found
 
 
-_ALLOWED = f"a finite number, 0 or more and at most {MOST_SPEED:g}"
-_Size = Annotated[float, Number(0.0, MOST_SPEED, _ALLOWED)]
-_Sizes = Annotated[ArrayLike, Numbers(("n",), 0.0, MOST_SPEED, _ALLOWED, scalar=True)]
-
-
 @validated
 @collective
 def maxwellian(
-    mass: PositiveColumn, *, speed_rms: _Size | None = None, temperature: _Sizes | None = None, seed: Seed,
+    mass: PositiveColumn, *, speed_rms: NonNegative | None = None,
+    temperature: NonNegativePerDisk | None = None, seed: Seed,
 ) -> Array:  # fmt: skip
     """Draw velocities from a Maxwell distribution, with no total momentum and exactly the given energy.
 
@@ -574,6 +576,16 @@ def maxwellian(
         raise InputError(
             f"speed_rms = {speed_rms}, temperature = {shortened(temperature)}: exactly one of them must be given"
         )
+    return _drawn_velocities(masses, sizes, weight, seed)
+
+
+def thermal(masses: Array, energies: Array, seed: int) -> Array:
+    """As `maxwellian`, of a temperature of each disk, unchecked: squares of speeds have a wider range than numbers."""
+    return _drawn_velocities(masses, energies, masses / 2.0, seed)
+
+
+def _drawn_velocities(masses: Array, sizes: Array, weight: Array, seed: int) -> Array:
+    """Maxwellian velocities of which the mean of `weight` times the square is that of `sizes`, all (n,)."""
     comm = current()
     ids, n = comm.number(len(masses))
     velocity = seeds.drawn(
@@ -598,7 +610,7 @@ def maxwellian(
 
 @validated
 @collective
-def gaussian_spins(n: NumberOfDisks, *, spin_rms: _Sizes, seed: Seed) -> Array:
+def gaussian_spins(n: NumberOfDisks, *, spin_rms: NonNegativePerDisk, seed: Seed) -> Array:
     """Draw spins [rad/time], shape (n,), from a normal distribution with mean 0 and exactly this rms value.
 
     Of rms values of the disks, shape (n,), the mean of (spin / rms)^2 over those that are not 0 is exactly 1. Of ranks

@@ -10,7 +10,7 @@ import re
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+from types import CodeType, FunctionType, MappingProxyType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -19,10 +19,16 @@ from ..errors import InputError, nearest
 from ..tools import checked
 
 
-def named_numbers(owner: str, what: str, names: Sequence[str], given: Mapping[str, Any]) -> dict[str, float]:
-    """A finite number for each of the names, in their order.
+def named_numbers(
+    owner: str,
+    what: str,
+    names: Sequence[str],
+    given: Mapping[str, Any],
+    ranges: Mapping[str, checked.Number] = MappingProxyType({}),
+) -> dict[str, float]:
+    """A finite number for each of the names, in their order, in its range if it has one.
 
-    InputError, which calls them `what` of the `owner`, if one is missing, unknown or not finite.
+    InputError, which calls them `what` of the `owner`, if one is missing, unknown or out of range.
     """
     there = f"the {what}s of {owner} are {', '.join(names)}" if names else f"{owner} has no {what}s"
     for name in given:
@@ -31,7 +37,7 @@ def named_numbers(owner: str, what: str, names: Sequence[str], given: Mapping[st
     for name in names:
         if name not in given:
             raise InputError(f"{owner}: {what} '{name}' is missing: must be a finite number; {there}")
-    return {name: checked.FINITE(f"{owner}: {name}", given[name]) for name in names}
+    return {name: ranges.get(name, checked.FINITE)(f"{owner}: {name}", given[name]) for name in names}
 
 
 _PACKAGE = Path(__file__).parents[1]

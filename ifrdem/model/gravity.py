@@ -13,6 +13,10 @@ from ..tools.checked import LEAST, Number, validated
 DEFAULT_STEP, MAX_STEP = 0.005, 0.1  # rad
 
 
+Step = Annotated[float, Number(LEAST, MAX_STEP, f"an angle above 0 and up to {MAX_STEP} rad")]
+"""Angle of the steps in which gravity rotates [rad]."""
+
+
 @validated
 @dataclass(frozen=True)
 class RotatingGravity:
@@ -41,9 +45,7 @@ class RotatingGravity:
 
     start: tuple[float, float]
     rate: float = field(kw_only=True)
-    step: Annotated[float, Number(LEAST, MAX_STEP, f"an angle above 0 and up to {MAX_STEP} rad")] = field(
-        default=DEFAULT_STEP, kw_only=True
-    )
+    step: Step = field(default=DEFAULT_STEP, kw_only=True)
 
     def __post_init__(self) -> None:
         if not any(self.start):

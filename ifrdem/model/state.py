@@ -18,7 +18,7 @@ from ..mpi import SERIAL, current
 from ..mpi.distribution import broadcast_constant_rows
 from ..quantities import FRAME
 from ..tools import checked
-from ..tools.checked import Array, Integer, Numbers, validated
+from ..tools.checked import LEAST, Array, Integer, Numbers, PositivePerDisk, check_of, validated
 from ..tools.not_recorded import NotRecorded
 from ..tools.notebook import NotebookRepr
 from ..tools.read_only import ReadOnlyAttributes
@@ -26,13 +26,10 @@ from ..tools.reprs import Brief
 from .density import disk_area
 
 NumberOfDisks = Annotated[int, Integer(0, MOST_IDS)]
-_TINY, _HUGE = np.finfo(np.float64).smallest_subnormal, np.finfo(np.float64).max
+_Sizes = Annotated[NDArray[np.float64], check_of(PositivePerDisk)]
 _Masses = Annotated[
     NDArray[np.float64],
-    Numbers(("n",), float(_TINY), math.inf, "a positive number, or inf for an immovable disk", scalar=True),
-]
-_Sizes = Annotated[
-    NDArray[np.float64], Numbers(("n",), float(_TINY), float(_HUGE), "a positive finite number", scalar=True)
+    Numbers(("n",), LEAST, math.inf, f"positive, from {LEAST:g}, or inf for an immovable disk", scalar=True),
 ]
 
 

@@ -41,7 +41,7 @@ from ..model.laws.ifr import IFRLaw
 from ..tools.checked import MOST, Array, Fraction, NonNegative, Packed, Positive, validated
 from .collisions import ClosedLaw, KineticLaw, collision_rate, is_smooth
 from .contact import compressibility, contact_value
-from .cooling_gas import changes_per_collision
+from .cooling_gas import changes
 from .sheared_gas import relaxation, stress_factors
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
@@ -117,7 +117,7 @@ def shear_viscosity(
 
 def _losses(law: ClosedLaw, k: float, theta: float) -> tuple[float, float]:
     """Rates z and l."""
-    z = -float(changes_per_collision(theta, law, k)[0])
+    z = -float(changes(theta, law, k)[0])
     ell = relaxation(theta, law, k)
     if z >= 2.0 * ell:
         raise InputError(f"e_n = {law.e_n}: velocities of this gas cool faster than they become isotropic")
@@ -212,7 +212,7 @@ def clustering_length(e_n: Fraction, radius: Positive, packing_fraction: Packed)
     >>> round(theory.clustering_length(0.9, 0.5, 0.2), 2)
     70.72
     """
-    z = -float(changes_per_collision(0.0, IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), 2.0)[0])
+    z = -float(changes(0.0, IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), 2.0)[0])
     if z == 0.0:
         return math.inf
     step = 1e-4
@@ -256,7 +256,7 @@ class _CoolingPath(NamedTuple):
             theta = min(
                 max(theta, 0.0), MOST
             )  # of smooth disks it grows without end, and nothing depends on it
-            translation, rotation = (float(one) for one in changes_per_collision(theta, law, k))
+            translation, rotation = (float(one) for one in changes(theta, law, k))
             eta = shear_viscosity(packing_fraction, 1.0, 1.0, 1.0, law=law, k=k, theta=theta)
             return -translation, rotation - theta * translation, per_eta * eta, math.exp(0.5 * lost)
 

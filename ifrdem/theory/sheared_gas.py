@@ -47,7 +47,7 @@ from ..errors import InputError, TheoryError, TheoryWarning
 from ..tools.checked import Array, NonNegative, NonNegativeColumn, Positive, Real, validated
 from .collisions import ClosedLaw, KineticLaw, collision_rate, is_smooth, slip_coefficients
 from .contact import PackingFraction, contact_value
-from .cooling_gas import changes_per_collision, checked_times, integrated
+from .cooling_gas import changes, checked_times, integrated
 
 LEAST_E_N = 0.65
 MOST_PACKING = 0.5
@@ -252,7 +252,7 @@ def steady_state(
     theta = 0.0 if smooth else _steady_theta(law, k)
     if theta is None:
         return None
-    z = -float(changes_per_collision(np.asarray(theta), law, k)[0])
+    z = -float(changes(np.asarray(theta), law, k)[0])
     ell = relaxation(theta, law, k)
     if not 0.0 < z < ell:
         return None
@@ -286,7 +286,7 @@ def _steady_theta(law: ClosedLaw, k: float) -> float | None:
     from scipy.optimize import brentq
 
     def rotation(log_theta: float) -> float:
-        return float(changes_per_collision(np.asarray(math.exp(log_theta)), law, k)[1])
+        return float(changes(np.asarray(math.exp(log_theta)), law, k)[1])
 
     low, high = -30.0, math.log(1e6)
     if rotation(low) <= 0.0 or rotation(high) >= 0.0:

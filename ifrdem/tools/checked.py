@@ -1,10 +1,15 @@
-"""Checks of users' arguments by type and range, with errors that name the argument.
+"""Checks of users' numbers and other values by type and range, with errors that name the argument, key or option.
 
 `validated` checks the arguments of a public function or class by its annotations, once for all of them: `Positive`,
 `Fraction`, `Vectors` and others below, classes, `Literal`, `bool`, `X | None`. Functions get float, int or float64
-arrays; float64 arrays are not copied. Three numbers cost 1.6 us a call, an array of 100 numbers 9 us. (pydantic's
-`validate_call`, measured in the same minutes: 1.2 and 13 us; it takes "0.5" and True for numbers, wraps generators, and
-its errors are long.)
+arrays; float64 arrays are not copied. The same types are those of keys of cases (`ifrdem.case`), where pydantic calls
+their checks (`Keyed`), and of options of commands (`ifrdem.cli.options.option`): a value out of range gets the same
+sentence from all three.
+
+Three numbers cost 1.6 us a call of a function that is `validated`, 1.4 us by pydantic's `validate_call` with these
+checks, and 0.5 us with pydantic's own strict types. Those refuse "0.5" and True too, but they refuse whole numbers that
+users have (`np.int32(3)`, `np.int64(3)`, 3.0, an array without axes), take `np.True_`, `Decimal` and masked arrays for
+numbers, know no arrays of numbers with a shape, and their messages do not say the whole range.
 """
 
 from __future__ import annotations
@@ -17,20 +22,57 @@ import itertools
 import math
 import os
 import re
-import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from numbers import Real as RealNumber
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol, TypeVar, Union
+from typing import Annotated, Any, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest, shortened, there_are
+from ..errors import InputError, there_are
 from ..mpi import Communicator, current
+from .values import (  # noqa: F401  (the types of numbers have one place for all who check arguments)
+    E_N,
+    E_T,
+    FINITE,
+    FRACTION,
+    LEAST,
+    MOST,
+    MU,
+    NON_NEGATIVE,
+    PART,
+    POSITIVE,
+    RATIO,
+    Check,
+    Choice,
+    Count,
+    Fraction,
+    Friction,
+    Integer,
+    Keyed,
+    Natural,
+    NonNegative,
+    NormalRestitution,
+    Number,
+    Packed,
+    Part,
+    Positive,
+    Ratio,
+    Real,
+    Seed,
+    TangentialRestitution,
+    Whole,
+    check_in,
+    is_integer,
+    is_masked,
+    is_number,
+    must_be,
+    number_of,
+    whole_of,
+)  # fmt: skip
 
 Array = NDArray[np.float64]
 """An array of float64."""
@@ -38,97 +80,6 @@ Array = NDArray[np.float64]
 
 MOST_OF_PATH, MOST_OF_NAME = 4095, 255
 """Bytes of a path, and of the name of a file or folder, at most: on Linux, in nearly all file systems."""
-LEAST, MOST = 1e-100, 1e100
-"""Smallest and largest size of a number, other than 0, with whose squares and quotients can be computed."""
-
-
-def must_be(name: str, value: object, needed: str) -> InputError:
-    """The error of an argument that is not what is needed."""
-    is_array = isinstance(value, np.ndarray) and value.ndim > 0
-    shown = f"array of shape {value.shape}" if is_array else shortened(value)  # type: ignore[attr-defined]
-    return InputError(f"{name} = {shown}: must be {needed}")
-
-
-class Check(Protocol):
-    """A check of one argument."""
-
-    @property
-    def needed(self) -> str:
-        """Needed type and range, in words behind "must be"."""
-
-    def __call__(self, name: str, value: Any) -> Any:
-        """The value as the function needs it; InputError if it is something else."""
-
-
-def is_masked(value: Any) -> bool:
-    """True if a value is a masked array. `numpy.ma` is not imported for lists and plain arrays."""
-    derived = isinstance(value, np.ndarray) and type(value) is not np.ndarray
-    return derived and np.ma.isMaskedArray(value)
-
-
-def _number_in(value: Any) -> Any:
-    """The number in an array without axes or of a type of NumPy, as one of Python; anything else unchanged.
-
-    NumPy rounds bounds to the type of its own numbers: 1e100 is infinite as a float32.
-    """
-    if isinstance(value, np.ndarray) and value.shape == () and not is_masked(value):
-        value = value[()]
-    if isinstance(value, np.floating):
-        return float(value)
-    if isinstance(value, np.integer) and not isinstance(value, np.timedelta64):
-        return int(value)
-    return value
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, RealNumber) and not isinstance(value, bool | np.bool_ | np.timedelta64)
-
-
-@dataclass(frozen=True)
-class Number:
-    """Check of a real number from `low` to `high`, or 0 where `zero`, or NaN where `gaps`; it passes as a float."""
-
-    low: float
-    high: float
-    needed: str
-    zero: bool = False
-    gaps: bool = False
-
-    def __call__(self, name: str, value: Any) -> float:
-        if type(value) is float and self.low <= value <= self.high:
-            return value
-        number = _number_in(value)
-        if not (
-            _is_number(number)
-            and (
-                self.low <= number <= self.high
-                or (self.zero and number == 0)
-                or (self.gaps and number != number)
-            )
-        ):
-            raise must_be(name, value, self.needed)
-        try:
-            return float(number)
-        except OverflowError:  # a whole number below infinity
-            raise must_be(name, value, self.needed) from None
-
-
-@dataclass(frozen=True)
-class Integer:
-    """Check of a whole number from `low` to `high`, which passes as an int; 3.0 is one."""
-
-    low: int
-    high: int = 2**31 - 1
-
-    @property
-    def needed(self) -> str:
-        return "an integer" if self.low <= -(2**63) else f"an integer from {self.low} to {self.high}"
-
-    def __call__(self, name: str, value: Any) -> int:
-        number = _number_in(value)
-        if not (_is_number(number) and self.low <= number <= self.high and number == int(number)):
-            raise must_be(name, value, self.needed)
-        return int(number)
 
 
 @dataclass(frozen=True)
@@ -259,25 +210,11 @@ _NAMES: dict[type, str] = {str: "text", os.PathLike: "path", Callable: "function
 
 
 @dataclass(frozen=True)
-class Choice:
-    """Check of a text that is one of those allowed."""
-
-    allowed: tuple[Any, ...]
-
-    @property
-    def needed(self) -> str:
-        return f"one of {', '.join(map(repr, self.allowed))}"
-
-    def __call__(self, name: str, value: Any) -> Any:
-        if not isinstance(value, str) or value not in self.allowed:
-            spelling = nearest(value, self.allowed) if isinstance(value, str) else ""
-            raise must_be(name, value, f"{self.needed}{spelling}")
-        return value
-
-
-@dataclass(frozen=True)
 class Each:
-    """Check of a sequence (of `length` if given), or of any iterable if `what` is another name; gives a tuple."""
+    """Check of a sequence (of `length` if given), or of any iterable if `what` is another name; gives a tuple.
+
+    A key of a case that has it as its type is a list of values that `one` checks.
+    """
 
     one: Check | None
     what: str = "sequence"
@@ -302,6 +239,13 @@ class Each:
         if self.length is not None and len(found) != self.length:
             raise must_be(name, value, self.needed)
         return tuple(self.one(f"{name}[{i}]", each) for i, each in enumerate(found)) if self.one else found
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        assert isinstance(self.one, Keyed)
+        one = self.one.__get_pydantic_core_schema__(source, handler)
+        return core_schema.list_schema(one, min_length=self.length, max_length=self.length, strict=True)
 
 
 @dataclass(frozen=True)
@@ -358,13 +302,12 @@ class Optional:
         return None if value is None else self.one(name, value)
 
 
-_LARGEST = sys.float_info.max
-FINITE = Number(-_LARGEST, _LARGEST, "a finite number")
-POSITIVE = Number(math.ulp(0.0), _LARGEST, "a positive finite number")
-NON_NEGATIVE = Number(0.0, _LARGEST, "a finite number, 0 or more")
 PAIR = Each(FINITE, "sequence", 2)
 NUMBERS = Numbers(low=-math.inf, high=math.inf, each="a number", gaps=True)
-"""Checks that functions call by themselves; of NUMBERS infinities and NaN pass."""
+"""Checks that functions call by themselves, and those of the types below; of NUMBERS infinities and NaN pass.
+
+E_N, E_T and MU are of the coefficients of laws: normal and tangential restitution, and friction.
+"""
 
 
 def integer(name: str, value: Any, low: int, high: int = 2**63 - 1) -> int:
@@ -421,16 +364,8 @@ def integers(
     return np.ascontiguousarray(np.broadcast_to(found, shape), dtype=np.int32)
 
 
-Real = Annotated[float, Number(-MOST, MOST, f"a finite number, at most {MOST:g} in size")]
-Positive = Annotated[float, Number(LEAST, MOST, f"a positive number from {LEAST:g} to {MOST:g}")]
-NonNegative = Annotated[float, Number(LEAST, MOST, f"0, or a number from {LEAST:g} to {MOST:g}", zero=True)]
-Fraction = Annotated[float, Number(0.0, 1.0, "a number from 0 to 1")]
-Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
-Count = Annotated[int, Integer(1)]
-Seed = Annotated[int, Integer(0, 2**64 - 1)]
-"""Numbers as public functions need them; `Packed` is a packing fraction."""
-
-
+Pair = Annotated[tuple[float, float], PAIR]
+"""A vector."""
 Comm = Annotated[Any, lambda _name, value: Communicator.of(value)]
 """Ranks of MPI, or None."""
 
@@ -475,8 +410,8 @@ def check_of(annotation: Any) -> Check | None:
     """The check for an annotation; None if any value is allowed."""
     if annotation is Any or isinstance(annotation, TypeVar):
         return None
-    if typing.get_origin(annotation) is Annotated:
-        return next(one for one in annotation.__metadata__ if callable(one))
+    if (named := check_in(annotation)) is not None:
+        return named
     for simple, check in _SIMPLE.items():
         if annotation == simple:
             return check
@@ -485,8 +420,6 @@ def check_of(annotation: Any) -> Check | None:
         alias := origin or annotation, "__value__"
     ):  # `type NDArray = ...` of NumPy 2.5, with Python 3.12
         return check_of(alias.__value__[parts] if parts else alias.__value__)
-    if origin is Literal:
-        return Choice(parts)
     if origin in (Union, types.UnionType):
         some = [check_of(part) for part in parts if part is not type(None)]
         if None in some:

@@ -83,11 +83,15 @@ def test_the_case_is_in_order() -> None:
             "must have exactly one of power, diffusion; given: none",
         ),
         (["force[0].diffusion=1.0"], "force[0]", "given: power, diffusion"),
-        (["force[0].power=0"], "force[0].power = 0", "greater than 0"),
-        (["force[0].step=-1.0"], "force[0].step = -1.0", "greater than 0"),
+        (["force[0].power=0"], "force[0].power = 0", "must be a positive number from 1e-50 to 1e"),
+        (["force[0].step=-1.0"], "force[0].step = -1.0", "must be a positive number from 1e-50 to 1e"),
         (["force[0].step="], "force[0]", "exactly one of step, rate; given: none"),
         (["force[0].rate=1.0"], "force[0]", "exactly one of step, rate; given: step, rate"),
-        (["force[0].step=", "force[0].rate=0.0"], "force[0].rate = 0", "greater than 0"),
+        (
+            ["force[0].step=", "force[0].rate=0.0"],
+            "force[0].rate = 0",
+            "must be a positive number from 1e-50 to 1e",
+        ),
         (
             ["force[0].quadratic=1.0"],
             "force[0].quadratic = 1",
@@ -116,7 +120,7 @@ def test_the_case_is_in_order() -> None:
         (
             ["force[0].kind=rescale", "force[0].power=", "force[0].temperature=0.0"],
             "force[0]",
-            "temperature = 0.0: must be greater than 0",
+            "temperature = 0.0: must be a positive number from 1e-50 to 1e",
         ),
     ],
 )

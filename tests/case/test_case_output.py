@@ -109,12 +109,15 @@ def test_any_of_the_keys_of_histories_stores_them(folder):
         (("series_spacing=log",), "series, the number of rows, is missing"),
         (("log_from=0.1",), "log_from requires"),
         (("frames_interval=0.0",), "output.frames_interval = 0"),
-        (("frames_interval=1e-300",), "frames_interval = 1e-300: must be of a magnitude from 1e-50 to 1e+50"),
+        (
+            ("frames_interval=1e-300",),
+            "frames_interval = 1e-300: must be a positive number from 1e-50 to 1e+50",
+        ),
         (
             ("series_collisions=1e-300",),
-            "series_collisions = 1e-300: must be at least 1e-50 in size",
+            "series_collisions = 1e-300: must be a positive number from 1e-50 to 1e+50",
         ),
-        (("frames=1000000000000",), "output.frames = 1000000000000: must be less than or equal to 10000000"),
+        (("frames=1000000000000",), "output.frames = 1000000000000: must be an integer from 1 to 10000000"),
         (("histories=[]",), "output.histories = []: must have at least 1 entry, none given"),
         (
             ("histories_region=[1.0]",),

@@ -192,7 +192,7 @@ def test_a_law_goes_to_other_processes_with_its_text(case: Path) -> None:
         (['material[0].mu="much"'], 'material[0].mu = "much": must be a finite number'),
         (['material[0].law="laws/mylaw.py:Speed"'], "no law 'Speed' in "),
         (['material[0].law="laws/my.py:Speed"'], 'law = "laws/my.py:Speed": there is no file '),
-        (['material[0].law="laws/mylaw.py"'], "material[0].law = \"laws/mylaw.py\": must be 'ifr', 'walton',"),
+        (['material[0].law="laws/mylaw.py"'], "material[0].law = \"laws/mylaw.py\": must be one of 'ifr', 'walton',"),
         (
             ['material[0].law="laws/mylaw.py:Named"', "material[0].c=", "material[0].e_t=", "material[0].mu="],
             "name cannot be a coefficient: it is a key of [[material]]",

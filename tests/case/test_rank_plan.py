@@ -235,7 +235,7 @@ def test_kinds_of_a_case_have_the_sums_of_its_disks(monkeypatch: pytest.MonkeyPa
     [
         (
             ["species[0].number=5000000000"],
-            "species[0].number = 5000000000: must be less than or equal to 4294967295",
+            "species[0].number = 5000000000: must be an integer from 1 to 4294967295",
         ),
         (
             ["species[0].number=4294967295"],

@@ -81,7 +81,10 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "number for a kind of turn": (lambda: Turn(1), "kind = 1: must be one of 'still', 'steady', 'sine'"),
     "number for points": (lambda: Wall.polygon(5), r"points = array\(5\.\): must be a sequence"),
     "number for a shape": (lambda: Wall(3, (0, 0)), "shape = 3: must be one of"),
-    "huge radius": (lambda: Wall.post((0, 0), 1e200), r"radius = 1e\+200: must be a number from 0 to 1e\+50"),
+    "huge radius": (
+        lambda: Wall.post((0, 0), 1e200),
+        r"radius = 1e\+200: must be 0, or a number from 1e-50 to 1e\+50: choose other units",
+    ),
     "huge place": (lambda: Wall.line((0, 1e300), (0, 1)), r"point\[1\] = 1e\+300: must be a finite"),
     "text for a speed": (lambda: Motion("steady", speed="fast"), "speed = 'fast'"),
     "mu beyond numbers": (lambda: IFRLaw(e_n=0.9, e_t=-0.5, mu=1e300), "mu = 1e"),
@@ -145,7 +148,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "number for trajectories": (lambda: concat(5), "trajectories = 5: must be a list of trajectories or files"),
     "one file for trajectories": (lambda: concat("a.h5"), r"trajectories = 'a\.h5': must be a list"),
     "k of disks beyond numbers": (
-        lambda: Simulation(Disks(3, 1.0, 0.5, k=1e300), gases_of_three()[1], LAW, state_of_three()), "k_i = 1e",
+        lambda: Simulation(Disks(3, 1.0, 0.5, k=1e300), gases_of_three()[1], LAW, state_of_three()), "k = 1e",
     ),
     "complex velocity": (lambda: DSMC(Disks(2, 1.0, 0.5), LAW, 0.1, np.ones((2, 2)) * 1j), r"velocity = .*not complex"),
     "parameter that is none": (lambda: forces.Drag(0.1, rate="much"), "rate = 'much'"),

@@ -267,7 +267,7 @@ def test_every_fixed_ratio_is_found_and_stable_ones_are_marked(mu: float, expect
     np.testing.assert_allclose([one.theta for one in found], theta[where], rtol=2.4e-4)  # a step of theta
     for ratio, start in ((found[0], 0.0), (found[-1], 1e6)):
         assert cooling_ratio(law, 2.0, start) == ratio.theta
-        T, T_rot, _ = cooling(law, 1.0, 0.5, 2.0, 0.2, 1.0, start, [1e60])
+        T, T_rot, _ = cooling(law, 1.0, 0.5, 2.0, 0.2, 1.0, start, [1e50])
         assert T_rot[0] / T[0] == pytest.approx(ratio.theta, rel=1e-6)
     if len(found) == 3:
         middle = found[1].theta
@@ -278,7 +278,7 @@ def test_every_fixed_ratio_is_found_and_stable_ones_are_marked(mu: float, expect
 def test_cooling_is_followed_for_as_long_as_numbers_last() -> None:
     """Haff's law of smooth disks, t_H / t squared; elastic ones keep the initial collision rate."""
     rate = collision_rate(0.2, 1.0, 1.0, 0.5)
-    times = [1e3, 1e50, 1e100]
+    times = [1e3, 1e25, 1e50]
     T, _, collisions = cooling(SMOOTH, 1.0, 0.5, 2.0, 0.2, 1.0, 0.0, times)
     np.testing.assert_allclose(T, haff(1.0, SMOOTH.e_n, rate, times), rtol=1e-6)
     expected = 4.0 / (1.0 - SMOOTH.e_n**2) * np.log1p(np.array(times) / haff_time(SMOOTH.e_n, rate))
@@ -452,22 +452,22 @@ def test_theory_takes_equal_times_and_gives_equal_rows() -> None:
 
 
 def test_courses_that_do_not_end_are_refused() -> None:
-    """Of temperatures 99 decades apart the integration of a mixture took no end of steps."""
+    """Of temperatures 49 decades apart the integration of a mixture took no end of steps."""
     mixture = theory.Mixture([1.0, 4.0], [0.5, 1.0], IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), 0.2)
     with pytest.raises(TheoryError, match="more than 10000 steps"):
-        theory.mixture_cooling(mixture, 1e99, 0.5, [0.0, 1.0])
-    with pytest.raises(InputError, match=r"k = 1e\+99: must be at most 1e50"):
+        theory.mixture_cooling(mixture, 1e49, 0.5, [0.0, 1.0])
+    with pytest.raises(InputError, match=r"k = 1e\+99: must be a positive number from 1e-50 to 1e\+50"):
         theory.cooling_ratios(IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2), 1e99)
     with pytest.raises(InputError, match=r"box = 50 x 50: has some 2.7e\+06 waves"):
         theory.shear_mode_time(IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), 1.0, 1e-3, 0.2, (50.0, 50.0), 1.0)
 
 
 def test_shear_modes_do_not_depend_on_the_unit_of_length() -> None:
-    """With absolute tolerances in units of length, disks of 1e99 took no end; lengths scale out."""
+    """With absolute tolerances in units of length, disks of 1e45 took no end; lengths scale out."""
     law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
     tau = [
         theory.shear_mode_time(law, 1.0, 0.5 * unit, 0.2, (100.0 * unit,) * 2, 1.0).collisions_per_disk
-        for unit in (1.0, 2.0**200)
+        for unit in (1.0, 2.0**150)
     ]
     assert tau[0] == pytest.approx(tau[1], rel=1e-6)  # of the integration, 1e-9 of each quantity
 

@@ -114,9 +114,10 @@ def made(
     wrong += [(key, f"missing: must be a finite number; {there}") for key in names if key not in values]
     for key in names:
         try:
-            checked.FINITE("", values.get(key, 0.0))
-        except InputError:
-            wrong.append((key, "must be a finite number"))
+            if key in values:
+                kind.ranges.get(key, checked.FINITE)("", values[key])
+        except InputError as error:
+            wrong.append((key, error.reason))
     if wrong:
         return None, wrong
     try:

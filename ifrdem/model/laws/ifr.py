@@ -7,7 +7,6 @@ itself is `ifrdem.kernels.laws.law.collide_pair`.
 from __future__ import annotations
 
 import math
-import sys
 import warnings
 from dataclasses import MISSING, dataclass, field, fields
 from enum import IntEnum
@@ -17,8 +16,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...errors import InputError, outside_level
-from ...tools import checked
-from ...tools.checked import Array, Number, validated
+from ...tools.checked import (
+    LEAST,
+    Array,
+    Friction,
+    NonNegative,
+    NormalRestitution,
+    Number,
+    Ratio,
+    TangentialRestitution,
+    validated,
+)
 from ..custom_code import FromKernels
 from .law import CollisionLaw, EnergyWarning
 
@@ -27,20 +35,6 @@ STICKING = ("percussion_center", "contact_point")
 # Two sides of an inequality of admissibility that agree to this are equal: what rounding leaves of values
 # that are chosen on the boundary. A collision can gain 1e-12 of its energy by it, no more than rounding does.
 _ROUND_OFF = 1e-12
-
-# Of k and of mu: powers of both are multiplied.
-_MOST = 1e50
-
-_SHAPE = Number(math.ulp(0.0), _MOST, f"a positive number, at most {_MOST:g}")
-_RANGES = {
-    "e_n": Number(0.0, 1.0, "a number from 0 to 1 (normal restitution; above 1 collisions would add energy)"),
-    "e_t": Number(
-        -1.0, 1.0, "a number from -1 to 1 (tangential restitution; beyond, collisions would add energy)"
-    ),
-    "mu": Number(0.0, _MOST, f"a number from 0 to {_MOST:g} (friction)"),
-    "rho": Number(0.0, sys.float_info.max, "a finite number, 0 or more (rolling friction [length])"),
-    "k": _SHAPE,
-}
 
 
 class Regime(IntEnum):
@@ -80,7 +74,7 @@ class Admissibility(NamedTuple):
     """The reason, with the inequality that decides and its numbers."""
 
 
-_Mass = Annotated[float, Number(float(np.finfo(float).tiny), math.inf, "a positive number, or inf")]
+_Mass = Annotated[float, Number(LEAST, math.inf, f"a positive number from {LEAST:g}, or inf")]
 
 
 @validated
@@ -145,30 +139,26 @@ class IFRLaw(CollisionLaw):
     collide = FromKernels("laws.law", "ifr")
     parts = FromKernels("laws.law", "ifr_parts")
 
-    e_n: float
-    e_t: float
-    mu: float
+    e_n: NormalRestitution
+    e_t: TangentialRestitution
+    mu: Friction
     sticking: Literal["percussion_center", "contact_point"] = "percussion_center"
-    rho: float = 0.0
-    k: float = field(default=2.0, compare=False)
+    rho: NonNegative = 0.0
+    k: Ratio = field(default=2.0, compare=False)
 
     def __post_init__(self) -> None:
-        for name, check in _RANGES.items():
-            object.__setattr__(self, name, check(name, getattr(self, name)))
-        checked.choice("sticking", self.sticking, STICKING)
         verdict = self._admissibility(self.k)  # kbar = k for a like pair, whatever the masses
         if not verdict.admissible:
             raise InputError(f"{verdict.message}; for disks of another shape pass their k")
         self._act_on(verdict)
 
     @validated
-    def admissibility(self, k_i: float, k_j: float, m_i: _Mass = 1.0, m_j: _Mass = 1.0) -> Admissibility:
+    def admissibility(self, k_i: Ratio, k_j: Ratio, m_i: _Mass = 1.0, m_j: _Mass = 1.0) -> Admissibility:
         """Verdict on collisions of disks with shape numbers k_i, k_j and masses m_i, m_j.
 
         Masses, in any one unit, matter only where the k differ; one of them may be infinite, a wall. InputError if a k
         is not positive and finite, a mass is not positive, or both masses are infinite.
         """
-        k_i, k_j = _SHAPE("k_i", k_i), _SHAPE("k_j", k_j)
         if not (m_i > 0.0 and m_j > 0.0) or (math.isinf(m_i) and math.isinf(m_j)):
             raise InputError(
                 f"m_i = {m_i}, m_j = {m_j}: must be positive masses, at most one of them infinite"
@@ -176,7 +166,7 @@ class IFRLaw(CollisionLaw):
         return self._admissibility(float(mean_k(k_i, k_j, m_i, m_j)))
 
     @validated
-    def check(self, k_i: float, k_j: float, m_i: _Mass = 1.0, m_j: _Mass = 1.0) -> None:
+    def check(self, k_i: Ratio, k_j: Ratio, m_i: _Mass = 1.0, m_j: _Mass = 1.0) -> None:
         """Refuse the law, or warn, for collisions of disks with these k and masses; see `admissibility`.
 
         InputError if a collision of such a pair can add energy. EnergyWarning if only the loss along the line of
@@ -253,7 +243,7 @@ class IFRLaw(CollisionLaw):
         return f"With {' or '.join(remedies)} it would not"
 
 
-def smooth_disks(e_n: float) -> IFRLaw:
+def smooth_disks(e_n: NormalRestitution) -> IFRLaw:
     """The law of smooth disks: normal restitution only, which is the IFR law with e_t = -1 and mu = 0.
 
     Examples
@@ -265,11 +255,8 @@ def smooth_disks(e_n: float) -> IFRLaw:
     return IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
 
 
-_Beta = Annotated[float, Number(-1.0, 1.0, "a number from -1 (smooth) to 1 (perfectly rough)")]
-
-
 @validated
-def rough_disks(e_n: float, beta: _Beta) -> IFRLaw:
+def rough_disks(e_n: NormalRestitution, beta: TangentialRestitution) -> IFRLaw:
     """The law of rough disks of constant normal and tangential restitution: the IFR law with e_t = beta and mu = 0.
 
     J. T. Jenkins and M. W. Richman, Phys. Fluids 28, 3485 (1985), doi:10.1063/1.865302.

@@ -48,7 +48,7 @@ class CollisionLaw(ReadOnlyAttributes):
     coefficients : tuple of str
         Names of the law's coefficients, by which `collide` gets them.
     ranges : mapping
-        Checks of coefficients by name (`Number(low, high, text)`), beyond that they are finite.
+        Checks of coefficients by name (`Number(low, high, text)`); of others, that they are finite.
     is_proved : bool
         True if `check` proves that no collision adds energy; simulations sample other laws.
 
@@ -85,9 +85,7 @@ class CollisionLaw(ReadOnlyAttributes):
         cls.assignable = declared_names(cls, CollisionLaw)
 
     def __init__(self, **values: float) -> None:
-        row = named_numbers(type(self).__name__, "coefficient", self.coefficients, values)
-        for name, in_range in self.ranges.items():
-            in_range(f"{type(self).__name__}: {name}", row[name])
+        row = named_numbers(type(self).__name__, "coefficient", self.coefficients, values, self.ranges)
         self._row = tuple(row.values())
 
     def __reduce_ex__(self, protocol: Any) -> str | tuple[Any, ...]:

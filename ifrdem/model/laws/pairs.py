@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, shortened
-from ...tools.checked import Array
+from ...tools.checked import MOST, Array
 from ..state import Disks
 from .law import CollisionLaw
 from .sampling import check_by_sampling
@@ -18,7 +18,7 @@ from .sampling import check_by_sampling
 Laws = list[list[CollisionLaw]]
 MEAN_APPROACH = math.sqrt(0.5 * math.pi)
 """Mean of g_n over collisions of equal disks in a Maxwellian gas, per rms speed."""
-MOST_COEFFICIENT = {"f32": 1e30, "f64": 1e100}
+MOST_COEFFICIENT = {"f32": 1e30, "f64": MOST}
 """Largest coefficient of a law: products of it with impulses and masses are formed."""
 
 

@@ -17,7 +17,6 @@ from ..custom_code import FromKernels
 from .ifr import STICKING, IFRLaw
 from .law import CollisionLaw
 
-_POSITIVE = (1e-100, 1e100)
 LEAST_E_N = 0.05
 """Least e_n of typical impacts: the approximant is 15 % too high there, and more further down."""
 
@@ -62,8 +61,7 @@ class Viscoelastic(CollisionLaw):
 
     coefficients: ClassVar[tuple[str, ...]] = ("A", "Y", "e_t", "mu", "contact_point", "rho")
     ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({
-        "A": Number(*_POSITIVE, "0, or a number from 1e-100 to 1e100 (dissipative time)", zero=True),
-        "Y": Number(*_POSITIVE, "a number from 1e-100 to 1e100 (elastic modulus)"),
+        "A": checked.NON_NEGATIVE, "Y": checked.POSITIVE,
     })  # fmt: skip
     is_proved: ClassVar[bool] = True
     collide = FromKernels("laws.other_laws", "viscoelastic")

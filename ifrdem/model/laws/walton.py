@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import ClassVar
 
+from ...tools import checked
 from ...tools.checked import Number
 from ..custom_code import FromKernels
 from .law import CollisionLaw
@@ -46,9 +47,7 @@ class Walton(CollisionLaw):
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "beta_0", "mu")
     ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({
-        "e_n": Number(0.0, 1.0, "a number from 0 to 1"),
-        "beta_0": Number(-1.0, 1.0, "a number from -1 to 1 (beyond, collisions would add energy)"),
-        "mu": Number(0.0, 1e50, "a number from 0 to 1e50"),
+        "e_n": checked.E_N, "beta_0": checked.E_T, "mu": checked.MU,
     })  # fmt: skip
     is_proved: ClassVar[bool] = True
     collide = FromKernels("laws.other_laws", "walton")

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 from ...errors import InputError
-from ...tools.checked import Number, validated
-from .outlines import MOST
+from ...tools.checked import NonNegative, Pair, Part, Positive, Real, validated
 from .shapes import FULL_TURN
-
-Length = Annotated[float, Number(-MOST, MOST, f"a finite number, at most {MOST:g} in size")]
-Size = Annotated[float, Number(0.0, MOST, f"a number from 0 to {MOST:g}")]
-Positive = Annotated[float, Number(1e-300, MOST, f"a positive number, at most {MOST:g}")]
-Point = tuple[Length, Length]
 
 
 @validated
@@ -45,12 +39,12 @@ class Motion:
     """
 
     kind: Literal["still", "steady", "sine", "sawtooth"] = "still"
-    direction: Point = (0.0, 1.0)
-    speed: Length = 0.0
-    amplitude: Size = 0.0
-    frequency: Size = 0.0
-    phase: Length = 0.0
-    rise: Annotated[float, Number(1e-15, 1.0 - 1e-15, "a number between 0 and 1")] = 0.5
+    direction: Pair = (0.0, 1.0)
+    speed: Real = 0.0
+    amplitude: NonNegative = 0.0
+    frequency: NonNegative = 0.0
+    phase: Real = 0.0
+    rise: Part = 0.5
 
     def __post_init__(self) -> None:
         x, y = self.direction
@@ -78,7 +72,7 @@ class Motion:
         return math.inf if self.kind == "steady" and self.speed != 0.0 else self.amplitude
 
     @validated
-    def displacement(self, t: Length) -> float:
+    def displacement(self, t: Real) -> float:
         """s(t) [length]."""
         if self.kind == "steady":
             return self.speed * t
@@ -119,11 +113,11 @@ class Turn:
     """
 
     kind: Literal["still", "steady", "sine"] = "still"
-    center: Point = (0.0, 0.0)
-    rate: Length = 0.0
-    amplitude: Size = 0.0
-    frequency: Size = 0.0
-    phase: Length = 0.0
+    center: Pair = (0.0, 0.0)
+    rate: Real = 0.0
+    amplitude: NonNegative = 0.0
+    frequency: NonNegative = 0.0
+    phase: Real = 0.0
 
     def __post_init__(self) -> None:
         if self.kind == "sine" and self.frequency == 0.0:
@@ -137,7 +131,7 @@ class Turn:
         return abs(self.rate) if self.kind == "steady" else 0.0
 
     @validated
-    def angle(self, t: Length) -> float:
+    def angle(self, t: Real) -> float:
         """Angle at a time [rad]."""
         if self.kind == "sine":
             return self.amplitude * math.sin(FULL_TURN * self.frequency * t + self.phase)
@@ -177,12 +171,12 @@ class Piston:
     """
 
     mass: Positive
-    force: Length = 0.0
-    spring: Size = 0.0
-    displacement: Length = 0.0
-    velocity: Length = 0.0
-    low: Length | None = None
-    high: Length | None = None
+    force: Real = 0.0
+    spring: NonNegative = 0.0
+    displacement: Real = 0.0
+    velocity: Real = 0.0
+    low: Real | None = None
+    high: Real | None = None
 
     def __post_init__(self) -> None:
         low, high = self.stops
@@ -195,12 +189,12 @@ class Piston:
             )
 
     @property
-    def stops(self) -> Point:
+    def stops(self) -> Pair:
         """The least and the largest displacement [length], infinite where there is no stop."""
         return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
 
     @validated
-    def energy(self, displacement: Length, velocity: Length, pull: Length = 0.0) -> float:
+    def energy(self, displacement: Real, velocity: Real, pull: Real = 0.0) -> float:
         """Kinetic and potential energy, 0 at rest at s = 0; `pull` is M g.n, the component of its weight [energy]."""
         s = displacement
         return 0.5 * self.mass * velocity**2 - (self.force + pull) * s + 0.5 * self.spring * s * s

@@ -33,8 +33,6 @@ TOLERANCE = 1e-4
 _FLAG = re.compile(r"[\s,]*([01])")
 _NUMBER = re.compile(r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _NUMBERS = {"M": 2, "L": 2, "H": 1, "V": 1, "Z": 0, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7}
-MOST = 1e50
-"""Largest number of a point: products of some of them overflow far above it."""
 FLAT = 1e-12
 """Area of a polygon over that of the square of its perimeter, below which it encloses nothing: rounding of the area."""
 AT_ONCE = 2_000_000
@@ -50,9 +48,6 @@ def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float
     if not isinstance(points, Sequence | np.ndarray) or isinstance(points, str):
         raise InputError(f"{name}, points = {shortened(points)}: must be a list of points [x, y]")
     found = [checked.PAIR(f"{name}, points[{i}]", point) for i, point in enumerate(points)]
-    for i, point in enumerate(found):
-        if max(map(abs, point)) > MOST:
-            raise InputError(f"{name}, points[{i}] = {point}: numbers up to {MOST:g} are allowed")
     if closed and len(found) > 1 and found[0] == found[-1]:
         del found[-1]
     least = 3 if closed else 2

@@ -21,10 +21,10 @@ from ...kernels.columns import WALL, Named, named
 from ...kernels.layout import FAR
 from ...kernels.walls.kinds import FREE, MOTIONS, PIECES, TURNS
 from ...quantities import WALL_SERIES
-from ...tools.checked import Array, Integer, Numbers, validated
+from ...tools.checked import Array, Integer, NonNegative, Numbers, Pair, Positive, Real, validated
 from ..box import Box
 from . import outlines
-from .motion import Length, Motion, Piston, Point, Positive, Size, Turn
+from .motion import Motion, Piston, Turn
 from .shapes import FULL_TURN, SHAPES, Pieces, Shape
 
 SUMS = tuple(name.removeprefix("walls_") for name in WALL_SERIES)
@@ -83,15 +83,15 @@ class Wall:
     """
 
     shape: Literal["line", "segment", "container", "post", "arc", "polyline", "polygon"]
-    origin: Point
-    towards: Point = (0.0, 0.0)
+    origin: Pair
+    towards: Pair = (0.0, 0.0)
     """origin, towards: a point of a line and its unit normal towards the disks; the beginning of a segment and the
     vector to its end [length]; the centre of a circle [length]."""
-    radius: Size = 0.0
+    radius: NonNegative = 0.0
     """Of a circle or arc [length]."""
-    angles: Point = (0.0, FULL_TURN)
+    angles: Pair = (0.0, FULL_TURN)
     """Of an arc: where it begins and, counter-clockwise, where it ends [rad]."""
-    points: tuple[Point, ...] = ()
+    points: tuple[Pair, ...] = ()
     """Of a polyline or polygon [length]."""
     holds: Literal["both", "inside", "outside"] = "both"
     """Of a polygon: the side on which disks start, for placements and packing fractions; disks collide with both."""
@@ -99,16 +99,16 @@ class Wall:
     """Row of the law's table."""
     motion: Motion = _STILL
     turn: Turn = _UNTURNED
-    moves_from: Length | None = None
-    moves_until: Length | None = None
+    moves_from: Real | None = None
+    moves_until: Real | None = None
     """moves_from, moves_until: times between which the wall moves and rotates [time]; before and after, it stands
     where its motion begins and ends. With `moves_from`, t in the motion counts from it: a steady wall begins where it
     is given."""
-    opens_at: Length | None = None
+    opens_at: Real | None = None
     """A gate: the time from which on the wall is gone [time]."""
     opens_after: Annotated[int, Integer(0, 2**63 - 1)] | None = None
     """A gate: the number of collisions between disks, those before the start included, after which the wall is gone."""
-    surface_speed: Length = 0.0
+    surface_speed: Real = 0.0
     """Of the surface along its tangent [length/time]: a belt, the rim of a drum. Positive to the left of the normal
     that points to the disk, that is clockwise for a container and counter-clockwise for a post."""
     temperature: Positive | None = None
@@ -155,7 +155,7 @@ class Wall:
         return replace(self, piston=replace(self.piston, displacement=inside, velocity=velocity))
 
     @property
-    def normal_of_piston(self) -> Point:
+    def normal_of_piston(self) -> Pair:
         """Unit vector along which a piston moves: a line's normal, or to the left of a segment."""
         x, y = self.towards
         length = math.hypot(x, y)
@@ -168,33 +168,37 @@ class Wall:
 
     @classmethod
     @validated
-    def line(cls, point: Point, normal: Point, **options: Unpack[WallOptions]) -> Wall:
+    def line(cls, point: Pair, normal: Pair, **options: Unpack[WallOptions]) -> Wall:
         """An endless straight wall through `point`; disks are on the side to which `normal` points."""
         return cls("line", point, normal, **options)
 
     @classmethod
     @validated
-    def segment(cls, start: Point, end: Point, **options: Unpack[WallOptions]) -> Wall:
+    def segment(cls, start: Pair, end: Pair, **options: Unpack[WallOptions]) -> Wall:
         """A straight wall from `start` to `end`, without thickness; disks collide with both sides and the ends."""
         (x, y), (x_1, y_1) = start, end
         return cls("segment", (x, y), (x_1 - x, y_1 - y), **options)
 
     @classmethod
     @validated
-    def container(cls, center: Point, radius: Size, **options: Unpack[WallOptions]) -> Wall:
+    def container(cls, center: Pair, radius: NonNegative, **options: Unpack[WallOptions]) -> Wall:
         """A circular wall around the disks."""
         return cls("container", center, radius=radius, **options)
 
     @classmethod
     @validated
-    def post(cls, center: Point, radius: Size, **options: Unpack[WallOptions]) -> Wall:
+    def post(cls, center: Pair, radius: NonNegative, **options: Unpack[WallOptions]) -> Wall:
         """A round wall among the disks; radius 0 is a point."""
         return cls("post", center, radius=radius, **options)
 
     @classmethod
     @validated
     def arc(
-        cls, center: Point, radius: Size, angles: Point = (0.0, FULL_TURN), **options: Unpack[WallOptions]
+        cls,
+        center: Pair,
+        radius: NonNegative,
+        angles: Pair = (0.0, FULL_TURN),
+        **options: Unpack[WallOptions],
     ) -> Wall:
         """A part of a circle, without thickness, from the first of two angles [rad] counter-clockwise to the second.
 
@@ -206,7 +210,7 @@ class Wall:
     @validated
     def polyline(
         cls,
-        points: Sequence[Point] | Array | str | os.PathLike[str],
+        points: Sequence[Pair] | Array | str | os.PathLike[str],
         *,
         scale: Positive = 1.0,
         **options: Unpack[WallOptions],
@@ -223,7 +227,7 @@ class Wall:
     @validated
     def polygon(
         cls,
-        points: Sequence[Point] | Array | str | os.PathLike[str],
+        points: Sequence[Pair] | Array | str | os.PathLike[str],
         holds: Literal["both", "inside", "outside"] = "both",
         *,
         scale: Positive = 1.0,

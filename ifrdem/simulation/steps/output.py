@@ -8,8 +8,7 @@ from typing import Any, TypedDict, TypeVar, Unpack
 
 from ...errors import InputError, shortened
 from ...mpi import Communicator
-from ...tools import checked
-from .schedule import AT_END, MOST, FrameCallback, Progress, SeriesCallback, Trigger
+from .schedule import AT_END, OUTPUTS, FrameCallback, Progress, SeriesCallback, Trigger
 
 Called = TypeVar("Called")
 
@@ -80,7 +79,7 @@ class Output:
 def _trigger(name: str, given: int | Trigger) -> Trigger:
     if isinstance(given, Trigger):
         return given
-    return Trigger(number=checked.integer(name, given, 1, MOST))
+    return Trigger(number=OUTPUTS(name, given))
 
 
 def _functions(name: str, given: Iterable[Called]) -> tuple[Called, ...]:

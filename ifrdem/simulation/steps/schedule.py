@@ -59,10 +59,10 @@ def end_at(
         raise InputError("exactly one of t_end and collisions_per_disk must be given")
     if t_end is not None:
         needed = f"a finite time not before the present one, {begin.time}"
-        return RunPoint(time=checked.Number(begin.time, sys.float_info.max, needed)("t_end", t_end))
+        return RunPoint(time=checked.Number(begin.time, checked.MOST, needed)("t_end", t_end))
     assert collisions_per_disk is not None
-    had = f"a finite number, not below those already had, {2 * begin.collisions / max(n, 1):.6g}"
-    collisions_per_disk = replace(checked.FINITE, needed=had)("collisions_per_disk", collisions_per_disk)
+    had = f"a number up to {checked.MOST:g}, not below those already had, {2 * begin.collisions / max(n, 1):.6g}"
+    collisions_per_disk = replace(checked.MU, needed=had)("collisions_per_disk", collisions_per_disk)
     end = _collisions_of(collisions_per_disk, n)
     if end < begin.collisions:
         raise checked.must_be("collisions_per_disk", collisions_per_disk, had)
@@ -91,12 +91,9 @@ def end_after(
 
 FEW = 9
 SPACINGS = ("even", "log")
-INTERVAL = checked.Number(1e-200, sys.float_info.max, "a finite number of 1e-200 or more")
-"""Of intervals, in whatever unit: below, there are more of them than floating-point numbers count."""
-
-
 MOST = 10_000_000
-"""Of frames or of rows of series in a run."""
+OUTPUTS = checked.Integer(1, MOST)
+"""Check of the number of frames, or of rows of series, in a run."""
 
 
 @dataclass(frozen=True)
@@ -141,17 +138,16 @@ class Trigger:
                 f"cadence: exactly one of number, interval and collisions must be given; given: {given}"
             )
         if self.number is not None:
-            checked.integer("number", self.number, 1)
+            checked.Integer(1)("number", self.number)
         for name in ("interval", "collisions"):
             value = getattr(self, name)
             if value is not None:
-                INTERVAL(name, value)
+                checked.POSITIVE(name, value)
         if self.spacing not in SPACINGS:
             raise InputError(f"spacing = {shortened(self.spacing)}: must be one of {', '.join(SPACINGS)}")
         if self.spacing == "log" and self.number is None:
             raise InputError('spacing = "log" needs a number')
-        if not 0.0 < self.log_from < 1.0:
-            raise InputError(f"log_from = {self.log_from}: must be a part of the run, above 0 and below 1")
+        checked.PART("log_from", self.log_from)
 
     def count(self, *, duration: float, collisions_per_disk: float) -> int:
         """Approximate number of outputs in a run of this length, after its beginning."""
