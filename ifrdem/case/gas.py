@@ -22,6 +22,7 @@ from ..model.box import Box
 from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw
 from ..model.laws.pairs import MEAN_APPROACH, PairLaws
+from ..model.laws.sampling import is_sampled
 from ..model.observables import drift_text
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
 from ..model.walls import crush
@@ -374,7 +375,7 @@ class CaseGas:
         Imports the runtime, and starts it if it does not run. Raises InputError if disks would pass through each other,
         or the law cannot be compiled.
         """
-        if self.law().is_proved:
+        if not is_sampled(type(self.law())):
             return []
         choose_runtime(self.case.run)
         laws = PairLaws.of(self.law_table, self.kinds.rows, self._materials_of_walls)
@@ -479,8 +480,10 @@ class CaseGas:
         return velocity, placement.gaussian_spins(len(mass), spin_rms=spin_rms, seed=seed)
 
     def _coefficient(self, name: str) -> NDArray[np.float64]:
-        """A coefficient of the law of each pair of materials, shape (M, M); nan without one, and of a custom law."""
-        known = ([law if law is not None and law.is_proved else None for law in row] for row in self.laws)
+        """A coefficient of the law of each pair of materials, shape (M, M); nan without one of this meaning."""
+        known = (
+            [law if law is not None and law.has_ifr_symbols else None for law in row] for row in self.laws
+        )
         return np.array([[getattr(law, name, math.nan) for law in row] for row in known])
 
     @functools.cached_property
@@ -674,7 +677,7 @@ class CaseGas:
             "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
             "tracked": tracked, "comm": comm,
         }  # fmt: skip
-        if not self.law().is_proved:  # the simulation checks it
+        if is_sampled(type(self.law())):  # by the simulation
             return self._naming_law(lambda: Simulation(**given))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)

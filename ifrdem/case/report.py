@@ -15,8 +15,7 @@ from ..model.box import describe_sides
 from ..model.density import packing_fraction
 from ..model.laws.law import CollisionLaw
 from ..model.laws.records import to_record
-from ..model.laws.sampling import PAIRS
-from ..model.laws.viscoelastic import Viscoelastic
+from ..model.laws.sampling import PAIRS, is_sampled
 from ..model.walls.wall import Wall
 from ..mpi.distribution import GATHERED
 from ..quantities import OBSERVABLES
@@ -180,7 +179,7 @@ def _laws(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         law = verdict.law
         assert law is not None  # a gas has no refused pairs
         text = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
-        if not law.is_proved:
+        if is_sampled(type(law)):
             text = f"custom, tried on {PAIRS} random pairs"
         values = (
             f"{key} = {value}" if isinstance(value, str) else f"{key} = {value:g}"
@@ -191,7 +190,7 @@ def _laws(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         if not verdict.strict:
             yield ReportRow("", verdict.message)
     for verdict, g_n, m_n, R in gas.approach_speeds:
-        if isinstance(verdict.law, Viscoelastic) and g_n > 0.0:
+        if verdict.law is not None and verdict.law.depends_on_speed and g_n > 0.0:
             e_n = float(verdict.law.restitutions(g_n, m_n, R))
             name = f"e_n of {verdict.first}, {verdict.second} at the mean approach speed at the start"
             yield ReportRow(name, f"{e_n:.4g} at {g_n:.4g}", units.speed)

@@ -411,7 +411,7 @@ class Engine:
     def free(self) -> tuple[bool, bool]:
         """True along x and y where the whole gas can drift (`model.walls.wall.free_directions`)."""
         smooth: Collection[int] = ()
-        if self.walls and self._law.is_proved and {"e_t", "mu"} <= {*self._law.coefficients}:
+        if self.walls and self._law.has_ifr_symbols and {"e_t", "mu"} <= {*self._law.coefficients}:
             e_t, mu = (self._law.column(self._law_table, name) for name in ("e_t", "mu"))
             smooth = smooth_materials(e_t, mu, self._materials)
         return free_directions(self.walls, immovable=self.n > self.kinds.n_movable, smooth=smooth)
@@ -497,7 +497,8 @@ class Engine:
         """Refuse a law or gravity to which the speed of the remedy for inelastic collapse does not suit."""
         checks.check_collapse(
             self.options.collapse, self.kinds, self.box, self.walls, gravity,
-            law.column(law_table, "e_n") if law.is_proved and "e_n" in law.coefficients else None, self.options.device,
+            law.column(law_table, "e_n") if law.has_ifr_symbols and "e_n" in law.coefficients else None,
+            self.options.device,
         )  # fmt: skip
 
     def _wake(self) -> None:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from ..errors import InputError, TheoryError
+from ..model.laws.law import CollisionLaw
 from ..tools.checked import (
     Array,
     Fraction,
@@ -32,7 +33,7 @@ from ..tools.checked import (
     must_be,
     validated,
 )
-from .collisions import ClosedLaw, Collider, KineticLaw, collision_rate, energy_changes, slip_coefficients
+from .collisions import Collider, KineticLaw, collision_rate, energy_changes, slip_coefficients
 from .contact import PackingFraction
 
 
@@ -238,7 +239,7 @@ _MOST = 200.0  # of |ln(T/T0)|
 
 
 def cooling_until(
-    law: ClosedLaw, k: float, theta0: float, *, collisions: float = math.inf, time: float = math.inf
+    law: CollisionLaw, k: float, theta0: float, *, collisions: float = math.inf, time: float = math.inf
 ) -> tuple[float, float]:
     """Collisions per disk and time, over 1 / (initial collision rate), at which a cooling gas reaches either limit.
 

@@ -11,7 +11,7 @@ import sys
 import warnings
 from dataclasses import MISSING, dataclass, field, fields
 from enum import IntEnum
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +20,7 @@ from ...errors import InputError, outside_level
 from ...tools import checked
 from ...tools.checked import Array, Number, validated
 from ..custom_code import FromKernels
-from .law import CollisionLaw, EnergyWarning
+from .law import Admissibility, CollisionLaw, EnergyWarning
 
 STICKING = ("percussion_center", "contact_point")
 
@@ -68,16 +68,6 @@ def regime_name(number: int) -> str:
     if number not in special and number not in [*Regime]:
         return f"{number}?"
     return special.get(number) or Regime(number).name.lower().replace("_", " ")
-
-
-class Admissibility(NamedTuple):
-    """Verdict on a law: whether it can add energy in the collisions of one kind of pair."""
-
-    admissible: bool
-    strict: bool
-    """admissible, strict: no collision adds energy; not even the tangential impulses taken alone do."""
-    message: str
-    """The reason, with the inequality that decides and its numbers."""
 
 
 _Mass = Annotated[float, Number(float(np.finfo(float).tiny), math.inf, "a positive number, or inf")]
@@ -141,7 +131,9 @@ class IFRLaw(CollisionLaw):
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
-    is_proved: ClassVar[bool] = True
+    is_passive: ClassVar[bool] = True
+    has_averages: ClassVar[bool] = True
+    has_ifr_symbols: ClassVar[bool] = True
     collide = FromKernels("laws.law", "ifr")
     parts = FromKernels("laws.law", "ifr_parts")
 
@@ -192,6 +184,11 @@ class IFRLaw(CollisionLaw):
     def is_dissipative(self) -> bool:
         """True if e_n is below 1."""
         return self.e_n < 1.0
+
+    def slip_coefficients(self, inverse_a: Array) -> tuple[Array, Array]:
+        """As of `CollisionLaw`: restitution of the slip, and friction up to what stops a point."""
+        c = inverse_a if self.sticking == "contact_point" else np.full_like(inverse_a, 0.5)
+        return (1.0 + self.e_t) * inverse_a, c
 
     def _act_on(self, verdict: Admissibility) -> None:
         if not verdict.admissible:

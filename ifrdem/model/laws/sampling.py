@@ -10,12 +10,17 @@ import numpy as np
 
 from ...errors import InputError, outside_level
 from ...tools.checked import Array
-from ..custom_code import why_not_compiled
+from ..custom_code import is_custom, why_not_compiled
 from ..state import Disks
 from .law import OF_PAIR, CollisionLaw, EnergyWarning, check_law_constants, compiled
 
 PAIRS = 4096
 _ROUND_OFF = 1e-9  # of an impulse or energy, in single precision too where its sums do not go into the state
+
+
+def is_sampled(kind: type[CollisionLaw]) -> bool:
+    """True if laws of a class are tried on random pairs: all but those of this package with a proof."""
+    return is_custom(kind) or not kind.is_passive
 
 
 def check_by_sampling(
@@ -25,7 +30,8 @@ def check_by_sampling(
 
     Angles are uniform, spins up to twice the speed at the rim, and speeds spread over 1e-3 to 10 times `speed`.
     InputError if impulses are not finite, or too small to keep two disks from going through each other. EnergyWarning
-    if some of these collisions added energy: how many, and how much; others are not checked.
+    if some of these collisions added energy: how many, and how much; InputError if the class says `is_passive`. Others
+    are not checked.
 
     Parameters
     ----------
@@ -79,6 +85,8 @@ def check_by_sampling(
     if gaining := np.count_nonzero(gain > _ROUND_OFF):
         most = f"one of them {100.0 * gain.max():.3g} % of the pair's"
         text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
+        if kind.is_passive:
+            raise InputError(f"law {kind.__name__}: is_passive = True: must be False, because {text}")
         more = "dissipated_energy counts it as a negative loss"
         warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=outside_level())
 

@@ -65,7 +65,10 @@ class Viscoelastic(CollisionLaw):
         "A": Number(*_POSITIVE, "0, or a number from 1e-100 to 1e100 (dissipative time)", zero=True),
         "Y": Number(*_POSITIVE, "a number from 1e-100 to 1e100 (elastic modulus)"),
     })  # fmt: skip
-    is_proved: ClassVar[bool] = True
+    is_passive: ClassVar[bool] = True
+    has_averages: ClassVar[bool] = True
+    has_ifr_symbols: ClassVar[bool] = True
+    depends_on_speed: ClassVar[bool] = True
     collide = FromKernels("laws.other_laws", "viscoelastic")
     parts = FromKernels("laws.other_laws", "viscoelastic_parts")
 
@@ -116,6 +119,10 @@ class Viscoelastic(CollisionLaw):
     def is_dissipative(self) -> bool:
         """True if A is above 0."""
         return self.A > 0.0
+
+    def slip_coefficients(self, inverse_a: Array) -> tuple[Array, Array]:
+        """As of `IFRLaw`."""
+        return self._slow(self.k).slip_coefficients(inverse_a)
 
     def restitutions(self, g_n: ArrayLike, m_n: ArrayLike, R: float) -> Array:
         """e_n of pairs of effective masses [mass] and radius [length] that approach at g_n [length/time]; arrays."""

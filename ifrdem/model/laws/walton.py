@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import ClassVar
 
-from ...tools.checked import Number
+import numpy as np
+
+from ...tools.checked import Array, Number
 from ..custom_code import FromKernels
 from .law import CollisionLaw
 
@@ -50,9 +52,15 @@ class Walton(CollisionLaw):
         "beta_0": Number(-1.0, 1.0, "a number from -1 to 1 (beyond, collisions would add energy)"),
         "mu": Number(0.0, 1e50, "a number from 0 to 1e50"),
     })  # fmt: skip
-    is_proved: ClassVar[bool] = True
+    is_passive: ClassVar[bool] = True
+    has_averages: ClassVar[bool] = True
+    has_ifr_symbols: ClassVar[bool] = True
     collide = FromKernels("laws.other_laws", "walton")
     parts = FromKernels("laws.other_laws", "walton_parts")
+
+    def slip_coefficients(self, inverse_a: Array) -> tuple[Array, Array]:
+        """As of `CollisionLaw`: no restitution in slides, and at most what reverses the slip by beta_0."""
+        return np.zeros_like(inverse_a), (1.0 + self.beta_0) * inverse_a
 
     @property
     def is_dissipative(self) -> bool:

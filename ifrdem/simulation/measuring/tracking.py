@@ -16,6 +16,7 @@ from ...kernels import layout as k
 from ...kernels.columns import EVENT as KERNEL_EVENT
 from ...kernels.columns import named, rows_dtype
 from ...model.box import Box, below
+from ...model.custom_code import is_custom
 from ...model.laws.collision import UNKNOWN, collide
 from ...model.laws.ifr import EnergyWarning
 from ...model.laws.law import CollisionLaw, parts_of
@@ -223,7 +224,7 @@ class Tracking:
         regime = np.full(len(ids), UNKNOWN, dtype=np.int8)
         for a, b in {(int(a), int(b)) for a, b in zip(one, two, strict=True)}:
             law = self.laws[a][b]
-            if not law.is_proved or parts_of(type(law)) is None:
+            if is_custom(type(law)) or parts_of(type(law)) is None:
                 continue
             rows = np.flatnonzero((one == a) & (two == b))
             wall, p = at_wall[rows], other[rows]

@@ -287,6 +287,62 @@ def test_law_whose_collide_replaces_another_does_not_inherit_its_ledger() -> Non
     assert isinstance(vars(laws.Walton)["parts"], FromKernels)
     assert compiled(Elastic).parts is None
     assert compiled(laws.Walton).parts is not None
+    # Nor what is said of the other's impulses: theory would have taken the averages of Walton's law.
+    with pytest.raises(InputError, match="must be an IFRLaw, Walton or Viscoelastic"):
+        theory.cooling_ratio(Elastic(e_n=0.9, beta_0=0.4, mu=0.2), 2.0, 0.0)
+    assert not Elastic.is_passive
+
+
+def test_theory_of_a_custom_law_follows_from_what_its_class_says() -> None:
+    """h and c of the IFR law, percussion centre: h = (1 + e_t) m_t / m_n, c = 1/2 (Eqs. 8 and 15).
+
+    The same with the e_n of viscoelastic spheres, by `restitutions`.
+    """
+
+    class Own(laws.CollisionLaw):
+        coefficients = ("e_n", "e_t", "mu")
+        has_averages = True
+
+        def slip_coefficients(self, inverse_a: Any) -> Any:
+            return (1.0 + self.e_t) * inverse_a, 0.5 + 0.0 * inverse_a
+
+    class OfSpeed(Own):
+        depends_on_speed = True
+
+        def restitutions(self, g_n: Any, m_n: Any, R: float) -> Any:
+            return VISCOELASTIC.restitutions(g_n, m_n, R)
+
+    disks, of_ifr = ifrdem.Disks(2, mass=1.0, radius=0.5), {"e_n": 0.8, "e_t": -0.9, "mu": 0.2}
+    for own, known in ((Own, laws.IFRLaw(**of_ifr)), (OfSpeed, VISCOELASTIC)):
+        one, other = (
+            theory.prediction(disks, law, 0.1, 1.0, 0.5, [3.0, 10.0]).temperature
+            for law in (own(**of_ifr), known)
+        )
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    ("says", "message"),
+    [
+        (
+            {"is_proved": True},
+            r"is_proved = True: must be replaced by those of is_passive, has_averages, has_ifr",
+        ),
+        ({"has_averages": True}, r"has_averages = True: requires a method slip_coefficients"),
+    ],
+    ids=["former", "method"],
+)
+def test_classes_of_laws_that_say_too_little_are_refused(says: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        type("Own", (laws.CollisionLaw,), says)
+
+
+def test_averages_require_the_numbers_that_they_are_made_of() -> None:
+    kind = type(
+        "Own", (laws.CollisionLaw,), {"has_averages": True, "mu": 0.0, "slip_coefficients": laws.Walton}
+    )
+    with pytest.raises(InputError, match=r"has_averages = True requires an attribute e_n; Own\(\) has none"):
+        theory.cooling_ratio(kind(), 2.0, 0.0)
 
 
 def test_coefficients_are_attributes_and_equal_laws_are_equal() -> None:
