@@ -14,7 +14,7 @@ import numpy as np
 from ..model.box import describe_sides
 from ..model.density import packing_fraction
 from ..model.laws.law import CollisionLaw
-from ..model.laws.records import to_record
+from ..model.laws.records import ARGUMENTS, to_record
 from ..model.laws.sampling import PAIRS, is_sampled
 from ..model.walls.wall import Wall
 from ..mpi.distribution import GATHERED
@@ -35,7 +35,6 @@ from .estimate import (
     step_seconds,
 )
 from .gas import CaseGas
-from .laws_section import FileKeys, RoughKeys, SmoothKeys
 from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 from .summary import COMPILING, REFUSED_HERE, clock, no_path, refuse_cadences, refused_here, size
@@ -200,7 +199,7 @@ def _values(case: CaseSections, key: str, law: CollisionLaw) -> dict[str, Any]:
     """Name and arguments of the law that a section gives, "material[0]"."""
     if found := re.fullmatch(r"(material|pair)\[(\d+)\]", key):
         section = getattr(case, found[1])[int(found[2])]
-        if isinstance(section, RoughKeys | SmoothKeys | FileKeys):  # the first two make an IFR law
+        if section.law not in ARGUMENTS:  # from a file, or another name for a law
             return {"law": section.law} | section.model_dump(exclude={"name", "materials", "law"})
     return to_record(law)
 

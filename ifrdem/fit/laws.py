@@ -161,7 +161,13 @@ class Law:
     @property
     def has_transition(self) -> bool:
         """True for a law with Coulomb friction that another impulse bounds."""
-        return self.sticking is not None or self.kind is Walton
+        if self.sticking is not None:
+            return True
+        return (
+            self.kind.has_averages
+            and not self.kind.depends_on_speed
+            and {"e_n", "mu"} <= {*self.kind.coefficients}
+        )
 
     def transitions(self, values: Array, probe: Sequence[Array], speed: Array | float = 1.0) -> list[Array]:
         """Angles of incidence [rad], each (..., n), at which the law changes its regime; `probe` as for `stick`.

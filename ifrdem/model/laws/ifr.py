@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 import sys
 import warnings
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from enum import IntEnum
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -20,7 +22,7 @@ from ...errors import InputError, outside_level
 from ...tools import checked
 from ...tools.checked import Array, Number, validated
 from ..custom_code import FromKernels
-from .law import Admissibility, CollisionLaw, EnergyWarning
+from .law import Admissibility, CollisionLaw, EnergyWarning, Key
 
 STICKING = ("percussion_center", "contact_point")
 
@@ -130,6 +132,23 @@ class IFRLaw(CollisionLaw):
     ifrdem.errors.InputError: e_n = 1.2: must be a number from 0 to 1 ...
     """
 
+    name_in_cases: ClassVar[str] = "ifr"
+    keys: ClassVar[Mapping[str, Key]] = MappingProxyType({
+        "e_n": Key(_RANGES["e_n"], "normal restitution e_n [1], 0 to 1 (elastic)", 0.87),
+        "e_t": Key(
+            _RANGES["e_t"],
+            "tangential restitution e_t [1], -1 (smooth but for friction) to 1; with percussion-centre sticking, "
+            "homogeneous disks never gain energy up to -0.5", -0.88,
+        ),
+        "mu": Key(_RANGES["mu"], "sliding friction mu [1], 0 or more", 0.21),
+        "sticking": Key(
+            STICKING,
+            'what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s choice) or '
+            '"contact_point" (Eq. 12)', STICKING[0],
+        ),
+        "rho": Key(_RANGES["rho"], "rolling friction rho [m], 0 or more", 0.0),
+    })  # fmt: skip
+    takes_k: ClassVar[bool] = True
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
     is_passive: ClassVar[bool] = True
     has_averages: ClassVar[bool] = True

@@ -44,6 +44,16 @@ class Admissibility(NamedTuple):
     """The reason, with the inequality that decides and its numbers."""
 
 
+class Key(NamedTuple):
+    """A key of a law in cases, which is also an argument of the law."""
+
+    allowed: Number | tuple[str, ...]
+    """The range of a number, or the choices of a text."""
+    text: str
+    """What it is, with the unit in brackets, as `ifrdem check --keys` shows it."""
+    example: float | str
+
+
 _OF_COLLIDE = ("is_passive", "has_averages", "has_ifr_symbols", "depends_on_speed")
 """Attributes that say something of the `collide` of a class."""
 
@@ -62,10 +72,17 @@ class CollisionLaw(ReadOnlyAttributes):
 
     Attributes
     ----------
+    name_in_cases : str
+        Name of the law in cases and records, `law = "walton"`; empty for a custom law, whose name is that of its file.
+    keys : mapping of str to Key
+        Of a law with such a name, its keys in cases: arguments of the class, whose defaults they have.
+    takes_k : bool
+        True if the class takes k, the shape number of the disks for which a law is examined.
     coefficients : tuple of str
         Names of the law's coefficients, by which `collide` gets them.
     ranges : mapping
-        Checks of coefficients by name (`Number(low, high, text)`), beyond that they are finite.
+        Checks of coefficients by name (`Number(low, high, text)`), beyond that they are finite; those of `keys`, if the
+        class has some.
     is_passive : bool
         True if it is proved that no collision adds energy, of disks that `check` takes. Simulations try a custom law on
         random pairs all the same, and refuse it if one of them gains.
@@ -103,6 +120,9 @@ class CollisionLaw(ReadOnlyAttributes):
     ('e_n',)
     """
 
+    name_in_cases: ClassVar[str] = ""
+    keys: ClassVar[Mapping[str, Key]] = MappingProxyType({})
+    takes_k: ClassVar[bool] = False
     coefficients: ClassVar[tuple[str, ...]] = ()
     ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({})
     is_passive: ClassVar[bool] = False
@@ -127,6 +147,10 @@ class CollisionLaw(ReadOnlyAttributes):
             for name in _OF_COLLIDE:
                 if name not in vars(cls):
                     setattr(cls, name, False)
+        cls.name_in_cases = vars(cls).get("name_in_cases", "")
+        if "keys" in vars(cls):
+            numbers = {name: key.allowed for name, key in cls.keys.items() if isinstance(key.allowed, Number)}
+            cls.ranges = MappingProxyType(numbers)
         cls.assignable = declared_names(cls, CollisionLaw)
 
     def __init__(self, **values: float) -> None:

@@ -15,7 +15,7 @@ from ...tools import checked
 from ...tools.checked import Array, Number, Positive, validated
 from ..custom_code import FromKernels
 from .ifr import STICKING, IFRLaw
-from .law import CollisionLaw
+from .law import CollisionLaw, Key
 
 _POSITIVE = (1e-100, 1e100)
 LEAST_E_N = 0.05
@@ -61,10 +61,19 @@ class Viscoelastic(CollisionLaw):
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("A", "Y", "e_t", "mu", "contact_point", "rho")
-    ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({
-        "A": Number(*_POSITIVE, "0, or a number from 1e-100 to 1e100 (dissipative time)", zero=True),
-        "Y": Number(*_POSITIVE, "a number from 1e-100 to 1e100 (elastic modulus)"),
+    name_in_cases: ClassVar[str] = "viscoelastic"
+    keys: ClassVar[Mapping[str, Key]] = MappingProxyType({
+        "A": Key(
+            Number(*_POSITIVE, "0, or a number from 1e-100 to 1e100 (dissipative time)", zero=True),
+            "dissipative time of the material [s]", 1e-5,
+        ),
+        "Y": Key(
+            Number(*_POSITIVE, "a number from 1e-100 to 1e100 (elastic modulus)"),
+            "Young's modulus over 1 - nu^2 [Pa]", 1e9,
+        ),
+        **{name: key for name, key in IFRLaw.keys.items() if name != "e_n"},
     })  # fmt: skip
+    takes_k: ClassVar[bool] = True
     is_passive: ClassVar[bool] = True
     has_averages: ClassVar[bool] = True
     has_ifr_symbols: ClassVar[bool] = True

@@ -10,7 +10,8 @@ import numpy as np
 
 from ...tools.checked import Array, Number
 from ..custom_code import FromKernels
-from .law import CollisionLaw
+from .ifr import IFRLaw
+from .law import CollisionLaw, Key
 
 
 class Walton(CollisionLaw):
@@ -47,10 +48,14 @@ class Walton(CollisionLaw):
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "beta_0", "mu")
-    ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({
-        "e_n": Number(0.0, 1.0, "a number from 0 to 1"),
-        "beta_0": Number(-1.0, 1.0, "a number from -1 to 1 (beyond, collisions would add energy)"),
-        "mu": Number(0.0, 1e50, "a number from 0 to 1e50"),
+    name_in_cases: ClassVar[str] = "walton"
+    keys: ClassVar[Mapping[str, Key]] = MappingProxyType({
+        "e_n": IFRLaw.keys["e_n"],
+        "beta_0": Key(
+            Number(-1.0, 1.0, "a number from -1 to 1 (beyond, collisions would add energy)"),
+            "tangential restitution of impacts that stick [1], -1 (smooth) to 1", 0.4,
+        ),
+        "mu": IFRLaw.keys["mu"],
     })  # fmt: skip
     is_passive: ClassVar[bool] = True
     has_averages: ClassVar[bool] = True
