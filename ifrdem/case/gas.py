@@ -242,7 +242,7 @@ class CaseGas:
     def approach_speeds(self) -> Iterator[tuple[PairVerdict, float, float, float]]:
         """Of each pair that can collide: mean g_n in collisions at the start, effective mass and radius.
 
-        Of Maxwellian velocities, and disks of the mean masses and radii of their species.
+        Of Maxwellian velocities, disks of the mean masses and radii of their species, and flat walls.
         """
         by_name = {each.name: each for each in self.species}
         for verdict in self.verdicts:
@@ -250,7 +250,7 @@ class CaseGas:
             both = [one] if other is None else [one, other]
             V = 0.5 * sum(each.speed_rms**2 for each in both)
             m_n = 1.0 / sum(1.0 / each.summary.mass.mean for each in both)
-            R = 1.0 / sum(1.0 / each.summary.radius.mean for each in (one, other or one))
+            R = 1.0 / sum(1.0 / each.summary.radius.mean for each in both)
             yield verdict, MEAN_APPROACH * math.sqrt(V), m_n, R
 
     @property

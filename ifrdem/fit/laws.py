@@ -140,7 +140,7 @@ class Law:
             return found
         g_n, g_t, m_n, m_t = law.relative_motion(*motion)
         _, _, im_i, R_i, k_i, _, _, w_i, im_j, R_j, k_j, _, _, w_j = motion
-        pair = (g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j)
+        pair = (g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j, law.reduced_radius(R_i, R_j))
         P_n, P_t, T = impulses(self.kind, pair, [of[name] for name in self.kind.coefficients])
         none = np.zeros(np.shape(P_n))
         return (*law.after_impulses(P_n, P_t, T, *motion), P_n, P_t, none, none)

@@ -25,7 +25,7 @@ from ..custom_code import (
 
 OF_PAIR = (
     "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
-    "inverse_mass_j", "radius_j", "k_j", "spin_j",
+    "inverse_mass_j", "radius_j", "k_j", "spin_j", "reduced_radius",
 )  # fmt: skip
 """Names of the quantities of a pair that a law gets."""
 
@@ -200,8 +200,10 @@ class CollisionLaw(ReadOnlyAttributes):
         pair : struct
             g_n, g_t: relative velocity at the contact [length/time], along n (from i to j; 0 or more: the pair
             approaches) and along t = (-n_y, n_x), spins included; m_n, m_t: effective masses [mass], so that an impulse
-            P along n changes g_n by -P/m_n, and one along t changes g_t by -P/m_t; and of either disk (i and j)
-            inverse_mass_i (0 for a wall), radius_i, k_i and spin_i.
+            P along n changes g_n by -P/m_n, and one along t changes g_t by -P/m_t; reduced_radius: of Hertz's contact
+            [length], R_i R_j / (R_i + R_j), at a flat wall R_i, outside a circle of radius r R_i r / (r + R_i), inside
+            R_i r / (r - R_i); and of either disk (i and j) inverse_mass_i (0 for a wall), radius_i (of a wall that of
+            the disk, whose lever it is), k_i and spin_i.
         law : struct
             The coefficients of the pair's materials, by name.
 

@@ -54,19 +54,21 @@ def check_by_sampling(
         return
     draw = np.random.default_rng(1)
     i, j = draw.choice(movable, PAIRS), draw.choice(disks.n, PAIRS)
-    # One pair in 8 is with a wall, if there are walls: an infinite mass with the disk's own radius.
+    # One pair in 8 is with a wall, if there are walls: flat, with the disk's own radius where a lever is needed.
     wall = draw.random(PAIRS) < (0.125 if len(walls) else 0.0)
     of_wall = draw.choice(walls, PAIRS) if len(walls) else np.zeros(PAIRS)
     v = max(speed, 1e-30) * 10.0 ** draw.uniform(-3.0, 1.0, PAIRS)
     psi = np.radians(draw.uniform(-89.9, 89.9, PAIRS))
     rim = v * draw.uniform(-2.0, 2.0, (2, PAIRS))
     R_j = np.where(wall, disks.radius[i], disks.radius[j])
+    of_two = disks.radius[i] * R_j / (disks.radius[i] + R_j)
     still = wall | ~disks.movable[j]
     pairs = np.column_stack((
         disks.material[i], np.where(wall, of_wall, disks.material[j]),
         1.0 / disks.mass[i], disks.radius[i], disks.k[i],
         np.where(wall, 0.0, 1.0 / disks.mass[j]), R_j, disks.k[j],
         v * np.cos(psi), v * np.sin(psi), rim[0] / disks.radius[i], np.where(still, 0.0, rim[1] / R_j),
+        np.where(wall, disks.radius[i], of_two),
     ))  # fmt: skip
     found = np.zeros((PAIRS, 8))
     law: Any = kind  # mypy does not take a class for hashable

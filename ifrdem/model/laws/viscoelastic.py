@@ -45,8 +45,10 @@ class Viscoelastic(CollisionLaw):
     Notes
     -----
     That no collision adds energy is known if the IFR law with e_n = 1, the restitution of slow impacts, adds none
-    (`IFRLaw`): each of its conditions is met the better the smaller e_n is. A wall, and a disk that cannot move,
-    counts as a sphere of the radius that the engine gives it: a flat wall has that of the disk, not an infinite one.
+    (`IFRLaw`): each of its conditions is met the better the smaller e_n is. At a wall m_n is the mass of the disk, and
+    R is that of Hertz's contact: R_i at a flat wall, R_i r / (r + R_i) outside a circle of radius r, and
+    R_i r / (r - R_i) inside. Ends of segments and arcs count as flat. The modulus of a pair of unlike materials is
+    twice that of their contact, Y = 2 / (1 / Y_i + 1 / Y_j).
 
     T. Schwager and T. Poeschel, Phys. Rev. E 57, 650 (1998), doi:10.1103/PhysRevE.57.650; R. Ramirez et al., Phys.
     Rev. E 60, 4465 (1999), doi:10.1103/PhysRevE.60.4465; the approximant: P. Mueller and T. Poeschel, Phys. Rev. E 84,
