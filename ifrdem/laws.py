@@ -2,8 +2,8 @@
 
 from .model.laws.coin_table import Coin, coins
 from .model.laws.collision import Collision, collide
-from .model.laws.ifr import Admissibility, EnergyWarning, IFRLaw, Regime, rough_disks, smooth_disks
-from .model.laws.law import CollisionLaw
+from .model.laws.ifr import IFRLaw, Regime, rough_disks, smooth_disks
+from .model.laws.law import Admissibility, CollisionLaw, EnergyWarning
 from .model.laws.viscoelastic import Viscoelastic
 from .model.laws.walton import Walton
 

@@ -468,6 +468,7 @@ TRIAL_TABLES: dict[str, Columns] = {
         material_i="material of i", material_j="material of j", inverse_mass_i="1 / m of i", radius_i="radius of i",
         k_i="shape number of i", inverse_mass_j="1 / m of j", radius_j="radius of j", k_j="shape number of j",
         vx_i="velocity of i along x", vy_i="velocity of i along y", spin_i="spin of i", spin_j="spin of j",
+        reduced_radius="radius of Hertz's contact",
     ),
     "found": Columns(
         P_n="impulse along n", least_P_n="that below which the disks would overlap",

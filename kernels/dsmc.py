@@ -7,6 +7,7 @@ drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simulati
 
 from .columns import BODY, DSMC_TABLES
 from .laws.contact import collided
+from .laws.law import reduced_radius
 from .compiler.language import spread_of_loops, ti
 from .compiler.records import NamedVector
 from .layout import BLOCK
@@ -86,7 +87,7 @@ def meet(c, i, j, gas: ti.template()):
         new, _regime, _lost = collided(
             ti.cast(a.material, ti.i32), ti.cast(b.material, ti.i32), n_x, n_y,
             a.inverse_mass, a.radius, a.k, a.vx, a.vy, a.spin,
-            b.inverse_mass, b.radius, b.k, b.vx, b.vy, b.spin, 0, gas,
+            b.inverse_mass, b.radius, b.k, b.vx, b.vy, b.spin, reduced_radius(a.radius, b.radius), 0, gas,
         )  # fmt: skip
         gas.disk[i].vx, gas.disk[i].vy, gas.disk[i].spin = new.vx_i, new.vy_i, new.w_i
         gas.disk[j].vx, gas.disk[j].vy, gas.disk[j].spin = new.vx_j, new.vy_j, new.w_j

@@ -263,7 +263,7 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "Wall.polygon": {"points": POINTS_OF_WALL, "holds": "both", "scale": 1.0, **WALLS},
     "WallSums": {"walls": [WALL], "values": np.zeros((1, 6))},
     "collide": {"law": LAW, "normal": [1.0, 0.0], "mass": [1.0, 1.0], "radius": [0.5, 0.5], "k": [2.0, 2.0],
-                "velocity": [[1.0, 0.0], [0.0, 0.0]], "spin": [0.0, 0.0]},
+                "velocity": [[1.0, 0.0], [0.0, 0.0]], "spin": [0.0, 0.0], "reduced_radius": 0.25},
     "slice_of": {"n": 10, "comm": None},
 }  # fmt: skip
 ANGLES = np.array([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])

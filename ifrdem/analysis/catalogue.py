@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.laws.ifr import IFRLaw
-from ..model.laws.walton import Walton
 from ..quantities import COMPONENTS, STRESS_SERIES
 from ..theory.sonine import cooling_sonine
 from ..tools.checked import Array
@@ -582,7 +580,7 @@ def _pressure_by_rate(
     if "laws" in trajectory.parameters and not trajectory.has_custom_laws:
         material = int(disks.material[0])
         law = trajectory.laws[material][material]
-        if isinstance(law, IFRLaw | Walton):
+        if law is not None and law.has_averages and not law.depends_on_speed:
             Z = pressure.compressibility(phi, chi, law.e_n)
             rows.append(
                 Reading(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.laws.ifr import IFRLaw
+from ..theory.collisions import is_smooth
 from ..theory.hydrodynamics import self_diffusion
 from ..tools.checked import Array
 from ..tools.reprs import Brief
@@ -193,7 +193,7 @@ def smooth_restitution(trajectory: Trajectory) -> float | None:
     if isinstance(gas, str) or gas.kinds > 1:
         return None
     law = gas.one_kind[0]
-    return law.e_n if isinstance(law, IFRLaw) and law.mu == 0.0 else None
+    return law.e_n if is_smooth(law) and not law.depends_on_speed else None
 
 
 def _marks(groups: Groups, name: str) -> tuple[str, str]:

@@ -17,7 +17,6 @@ from ..kernels import columns
 from ..kernels.columns import rows_dtype
 from ..model.density import packing_fraction
 from ..model.laws.law import EnergyWarning
-from ..model.laws.viscoelastic import Viscoelastic
 from ..quantities import (
     EVENT,
     FIELDS,
@@ -448,9 +447,9 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     law: Any = gas.law()
     if gas.box.is_open or len(gas.species) > 1 or not each.equal or getattr(law, "rho", 0.0) > 0.0:
         return None, end, per_disk
-    if not law.is_proved:  # a custom law
+    if not law.has_averages:
         return None, end, per_disk
-    if isinstance(law, Viscoelastic) and (shear_rate or case.force):  # only its cooling is known
+    if law.depends_on_speed and (shear_rate or case.force):  # only its cooling is known
         return None, end, per_disk
     mass, radius = each.summary.mass.low, each.summary.radius.low
     inertia = mass * radius**2 / each.k
@@ -478,7 +477,7 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     if rate == 0.0 or (T == 0.0 and (driving is None or driving.power == 0.0)):
         return steady, end, per_disk
 
-    if driving is None and not isinstance(law, Viscoelastic):
+    if driving is None and not law.depends_on_speed:
         rate = theory.collision_rate(phi, T, mass, radius)
         if math.isnan(per_disk):
             done, _ = cooling_until(law, each.k, T_rot / T, time=(end - begin) * rate)

@@ -22,6 +22,7 @@ from ..model.box import Box
 from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw
 from ..model.laws.pairs import MEAN_APPROACH, PairLaws
+from ..model.laws.sampling import is_sampled
 from ..model.observables import drift_text
 from ..model.setup import Setup
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
@@ -237,7 +238,7 @@ class CaseGas:
     def approach_speeds(self) -> Iterator[tuple[PairVerdict, float, float, float]]:
         """Of each pair that can collide: mean g_n in collisions at the start, effective mass and radius.
 
-        Of Maxwellian velocities, and disks of the mean masses and radii of their species.
+        Of Maxwellian velocities, disks of the mean masses and radii of their species, and flat walls.
         """
         by_name = {each.name: each for each in self.species}
         for verdict in self.verdicts:
@@ -245,7 +246,7 @@ class CaseGas:
             both = [one] if other is None else [one, other]
             V = 0.5 * sum(each.speed_rms**2 for each in both)
             m_n = 1.0 / sum(1.0 / each.summary.mass.mean for each in both)
-            R = 1.0 / sum(1.0 / each.summary.radius.mean for each in (one, other or one))
+            R = 1.0 / sum(1.0 / each.summary.radius.mean for each in both)
             yield verdict, MEAN_APPROACH * math.sqrt(V), m_n, R
 
     @property
@@ -370,7 +371,7 @@ class CaseGas:
         Imports the runtime, and starts it if it does not run. Raises InputError if disks would pass through each other,
         or the law cannot be compiled.
         """
-        if self.law().is_proved:
+        if not is_sampled(type(self.law())):
             return []
         self.case.run.choose_runtime()
         laws = PairLaws.of(self.law_table, self.kinds.rows, self._materials_of_walls)
@@ -475,8 +476,10 @@ class CaseGas:
         return velocity, placement.gaussian_spins(len(mass), spin_rms=spin_rms, seed=seed)
 
     def _coefficient(self, name: str) -> NDArray[np.float64]:
-        """A coefficient of the law of each pair of materials, shape (M, M); nan without one, and of a custom law."""
-        known = ([law if law is not None and law.is_proved else None for law in row] for row in self.laws)
+        """A coefficient of the law of each pair of materials, shape (M, M); nan without one of this meaning."""
+        known = (
+            [law if law is not None and law.has_ifr_symbols else None for law in row] for row in self.laws
+        )
         return np.array([[getattr(law, name, math.nan) for law in row] for row in known])
 
     @functools.cached_property
@@ -662,7 +665,7 @@ class CaseGas:
         if tracked is None:
             tracked = comm.result_of_holders(lambda: self.tracked(begin))
         given = {**self.setup.arguments, "disks": disks, "state": begin, "tracked": tracked, "comm": comm}
-        if not self.law().is_proved:  # the simulation checks it
+        if is_sampled(type(self.law())):  # the simulation checks it
             return self._naming_law(lambda: Simulation(**given))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)

@@ -1,41 +1,53 @@
-"""Sections of a case on collisions: the laws of materials and of pairs of materials."""
+"""Sections of a case on collisions: the laws of materials and of pairs of materials.
+
+The sections of laws by name are made of what their classes say (`CollisionLaw.keys`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+import functools
+import operator
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
-from pydantic import AfterValidator, ConfigDict, Discriminator, Tag
+from pydantic import AfterValidator, ConfigDict, Discriminator, Tag, create_model
+from pydantic.fields import FieldInfo
 
 from ..errors import there_are
 from ..model.laws import files as law_files
 from ..model.laws.coin_table import coins
-from ..model.laws.ifr import REQUIRED_COEFFICIENTS, IFRLaw, rough_disks, smooth_disks
-from ..model.laws.viscoelastic import Viscoelastic
-from ..model.laws.walton import Walton
-from ..tools import values
+from ..model.laws.ifr import REQUIRED_COEFFICIENTS, IFRLaw
+from ..model.laws.law import CollisionLaw, Key
+from ..model.laws.records import LAWS
+from ..tools.values import Number
 from .section import Name, Section, exclusive_with, field, refusal
 
-# Example and text sit inside the types, because several sections have the key; `Section.about` finds them there.
-NormalRestitution = Annotated[
-    float, values.E_N, field(0.87, description="normal restitution e_n [1], 0 to 1 (elastic)")
-]
-TANGENTIAL = (
-    "tangential restitution e_t [1], -1 (smooth but for friction) to 1; with percussion-centre sticking, "
-    "homogeneous disks never gain energy up to -0.5"
-)
-TangentialRestitution = Annotated[float, values.E_T, field(-0.88, description=TANGENTIAL)]
-Friction = Annotated[float, values.MU, field(0.21, description="sliding friction mu [1], 0 or more")]
-STICKING = (
-    'what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s choice) or '
-    '"contact_point" (Eq. 12)'
-)
-Sticking = Annotated[
-    Literal["percussion_center", "contact_point"], field("percussion_center", description=STICKING)
-]
-RollingFriction = Annotated[
-    float, values.NON_NEGATIVE, field(0.0, description="rolling friction rho [m], 0 or more")
-]
+
+def _field(key: Key, default: Any = ...) -> Any:
+    """The field of a key: its example, its default, its text."""
+    return field(key.example, default, description=key.text)
+
+
+def _type(key: Key) -> Any:
+    """The type of a key: a number within its range, or one of its choices."""
+    return Annotated[float, key.allowed] if isinstance(key.allowed, Number) else Literal[key.allowed]
+
+
+def _typed(key: Key) -> Any:
+    """Type, example and text of a key that several sections have; `Section.about` finds them inside of the type."""
+    return Annotated[_type(key), _field(key)]
+
+
+if TYPE_CHECKING:
+    NormalRestitution: TypeAlias = float
+    TangentialRestitution: TypeAlias = float
+    Friction: TypeAlias = float
+    RollingFriction: TypeAlias = float
+else:
+    NormalRestitution, TangentialRestitution, Friction = (
+        _typed(IFRLaw.keys[name]) for name in ("e_n", "e_t", "mu")
+    )
+    RollingFriction = _type(IFRLaw.keys["rho"])
 
 
 def _known_coin(name: str) -> str:
@@ -47,105 +59,48 @@ def _known_coin(name: str) -> str:
 CoinName = Annotated[Name, AfterValidator(_known_coin)]
 
 
-class MaterialSection(Section):
-    """Collisions of two disks of one material."""
+class LawSection(Section):
+    """Coefficients of a law of collisions."""
 
     kind_key: ClassVar[str] = "law"
+
+    if TYPE_CHECKING:
+        law: str
+
+    def made(self, k: float) -> CollisionLaw:
+        """The law of disks whose mean shape number is k."""
+        named = LAWS[self.law]
+        shape = {"k": k} if named.kind.takes_k and named.make is named.kind else {}
+        return named.make(**{key: getattr(self, key) for key in named.keys}, **shape)
+
+
+class MaterialSection(LawSection):
+    """Collisions of two disks of one material."""
 
     name: Name = field("aluminium")
     """Name that species and pairs use [text]."""
 
 
-class PairSection(Section):
+class PairSection(LawSection):
     """Collisions of two different materials, those of walls too. No coefficient is ever guessed from two materials."""
-
-    kind_key: ClassVar[str] = "law"
 
     materials: list[Name] = field(["bronze-aluminium", "aluminium"], min_length=2, max_length=2)
     """Names of the two materials [text], of disks or of disks and a wall."""
 
 
+def _shown_keys() -> Iterator[str]:
+    for name, named in LAWS.items():
+        required = ", ".join(key for key in named.keys if key not in named.defaults)
+        yield f'"{name}" ({"; ".join(filter(None, (required, ", ".join(named.defaults))))})'
+
+
 LAW = (
-    'law of collisions: "ifr" (e_n, e_t, mu), "walton" (e_n, beta_0, mu), "viscoelastic" (A, Y; e_t, mu), "rough" '
-    '(e_n, beta), "smooth" (e_n), or "FILE.py:CLASS", a custom law in a file (path from the case file), whose code is '
-    "executed, with its coefficients as keys"
+    f'law of collisions: {", ".join(_shown_keys())}, or "FILE.py:CLASS", a custom law in a file (path from the case '
+    "file), whose code is executed, with its coefficients as keys"
 )
 
-IFR_LAWS = ("ifr", "rough", "smooth")
+IFR_LAWS = tuple(name for name, named in LAWS.items() if named.kind is IFRLaw)
 """Those laws that are an `IFRLaw`; the first one is the default."""
-
-
-class IFRPair(PairSection):
-    """The IFR law, independent friction-restitution."""
-
-    law: Literal["ifr"] = field("ifr", "ifr", description=LAW)
-    e_n: NormalRestitution
-    e_t: TangentialRestitution
-    mu: Friction
-    sticking: Sticking = "percussion_center"
-    rho: RollingFriction = 0.0
-
-    def made(self, k: float) -> IFRLaw:
-        """The law of disks whose mean shape number is k."""
-        return IFRLaw(e_n=self.e_n, e_t=self.e_t, mu=self.mu, sticking=self.sticking, rho=self.rho, k=k)
-
-
-class WaltonKeys(Section):
-    """Walton's law: constant restitution of the slip up to Coulomb's limit."""
-
-    law: Literal["walton"] = field("walton", description=LAW)
-    e_n: NormalRestitution
-    beta_0: values.TangentialRestitution = field(0.4)
-    """Tangential restitution of impacts that stick [1], -1 (smooth) to 1."""
-    mu: Friction
-
-    def made(self, k: float) -> Walton:
-        """The law."""
-        return Walton(e_n=self.e_n, beta_0=self.beta_0, mu=self.mu)
-
-
-class ViscoelasticKeys(Section):
-    """Viscoelastic spheres, e_n by the speed of impact, with the friction of the IFR law."""
-
-    law: Literal["viscoelastic"] = field("viscoelastic", description=LAW)
-    A: values.NonNegative = field(1e-5)
-    """Dissipative time of the material [s]."""
-    Y: values.Positive = field(1e9)
-    """Young's modulus over 1 - nu^2 [Pa]."""
-    e_t: TangentialRestitution = -1.0
-    mu: Friction = 0.0
-    sticking: Sticking = "percussion_center"
-    rho: RollingFriction = 0.0
-
-    def made(self, k: float) -> Viscoelastic:
-        """The law of disks whose mean shape number is k."""
-        return Viscoelastic(
-            A=self.A, Y=self.Y, e_t=self.e_t, mu=self.mu, sticking=self.sticking, rho=self.rho, k=k
-        )
-
-
-class RoughKeys(Section):
-    """Rough disks of constant normal and tangential restitution, without friction."""
-
-    law: Literal["rough"] = field("rough", description=LAW)
-    e_n: NormalRestitution
-    beta: values.TangentialRestitution = field(0.5)
-    """Tangential restitution of the slip [1], -1 (smooth) to 1 (perfectly rough)."""
-
-    def made(self, k: float) -> IFRLaw:
-        """The law."""
-        return rough_disks(self.e_n, self.beta)
-
-
-class SmoothKeys(Section):
-    """Smooth disks, normal restitution only."""
-
-    law: Literal["smooth"] = field("smooth", description=LAW)
-    e_n: NormalRestitution
-
-    def made(self, k: float) -> IFRLaw:
-        """The law."""
-        return smooth_disks(self.e_n)
 
 
 class FileKeys(Section):
@@ -173,8 +128,10 @@ class IFRMaterial(MaterialSection):
     e_n: NormalRestitution | None = None
     e_t: TangentialRestitution | None = None
     mu: Friction | None = None
-    sticking: Sticking = "percussion_center"
-    rho: RollingFriction = 0.0
+    sticking: Literal["percussion_center", "contact_point"] = _field(
+        IFRLaw.keys["sticking"], "percussion_center"
+    )
+    rho: RollingFriction = _field(IFRLaw.keys["rho"], 0.0)
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
@@ -190,22 +147,6 @@ class IFRMaterial(MaterialSection):
         return IFRLaw(**numbers, sticking=self.sticking, rho=self.rho, k=k)
 
 
-class WaltonMaterial(MaterialSection, WaltonKeys):
-    """Walton's law: constant restitution of the slip up to Coulomb's limit."""
-
-
-class ViscoelasticMaterial(MaterialSection, ViscoelasticKeys):
-    """Viscoelastic spheres, e_n by the speed of impact, with the friction of the IFR law."""
-
-
-class RoughMaterial(MaterialSection, RoughKeys):
-    """Rough disks of constant normal and tangential restitution, without friction."""
-
-
-class SmoothMaterial(MaterialSection, SmoothKeys):
-    """Smooth disks, normal restitution only."""
-
-
 class FileMaterial(MaterialSection, FileKeys):
     """A custom law in a file of Python, with its coefficients as further keys."""
 
@@ -214,37 +155,45 @@ class FilePair(PairSection, FileKeys):
     """A custom law in a file of Python, with its coefficients as further keys."""
 
 
-class WaltonPair(PairSection, WaltonKeys):
-    """Walton's law: constant restitution of the slip up to Coulomb's limit."""
-
-
-class ViscoelasticPair(PairSection, ViscoelasticKeys):
-    """Viscoelastic spheres, e_n by the speed of impact, with the friction of the IFR law."""
-
-
-class RoughPair(PairSection, RoughKeys):
-    """Rough disks of constant normal and tangential restitution, without friction."""
-
-
-class SmoothPair(PairSection, SmoothKeys):
-    """Smooth disks, normal restitution only."""
-
-
 def law(section: Any) -> Any:
     """The law of a section, of which "ifr" is the default; pydantic's messages have this function's name as the key."""
     found = section.get("law", "ifr") if isinstance(section, dict) else getattr(section, "law", None)
     return law_files.FORM if law_files.is_reference(found) else found
 
 
-Material = Annotated[
-    Annotated[IFRMaterial, Tag("ifr")] | Annotated[WaltonMaterial, Tag("walton")]
-    | Annotated[ViscoelasticMaterial, Tag("viscoelastic")] | Annotated[RoughMaterial, Tag("rough")]
-    | Annotated[SmoothMaterial, Tag("smooth")] | Annotated[FileMaterial, Tag(law_files.FORM)],
-    Discriminator(law),
-]  # fmt: skip
-PairOfMaterials = Annotated[
-    Annotated[IFRPair, Tag("ifr")] | Annotated[WaltonPair, Tag("walton")]
-    | Annotated[ViscoelasticPair, Tag("viscoelastic")] | Annotated[RoughPair, Tag("rough")]
-    | Annotated[SmoothPair, Tag("smooth")] | Annotated[FilePair, Tag(law_files.FORM)],
-    Discriminator(law),
-]  # fmt: skip
+def _sections(base: type[LawSection], *own: type[LawSection]) -> dict[str, type[LawSection]]:
+    """The sections of all laws by name: those that are given, and of other laws one made of the keys of the law."""
+    found = {each.kind_name or IFR_LAWS[0]: each for each in own}
+    for name, named in LAWS.items():
+        if name not in found:
+            fields: dict[str, tuple[Any, FieldInfo]] = {
+                "law": (
+                    Literal[name],
+                    field(name, *(IFR_LAWS[:1] if name == IFR_LAWS[0] else ()), description=LAW),
+                )
+            }
+            for key, each in named.keys.items():
+                fields[key] = (_type(each), _field(each, named.defaults.get(key, ...)))
+            title = f"{name.title()}{base.__name__}"
+            found[name] = create_model(
+                title, __base__=base, __module__=__name__, __doc__=named.about, **fields
+            )  # type: ignore[call-overload]
+            found[name].is_generated = True
+            globals()[title] = found[name]  # where pickle looks for it
+    return {name: found[name] for name in (*LAWS, law_files.FORM)}
+
+
+if TYPE_CHECKING:
+    Material = MaterialSection
+    PairOfMaterials = PairSection
+else:
+    Material, PairOfMaterials = (
+        Annotated[
+            functools.reduce(operator.or_, (Annotated[each, Tag(name)] for name, each in kinds)),
+            Discriminator(law),
+        ]
+        for kinds in (
+            _sections(MaterialSection, IFRMaterial, FileMaterial).items(),
+            _sections(PairSection, FilePair).items(),
+        )
+    )

@@ -14,9 +14,8 @@ import numpy as np
 from ..model.box import describe_sides
 from ..model.density import packing_fraction
 from ..model.laws.law import CollisionLaw
-from ..model.laws.records import to_record
-from ..model.laws.sampling import PAIRS
-from ..model.laws.viscoelastic import Viscoelastic
+from ..model.laws.records import ARGUMENTS, to_record
+from ..model.laws.sampling import PAIRS, is_sampled
 from ..model.walls.wall import Wall
 from ..mpi.distribution import GATHERED
 from ..quantities import OBSERVABLES
@@ -36,7 +35,6 @@ from .estimate import (
     step_seconds,
 )
 from .gas import CaseGas
-from .laws_section import FileKeys, RoughKeys, SmoothKeys
 from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 from .summary import COMPILING, REFUSED_HERE, clock, no_path, refuse_cadences, refused_here, size
@@ -180,7 +178,7 @@ def _laws(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         law = verdict.law
         assert law is not None  # a gas has no refused pairs
         text = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
-        if not law.is_proved:
+        if is_sampled(type(law)):
             text = f"custom, tried on {PAIRS} random pairs"
         values = (
             f"{key} = {value}" if isinstance(value, str) else f"{key} = {value:g}"
@@ -191,7 +189,7 @@ def _laws(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         if not verdict.strict:
             yield ReportRow("", verdict.message)
     for verdict, g_n, m_n, R in gas.approach_speeds:
-        if isinstance(verdict.law, Viscoelastic) and g_n > 0.0:
+        if verdict.law is not None and verdict.law.depends_on_speed and g_n > 0.0:
             e_n = float(verdict.law.restitutions(g_n, m_n, R))
             name = f"e_n of {verdict.first}, {verdict.second} at the mean approach speed at the start"
             yield ReportRow(name, f"{e_n:.4g} at {g_n:.4g}", units.speed)
@@ -201,7 +199,7 @@ def _values(case: CaseSections, key: str, law: CollisionLaw) -> dict[str, Any]:
     """Name and arguments of the law that a section gives, "material[0]"."""
     if found := re.fullmatch(r"(material|pair)\[(\d+)\]", key):
         section = getattr(case, found[1])[int(found[2])]
-        if isinstance(section, RoughKeys | SmoothKeys | FileKeys):  # the first two make an IFR law
+        if section.law not in ARGUMENTS:  # from a file, or another name for a law
             return {"law": section.law} | section.model_dump(exclude={"name", "materials", "law"})
     return to_record(law)
 

@@ -64,6 +64,9 @@ class Section(BaseModel):
     kind_name: ClassVar[str | None] = None
     """The name of the kind, where it is not the only value of that key."""
 
+    is_generated: ClassVar[bool]
+    """Set in a class that no source declares: its fields have descriptions."""
+
     @model_validator(mode="wrap")
     @classmethod
     def _all_errors_at_once(cls, data: Any, handler: ModelWrapValidatorHandler[Any]) -> Any:
@@ -130,7 +133,7 @@ def _docstrings(model: type[Section]) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for each in reversed(model.__mro__):
-        if not issubclass(each, Section):
+        if not issubclass(each, Section) or "is_generated" in vars(each):
             continue
         (tree,) = ast.parse(inspect.getsource(each)).body
         found |= {

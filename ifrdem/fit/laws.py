@@ -140,7 +140,7 @@ class Law:
             return found
         g_n, g_t, m_n, m_t = law.relative_motion(*motion)
         _, _, im_i, R_i, k_i, _, _, w_i, im_j, R_j, k_j, _, _, w_j = motion
-        pair = (g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j)
+        pair = (g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j, law.reduced_radius(R_i, R_j))
         P_n, P_t, T = impulses(self.kind, pair, [of[name] for name in self.kind.coefficients])
         none = np.zeros(np.shape(P_n))
         return (*law.after_impulses(P_n, P_t, T, *motion), P_n, P_t, none, none)
@@ -161,7 +161,13 @@ class Law:
     @property
     def has_transition(self) -> bool:
         """True for a law with Coulomb friction that another impulse bounds."""
-        return self.sticking is not None or self.kind is Walton
+        if self.sticking is not None:
+            return True
+        return (
+            self.kind.has_averages
+            and not self.kind.depends_on_speed
+            and {"e_n", "mu"} <= {*self.kind.coefficients}
+        )
 
     def transitions(self, values: Array, probe: Sequence[Array], speed: Array | float = 1.0) -> list[Array]:
         """Angles of incidence [rad], each (..., n), at which the law changes its regime; `probe` as for `stick`.

@@ -15,7 +15,6 @@ import numpy as np
 
 from ..errors import InputError, option_name
 from ..model.laws.files import source_of
-from ..model.laws.walton import Walton
 from ..tools.checked import Count, Seed, validated
 from .data import Data
 from .model import MEASURED
@@ -305,7 +304,7 @@ def material(fit: Fit, name: str) -> str:
     '# Fitted to 18 impacts of data.csv (delta_1, delta_2) by `ifrdem fit`; M = 1, k_1 = 2, k_2 = 2.'
     """
     fitted = fit.laws[fit.best]
-    if fitted.law.sticking is None and fitted.law.kind is not Walton and source_of(fitted.law.kind) is None:
+    if not fitted.law.kind.name_in_cases and source_of(fitted.law.kind) is None:
         raise InputError(
             f"no material is written: a case knows laws by name or file, and {fit.best}, which fits best, has neither; "
             f"{option_name('--model', 'model')} chooses"
@@ -338,7 +337,7 @@ def material(fit: Fit, name: str) -> str:
 
 
 def _material(name: str, fitted: Fitted) -> list[str]:
-    law = ['law = "walton"'] * (fitted.law.kind is Walton)
+    law = [f'law = "{fitted.law.kind.name_in_cases}"'] * (fitted.law.sticking is None)
     if (source := source_of(fitted.law.kind)) is not None:
         reference = f"{os.path.relpath(source.path).replace(os.sep, '/')}:{source.name}"
         law = [f"law = {json.dumps(reference)}  # path from the case file, which runs its code"]

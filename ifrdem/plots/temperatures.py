@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ..analysis.gas_theory import Curves, gas_of
 from ..errors import TheoryWarning
-from ..model.laws.viscoelastic import Viscoelastic
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Driving
 from ..tools.intervals import PERCENT, student_t
@@ -56,8 +55,8 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
             return None, None, "forces in a flow: no kinetic theory here"
         if gas.kinds > 1:
             return None, None, "several kinds of disks in a flow: no kinetic theory here"
-        if isinstance(gas.laws[0][0], Viscoelastic):
-            return None, None, "viscoelastic disks in a flow: no kinetic theory here"
+        if gas.laws[0][0].depends_on_speed:
+            return None, None, "e_n that depends on the speed, in a flow: no kinetic theory here"
         with warnings.catch_warnings(action="ignore", category=TheoryWarning):  # the run has said it
             steady = sheared_gas.steady_state(*gas.one_kind, rate)
         text, nothing = (
@@ -71,7 +70,7 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
         if len(known) < len(drives):
             return None, None, "a force that is not linear: no kinetic theory here"
         moves |= any(driving.power for driving in known)
-        if gas.kinds == 1 and moves and not isinstance(gas.laws[0][0], Viscoelastic):
+        if gas.kinds == 1 and moves and not gas.laws[0][0].depends_on_speed:
             steady = driven_gas.steady_state(*gas.one_kind, known[0])
     if not moves or times[-1] <= times[0]:
         return None, steady if rate else None, nothing

@@ -349,7 +349,7 @@ class Engine:
         """True along x and y where the whole gas can drift (`model.walls.wall.free_directions`)."""
         smooth: Collection[int] = ()
         law = self.setup.law_class
-        if self.walls and law.is_proved and {"e_t", "mu"} <= {*law.coefficients}:
+        if self.walls and law.has_ifr_symbols and {"e_t", "mu"} <= {*law.coefficients}:
             e_t, mu = (law.column(self.setup.law_rows, name) for name in ("e_t", "mu"))
             smooth = smooth_materials(e_t, mu, self._materials)
         return free_directions(self.walls, immovable=self.n > self.kinds.n_movable, smooth=smooth)
@@ -412,7 +412,7 @@ class Engine:
     def _check_collapse(self, setup: Setup, gravity: tuple[float, float]) -> None:
         """Refuse a law or gravity to which the speed of the remedy for inelastic collapse does not suit."""
         law = setup.law_class
-        e_n = law.column(setup.law_rows, "e_n") if law.is_proved and "e_n" in law.coefficients else None
+        e_n = law.column(setup.law_rows, "e_n") if law.has_ifr_symbols and "e_n" in law.coefficients else None
         checks.check_collapse(
             setup.collapse, self.kinds, setup.box, setup.all_walls, gravity, e_n, setup.device
         )

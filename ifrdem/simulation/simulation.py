@@ -398,17 +398,17 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
     def _check_laws(self, laws: PairLaws, state: State | None) -> None:
         """Check laws at the speeds of a state, by default the present one.
 
-        Laws that are not known to be passive are checked on random pairs of disks as fast as those.
+        Custom laws are tried on random pairs of disks as fast as those.
         """
         has_range = laws.kind.check_speed is not CollisionLaw.check_speed
-        if laws.is_passive and not has_range:
+        if not laws.is_sampled and not has_range:
             return
         state = self._engine.state_here() if state is None else state
         if has_range:
             rms = math.sqrt(float(np.sum(np.square(state.velocity))) / max(len(state.velocity), 1))
             rms = self.comm.largest(rms)
             self.comm.run_on_all(lambda: laws.check_speed(self._kinds_of_disks, rms))
-        if laws.is_passive:
+        if not laws.is_sampled:
             return
         fastest = self.comm.largest(checks.fastest(self.disks_here, state.velocity, state.spin))
         of_walls = [wall.material for wall in self._engine.walls]

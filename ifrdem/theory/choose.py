@@ -59,7 +59,7 @@ def prediction(
     ----------
     disks : Disks
         Of one species if mass, radius, k and material agree; `mixtures.MOST_SPECIES` at most.
-    law : IFRLaw, Walton or Viscoelastic, or sequence of sequences of them
+    law : law that has averages, or sequence of sequences of them
         One for all, or a table `[material][material]`; in a sheared gas one whose e_n is a constant.
     packing_fraction, shear_rate : float
         Part of the area that the disks cover, and du_x/dy of a mean flow [1/time].

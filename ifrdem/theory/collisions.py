@@ -31,8 +31,8 @@ given g_t that of v_it is (a_i/S) g_t, and that of R_i w_i is (k_i tau_i / (m_i 
     <dE_i>     = m_n V [-2 (1 + e_n) a_i + (1 + e_n)^2 m_n/m_i - a_i A + (m_n/(2 m_i)) S B]
     <dE_rot,i> = m_n V k_i [-(tau_i / (m_i V)) A + (m_n/(2 m_i)) S B].
 
-*Other laws.* Walton's law has h = 0 and c = (1 + beta_0) m_t / m_n. Where e_n depends on g_n, as of viscoelastic
-spheres, the average over u comes first: with a = kappa y,
+*Other laws* say h and c themselves (`CollisionLaw.slip_coefficients`): Walton's has h = 0 and c = (1 + beta_0) m_t /
+m_n. Where e_n depends on g_n, as of viscoelastic spheres, the average over u comes first: with a = kappa y,
 
     <|u| min(|u|, a)> = erf(a / sqrt 2),
     <min(|u|, a)^2>   = erf(a / sqrt 2) - a sqrt(2/pi) exp(-a^2 / 2) + a^2 erfc(a / sqrt 2),
@@ -49,9 +49,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..model.laws.ifr import IFRLaw, smooth_disks
-from ..model.laws.viscoelastic import Viscoelastic
-from ..model.laws.walton import Walton
+from ..model.laws.ifr import smooth_disks
+from ..model.laws.law import CollisionLaw
 from ..tools.checked import (
     Array,
     NonNegative,
@@ -78,10 +77,6 @@ class Collider(NamedTuple):
     radius: float = math.nan
 
 
-ClosedLaw = IFRLaw | Walton
-KnownLaw = ClosedLaw | Viscoelastic
-"""Laws whose averages over collisions are known."""
-
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _HIGHEST = 9.0  # of y: beyond are 3e-18 of all collisions
 _ROOT = 0.5 * math.sqrt(_HIGHEST) * (_NODES + 1.0)  # of y, so that the power 1/5 is smooth enough
@@ -89,53 +84,58 @@ _Y = _ROOT**2
 _Y_WEIGHTS = math.sqrt(_HIGHEST) * _WEIGHTS * _ROOT * _Y * np.exp(-0.5 * _Y**2)
 
 
-def checked_law(name: str, law: Any) -> KnownLaw:
+def checked_law(name: str, law: Any) -> CollisionLaw:
     """The law, if its averages are known.
 
     InputError if they are not, or it has rolling friction.
     """
-    if not isinstance(law, IFRLaw | Walton | Viscoelastic):
+    if not isinstance(law, CollisionLaw) or not law.has_averages:
         raise must_be(
             name,
             law,
-            "an IFRLaw, Walton or Viscoelastic, whose averages are known (ifrdem.DSMC takes any law)",
+            "an IFRLaw, Walton or Viscoelastic, or a law that says has_averages: those are known "
+            "(ifrdem.DSMC takes any law)",
         )
-    if isinstance(law, Walton):  # without restitution of the slip there is no friction
-        return law if law.beta_0 > -1.0 else smooth_disks(law.e_n)
-    if law.rho != 0.0:
+    for needed in ("mu",) if law.depends_on_speed else ("e_n", "mu"):
+        if not hasattr(law, needed):
+            raise InputError(
+                f"{name} = {law}: has_averages = True requires an attribute {needed}; {law} has none"
+            )
+    if not law.depends_on_speed and not np.any(law.slip_coefficients(np.array(1.0))):
+        return smooth_disks(law.e_n)  # nothing that stops the slip: no friction either
+    if getattr(law, "rho", 0.0) != 0.0:
         raise InputError(
             f"{name}: rho = {law.rho}: must be 0, kinetic theory has no rolling friction (ifrdem.DSMC has)"
         )
     return law
 
 
-def closed_law(name: str, law: Any) -> ClosedLaw:
+def closed_law(name: str, law: Any) -> CollisionLaw:
     """The law, if its averages have closed forms; else InputError."""
     found = checked_law(name, law)
-    if isinstance(found, Viscoelastic):
-        raise must_be(name, law, "a law whose e_n is a constant (theory.prediction takes Viscoelastic)")
+    if found.depends_on_speed:
+        raise must_be(
+            name, law, "a law whose e_n is a constant (theory.prediction takes any that has averages)"
+        )
     return found
 
 
-KineticLaw = Annotated[ClosedLaw, closed_law]
+KineticLaw = Annotated[CollisionLaw, closed_law]
 """A law of constant e_n whose averages are known."""
 
 
-def slip_coefficients(law: KnownLaw, inverse_a: ArrayLike) -> tuple[Array, Array]:
-    """h and c at inverse_a = m_t / m_n: restitution gives h m_n |g_t|, and friction c m_n |g_t| at most."""
-    ratio = np.asarray(inverse_a, dtype=np.float64)
-    if isinstance(law, Walton):
-        return np.zeros_like(ratio), (1.0 + law.beta_0) * ratio
-    c = {"percussion_center": np.full_like(ratio, 0.5), "contact_point": ratio}[law.sticking]
-    return (1.0 + law.e_t) * ratio, c
+def slip_coefficients(law: CollisionLaw, inverse_a: ArrayLike) -> tuple[Array, Array]:
+    """h and c of a law (`CollisionLaw.slip_coefficients`) at inverse_a = m_t / m_n."""
+    return law.slip_coefficients(np.asarray(inverse_a, dtype=np.float64))
 
 
-def is_smooth(law: KnownLaw) -> bool:
+def is_smooth(law: CollisionLaw) -> bool:
     """True if the law has no tangential impulse."""
-    return law.mu == 0.0 and (isinstance(law, Walton) or law.e_t == -1.0)
+    h, _ = slip_coefficients(law, 1.0)
+    return law.mu == 0.0 and not np.any(h)
 
 
-def tangential_averages(law: ClosedLaw, inverse_a: ArrayLike, S: ArrayLike) -> tuple[Array, Array]:
+def tangential_averages(law: CollisionLaw, inverse_a: ArrayLike, S: ArrayLike) -> tuple[Array, Array]:
     """A and B of the tangential impulse, at inverse_a = m_t / m_n and S = <g_t^2> / V."""
     h, c = slip_coefficients(law, inverse_a)
     kappa = law.mu * (1.0 + law.e_n) / (c * np.sqrt(np.asarray(S, dtype=np.float64)))
@@ -146,10 +146,10 @@ def tangential_averages(law: ClosedLaw, inverse_a: ArrayLike, S: ArrayLike) -> t
 
 
 def _averages(
-    law: KnownLaw, inverse_a: Array, S: Array, m_n: Array, speed: Array, R: float
+    law: CollisionLaw, inverse_a: Array, S: Array, m_n: Array, speed: Array, R: float
 ) -> tuple[Any, Any, Array, Array]:
     """<(1 + e_n) y^2>, <(1 + e_n)^2 y^2> / 2, A, B for g_n = speed y [length/time], effective radius R [length]."""
-    if not isinstance(law, Viscoelastic):
+    if not law.depends_on_speed:
         constant = 1.0 + law.e_n
         return 2.0 * constant, constant**2, *tangential_averages(law, inverse_a, S)
     from scipy.special import erf, erfc
@@ -164,7 +164,9 @@ def _averages(
     return (both * _Y**2) @ _Y_WEIGHTS, 0.5 * ((both * _Y) ** 2 @ _Y_WEIGHTS), A, B
 
 
-def energy_changes(law: KnownLaw, disk: Collider, other: Collider, unit: float = 1.0) -> tuple[Array, Array]:
+def energy_changes(
+    law: CollisionLaw, disk: Collider, other: Collider, unit: float = 1.0
+) -> tuple[Array, Array]:
     """Mean energies [energy] that the motion and the spin of `disk` gain in a collision with `other`.
 
     The two gases may have different temperatures; one at least of the two must move. Temperatures may be in units of

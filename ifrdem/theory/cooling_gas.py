@@ -20,6 +20,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from ..errors import InputError, TheoryError
+from ..model.laws.law import CollisionLaw
 from ..tools.checked import (
     Array,
     Fraction,
@@ -31,7 +32,7 @@ from ..tools.checked import (
     TangentialRestitution,
     validated,
 )
-from .collisions import ClosedLaw, Collider, KineticLaw, collision_rate, energy_changes, slip_coefficients
+from .collisions import Collider, KineticLaw, collision_rate, energy_changes, slip_coefficients
 from .contact import PackingFraction
 
 
@@ -51,7 +52,7 @@ def changes_per_collision(theta: NonNegativeArray, law: KineticLaw, k: Positive)
     return changes(np.asarray(theta, dtype=np.float64), law, k)
 
 
-def changes(theta: float | Array, law: ClosedLaw, k: float) -> tuple[Array, Array]:
+def changes(theta: float | Array, law: CollisionLaw, k: float) -> tuple[Array, Array]:
     """As `changes_per_collision`, unchecked: theta grows without end in gases that keep their spins."""
     disk = Collider(1.0, k, 1.0, np.asarray(theta, dtype=np.float64))
     translation, rotation = energy_changes(law, disk, disk)
@@ -242,7 +243,7 @@ _MOST = 200.0  # of |ln(T/T0)|
 
 
 def cooling_until(
-    law: ClosedLaw, k: float, theta0: float, *, collisions: float = math.inf, time: float = math.inf
+    law: CollisionLaw, k: float, theta0: float, *, collisions: float = math.inf, time: float = math.inf
 ) -> tuple[float, float]:
     """Collisions per disk and time, over 1 / (initial collision rate), at which a cooling gas reaches either limit.
 

@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..model.laws.law import CollisionLaw
 from ..tools.checked import Array, NonNegative, NonNegativeColumn, Positive, validated
-from .collisions import ClosedLaw, KineticLaw, collision_rate
+from .collisions import KineticLaw, collision_rate
 from .contact import PackingFraction
 from .cooling_gas import checked_times, cooling_rates, integrated
 
@@ -70,7 +71,7 @@ class Driving:
 class _Balance:
     """The heating minus the losses of a gas."""
 
-    law: ClosedLaw
+    law: CollisionLaw
     mass: float
     radius: float
     k: float

@@ -38,8 +38,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
 from ..model.laws.ifr import IFRLaw
+from ..model.laws.law import CollisionLaw
 from ..tools.checked import MOST, Array, Fraction, NonNegative, Packed, Positive, validated
-from .collisions import ClosedLaw, KineticLaw, collision_rate, is_smooth
+from .collisions import KineticLaw, collision_rate, is_smooth
 from .contact import compressibility, contact_value
 from .cooling_gas import changes
 from .sheared_gas import relaxation, stress_factors
@@ -63,7 +64,7 @@ class ShearModes(NamedTuple):
     time: float  # [time]
 
 
-def _theta(law: ClosedLaw, theta: float | None, name: str = "theta") -> float:
+def _theta(law: CollisionLaw, theta: float | None, name: str = "theta") -> float:
     """The ratio T_rot / T that was given; 0 without one of smooth disks, to whose spins nothing couples."""
     if theta is None:
         if is_smooth(law):
@@ -115,7 +116,7 @@ def shear_viscosity(
     return packing_fraction / (math.pi * radius**2) * T / nu * (more**2 / (ell - 0.5 * z) + contact)
 
 
-def _losses(law: ClosedLaw, k: float, theta: float) -> tuple[float, float]:
+def _losses(law: CollisionLaw, k: float, theta: float) -> tuple[float, float]:
     """Rates z and l."""
     z = -float(changes(theta, law, k)[0])
     ell = relaxation(theta, law, k)
@@ -243,7 +244,7 @@ class _CoolingPath(NamedTuple):
 
     @classmethod
     def of(
-        cls, law: ClosedLaw, radius: float, packing_fraction: float, k: float, theta0: float, end: float
+        cls, law: CollisionLaw, radius: float, packing_fraction: float, k: float, theta0: float, end: float
     ) -> _CoolingPath:
         """Integrate until tau = end, or until T0 / T is 1e200 if that is earlier."""
         from scipy.integrate import solve_ivp
@@ -328,7 +329,7 @@ def shear_mode_energy(
 
 
 def _mode_energy(
-    law: ClosedLaw, radius: float, packing_fraction: float, box: tuple[float, float], k: float,
+    law: CollisionLaw, radius: float, packing_fraction: float, box: tuple[float, float], k: float,
     theta0: float | None, end: float,
 ) -> tuple[_CoolingPath, Array]:  # fmt: skip
     """The course of the gas until tau = end, and `shear_mode_energy` at its times."""

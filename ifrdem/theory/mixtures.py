@@ -22,7 +22,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.laws.law import CollisionLaw
 from ..model.laws.pairs import check_symmetric
-from ..model.laws.viscoelastic import Viscoelastic
 from ..model.state import Disks
 from ..tools.checked import (
     Array,
@@ -33,7 +32,7 @@ from ..tools.checked import (
     must_be,
     validated,
 )
-from .collisions import Collider, KnownLaw, checked_law, energy_changes, mixture_collision_rates
+from .collisions import Collider, checked_law, energy_changes, mixture_collision_rates
 from .contact import Contact, PackingFraction, mixture_contact_values
 from .cooling_gas import checked_times, cooled, integrated
 from .driven_gas import Driving
@@ -43,7 +42,7 @@ SETTLED, LONGEST = 1e-8, 1e6
 MOST_SPECIES = 64  # every pair of them is summed at every step
 
 
-def _laws(name: str, law: Any) -> KnownLaw | tuple[tuple[KnownLaw | None, ...], ...]:
+def _laws(name: str, law: Any) -> CollisionLaw | tuple[tuple[CollisionLaw | None, ...], ...]:
     """One law, or a table; None in it stands for materials that never meet, as in `Trajectory.laws`."""
     if not isinstance(law, Sequence) or isinstance(law, str):
         return checked_law(name, law)
@@ -71,7 +70,7 @@ class Mixture:
     ----------
     mass, radius, k : array_like (s,)
         Of one disk of each species [mass], [length], shape numbers in I = m R^2 / k.
-    law : IFRLaw, Walton or Viscoelastic, or sequence of sequences of them
+    law : law that has averages, or sequence of sequences of them
         One for all pairs, or a symmetric table `[species][species]`. Without rolling friction.
     packing_fraction : float
         Part of the area that all disks together cover.
@@ -91,7 +90,7 @@ class Mixture:
 
     mass: Array
     radius: Array
-    law: tuple[tuple[KnownLaw, ...], ...]
+    law: tuple[tuple[CollisionLaw, ...], ...]
     packing_fraction: float
     k: Array
     fraction: Array
@@ -147,7 +146,7 @@ class Mixture:
         mixture = cls(mass, radius, table, packing_fraction, k=k, fraction=number, contact=contact)
         return mixture, np.asarray(which, dtype=np.int64).ravel()
 
-    def _table(self, law: Any) -> tuple[tuple[KnownLaw, ...], ...]:
+    def _table(self, law: Any) -> tuple[tuple[CollisionLaw, ...], ...]:
         s = self.species
         rows = [[law] * s for _ in range(s)] if not isinstance(law, Sequence) else [list(row) for row in law]
         if len(rows) != s or any(len(row) != s for row in rows):
@@ -320,7 +319,7 @@ def mixture_cooling_ratios(mixture: Mixture, theta0: NonNegative = 1.0) -> tuple
     1.341
     """
     s, x = mixture.species, mixture.fraction
-    if any(isinstance(law, Viscoelastic) for row in mixture.law for law in row):
+    if any(law.depends_on_speed for row in mixture.law for law in row):
         raise InputError(
             "law: must not depend on the speed; else ratios of temperatures do not become constant"
         )

@@ -44,8 +44,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, TheoryError, TheoryWarning
+from ..model.laws.law import CollisionLaw
 from ..tools.checked import Array, NonNegative, NonNegativeColumn, Positive, Real, validated
-from .collisions import ClosedLaw, KineticLaw, collision_rate, is_smooth, slip_coefficients
+from .collisions import KineticLaw, collision_rate, is_smooth, slip_coefficients
 from .contact import PackingFraction, contact_value
 from .cooling_gas import changes, checked_times, integrated
 
@@ -60,7 +61,7 @@ _FEW_NODES, _FEW_WEIGHTS = np.polynomial.legendre.leggauss(16)  # of three smoot
 _HIGHEST = 9.0  # of a Gaussian variable: averages of its sixth power have 1e-13 beyond
 
 
-def relaxation(theta: float, law: ClosedLaw, k: float) -> float:
+def relaxation(theta: float, law: CollisionLaw, k: float) -> float:
     r"""Rate l at which collisions make velocities isotropic, in units of the collision rate nu of a disk.
 
     Let the relative velocity (g_n, v_t) of the centres, in units of sqrt(2 T / m), be Gaussian with covariance
@@ -128,7 +129,7 @@ class _Flow(NamedTuple):
         return 0.5 * (self.p[0] + self.p[1]), self.tau + self.turn**2 / (4.0 * k)
 
     def rates(
-        self, law: ClosedLaw, k: float, packing_fraction: float, g: float
+        self, law: CollisionLaw, k: float, packing_fraction: float, g: float
     ) -> tuple[tuple[float, ...], float]:
         """Time derivatives in the order of the fields, and collisions of a disk per time, at the shear rate g."""
         p_xx, p_yy, p_xy = self.p
@@ -141,7 +142,7 @@ class _Flow(NamedTuple):
 
 
 def collisional_changes(
-    p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float, g: float, law: ClosedLaw, k: float
+    p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float, g: float, law: CollisionLaw, k: float
 ) -> Array:
     r"""Changes of a disk by its collisions, over 8 phi chi and per time: of 1, of m V V (xx, yy, xy), of w and I w^2.
 
@@ -218,7 +219,7 @@ def collisional_changes(
     return np.array(changes).mean(axis=1)
 
 
-def _check(law: ClosedLaw, packing_fraction: float, shear_rate: float) -> None:
+def _check(law: CollisionLaw, packing_fraction: float, shear_rate: float) -> None:
     if shear_rate == 0.0 or packing_fraction == 0.0:
         raise InputError(
             f"shear_rate = {shear_rate}, packing_fraction = {packing_fraction}: must not be 0 in a sheared gas"
@@ -281,7 +282,7 @@ def steady_state(
     return float(unit * T), float(unit * T_rot)
 
 
-def _steady_theta(law: ClosedLaw, k: float) -> float | None:
+def _steady_theta(law: CollisionLaw, k: float) -> float | None:
     """T_rot / T at which collisions leave T_rot alone while T is held; None if there is none up to 1e6."""
     from scipy.optimize import brentq
 

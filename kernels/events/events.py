@@ -16,6 +16,7 @@ histories depend neither on the cells nor on the region, only on the disks in it
 from ..columns import LOSS, MECHANISM, TALLY
 from ..compiler.records import NamedVector
 from ..laws.contact import ELASTIC, ROLLS, STICKS, collided
+from ..laws.law import reduced_radius
 from ..forces.force_events import act_alone, act_on_all, first_horizon, kick_time
 from ..disks.force_times import action_time
 from ..disks.flights import bits_of, contact_delay, contact_signs, real_of, rounding
@@ -373,7 +374,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         hit_sleepers(a, b, t, since_a, since_b, asleep_a, asleep_b, slow, inverse_a, inverse_b, tile, gas)
     new, regime, lost = collided(
         p, q, rx / r, ry / r, inverse_a, radius_a, k_a, vx_a, vy_a, w_a, inverse_b, radius_b, k_b, vx_b, vy_b, w_b,
-        persistent, gas,
+        reduced_radius(radius_a, radius_b), persistent, gas,
     )  # fmt: skip
     if ti.static(gas.uses.remembers):
         gas.since[a], gas.since[b] = t, t

@@ -2,7 +2,7 @@
 
 ============  =========================================================
 `law`         the IFR law, and what every law shares
-`other_laws`  Walton's law, viscoelastic spheres
+`other_laws`  other laws by name
 `contact`     coefficients, velocities after a collision, energy losses
 ============  =========================================================
 """

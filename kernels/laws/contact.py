@@ -62,12 +62,13 @@ LEAST_REBOUND = 0.1  # of the resting speed
 
 @ti.func
 def impulses_between(
-    p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas: ti.template()
+    p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, reduced_radius, gas: ti.template()
 ):  # fmt: skip
     """Impulses by the law of materials p and q, P_n, P_t, T, with a ledger P_et, sticks, rolls; the pair, with its g_n.
 
     g_n is below 0 where it separates by rounding. All of P_t counts as restitution for a custom law, which does not
-    divide it. Arguments as for `law.collide_pair`.
+    divide it. Arguments as for `law.collide_pair`, and the reduced radius, as of `law.reduced_radius` or
+    `walls.shapes.reduced_radius_at`.
     """
     g_n, g_t, m_n, m_t = relative_motion(
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
@@ -76,7 +77,7 @@ def impulses_between(
         # A pair that separates by rounding has no power 1/5 of its approach; its impulses do not count.
         g_n=ti.max(g_n, 0.0), g_t=g_t, m_n=m_n, m_t=m_t,
         inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
-        inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j,
+        inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j, reduced_radius=reduced_radius,
     )  # fmt: skip
     names = ti.static(gas.uses.collision_law.names)
     law = ti.Struct({names[j]: gas.law[p, q][j] for j in ti.static(range(len(names)))})
@@ -102,17 +103,17 @@ def impulses_between(
 
 @ti.func
 def collided(
-    p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, persistent,
+    p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, reduced_radius, persistent,
     gas: ti.template(),
 ):  # fmt: skip
     """Velocities and spins after a collision of materials p and q, vx_i, vy_i, w_i, vx_j, vy_j, w_j; how; its losses.
 
     How: ELASTIC; else, with a ledger, STICKS and ROLLS; else 0. Losses: as of `losses_of`; 0 without one.
-    Arguments as for `law.collide_pair`; p and q are materials. A pair that separates keeps its velocities and spins.
+    Arguments as for `impulses_between`; p and q are materials. A pair that separates keeps its velocities and spins.
     With `persistent` > 0 (the tc rule), or below the cut-off, disks collide like smooth elastic ones.
     """
     given, pair = impulses_between(
-        p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas
+        p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, reduced_radius, gas
     )
     elastic = pair.g_n < gas.scale.velocity_cutoff
     if ti.static(gas.uses.rests):
@@ -159,7 +160,7 @@ def sample_law(gas: Arrays("uses law pairs found", TRIAL_TABLES)):
         p, q = ti.cast(it.material_i, ti.i32), ti.cast(it.material_j, ti.i32)
         given, pair = impulses_between(
             p, q, 1.0, 0.0, it.inverse_mass_i, it.radius_i, it.k_i, it.vx_i, it.vy_i, it.spin_i,
-            it.inverse_mass_j, it.radius_j, it.k_j, 0.0, 0.0, it.spin_j, gas,
+            it.inverse_mass_j, it.radius_j, it.k_j, 0.0, 0.0, it.spin_j, it.reduced_radius, gas,
         )  # fmt: skip
         result.P_n = given.P_n
         result.least_P_n = pair.m_n * pair.g_n

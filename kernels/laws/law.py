@@ -43,6 +43,12 @@ def relative_motion(n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, v
 
 
 @ti.pyfunc
+def reduced_radius(R_i, R_j):
+    """R_i R_j / (R_i + R_j), the radius of Hertz's contact of two spheres."""
+    return R_i * R_j / (R_i + R_j)
+
+
+@ti.pyfunc
 def ifr_impulses(e_n, e_t, mu, contact_point, rho, g_n, g_t, m_n, m_t, R_i, R_j):
     """The impulses of the IFR law for a pair that approaches, g_n > 0: P_n, P_t, T, sticking, rolling, P_et.
 

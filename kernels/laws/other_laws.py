@@ -54,8 +54,8 @@ def fifth_root(x):
 def restitution(x, b):
     """Normal restitution of viscoelastic spheres at b and its root x: 1 - e_n = 1.15345 b for small b.
 
-    With the elastic force K xi^(3/2), K = 2 Y sqrt(R) / 3, and the damping force 3 A K sqrt(xi) xi' / 2, the equation
-    of motion of the overlap xi has one number only, b = (3/2) A (K / m_n)^(2/5) g_n^(1/5).
+    With the elastic force K xi^(3/2), K = 2 Y sqrt(R) / 3 of the reduced radius R, and the damping force 3 A K sqrt(xi)
+    xi' / 2, the equation of motion of the overlap xi has one number only, b = (3/2) A (K / m_n)^(2/5) g_n^(1/5).
     """
     return (1.0 + C_1 * x) / (1.0 + B_1 * x + b * (B_2 + B_3 * x + B_4 * b))
 
@@ -63,8 +63,7 @@ def restitution(x, b):
 @ti.pyfunc
 def viscoelastic_parts(pair, law):
     """Normal restitution of viscoelastic spheres with the tangential impulses of the IFR law, as `law.ifr_parts`."""
-    R = pair.radius_i * pair.radius_j / (pair.radius_i + pair.radius_j)
-    stiffness = 2.0 * law.Y * ti.sqrt(R) / (3.0 * pair.m_n)
+    stiffness = 2.0 * law.Y * ti.sqrt(pair.reduced_radius) / (3.0 * pair.m_n)
     b = 1.5 * law.A * fifth_root(stiffness * stiffness * pair.g_n)
     e_n = restitution(ti.sqrt(b), b)
     P_n, P_t, T, sticking, rolling, P_et = ifr_impulses(

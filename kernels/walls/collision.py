@@ -12,7 +12,7 @@ from .images import as_partner, from_partner, position_at, wall_of
 from .kinds import FREE, STILL
 from .motion import turned_back, wall_motion, wall_turn
 from .pistons import set_piston
-from .shapes import wall_vector
+from .shapes import reduced_radius_at, wall_vector
 from .thermal import heat_given, thermal_velocity
 
 
@@ -113,7 +113,8 @@ def after_collision(i, w, t, before: ti.template(), persistent, contact: ti.temp
             inverse_w, k_w = wall.piston.inverse_mass, -1.0 + 0.0 * t
     new, regime, lost = collided(
         p, q, -contact.nx, -contact.ny, gas.kinds[kind].inverse_mass, radius, gas.kinds[kind].k, before.vx, before.vy,
-        relative_spin, inverse_w, radius, k_w, contact.ux, contact.uy, 0.0, persistent, gas,
+        relative_spin, inverse_w, radius, k_w, contact.ux, contact.uy, 0.0, reduced_radius_at(w, radius, gas),
+        persistent, gas,
     )  # fmt: skip
     after = ti.Struct(vx=new.vx_i, vy=new.vy_i, spin=new.w_i)
     gained = 0.0 * t  # by a piston, whose surface runs on

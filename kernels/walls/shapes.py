@@ -259,6 +259,7 @@ class ShapeFunctions:
     nearest: Any
     gap: Any
     box: Any
+    bend: int = 0  # 1 of a circle that disks are outside of, -1 inside, 0 of what is flat
     repeats: bool = True  # across periodic sides
     distance: Any = None  # of an arc
     side_is_not_nearest: Any = None
@@ -272,13 +273,14 @@ class ShapeFunctions:
 SHAPES = (
     ShapeFunctions("line", nearest_of_line, gap_of_line, box_of_line, repeats=False),
     ShapeFunctions("segment", nearest_of_segment, gap_of_convex, box_of_segment),
-    ShapeFunctions("container", nearest_inside_circle, gap_of_container, box_of_point, repeats=False),
-    ShapeFunctions("post", nearest_of_circle, gap_of_convex, box_of_point),
+    ShapeFunctions("container", nearest_inside_circle, gap_of_container, box_of_point, -1, repeats=False),
+    ShapeFunctions("post", nearest_of_circle, gap_of_convex, box_of_point, 1),
     ShapeFunctions(
         "arc inside",
         nearest_inside_circle,
         gap_of_arc,
         box_of_point,
+        -1,
         True,
         arc_distance,
         arc_side_is_not_nearest,
@@ -288,6 +290,7 @@ SHAPES = (
         nearest_of_circle,
         gap_of_arc,
         box_of_point,
+        1,
         True,
         arc_distance,
         arc_side_is_not_nearest,
@@ -317,6 +320,21 @@ def wall_vector(w, x, y, s, gas: ti.template()):
         if kind == shape.kind:
             nx, ny, distance = shape.nearest(w, x, y, s, gas)
     return nx, ny, distance
+
+
+@ti.func
+def reduced_radius_at(w, radius, gas: ti.template()):
+    """Radius of Hertz's contact of a disk and wall w: R of what is flat, R r / (r + R) outside a circle, R r / (r - R)
+    inside; K. L. Johnson, Contact Mechanics (1985), chapter 4. Edges, which have no radius, count as flat."""
+    wall = gas.walls[w]
+    kind = ti.cast(wall.kind, ti.i32)
+    found = radius
+    for shape in ti.static(shapes_of(gas.uses)):
+        if ti.static(shape.bend != 0):
+            if kind == shape.kind and wall.radius > 0.0:
+                # A disk that fills its container is far from a contact of Hertz, but has a number.
+                found = radius * (wall.radius / ti.max(wall.radius + shape.bend * radius, 1e-6 * wall.radius))
+    return found
 
 
 @ti.func

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.stats import beta
 from support import serial_reference
 from support.serial_reference import simulate
 
-from ifrdem import analysis, theory
+from ifrdem import analysis, laws, theory
+from ifrdem.analysis import motion
 from ifrdem.errors import InputError
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
@@ -499,3 +503,21 @@ def test_frames_that_do_not_match_are_refused() -> None:
         analysis.structure_factor(v * np.nan, (9.0, 9.0), k_max=3.0)
     with pytest.raises(InputError, match="must have that of position"):
         analysis.unwrap([v, v], (9.0, 9.0), image=np.zeros((2, 9, 2), dtype=np.int32))
+
+
+@pytest.mark.parametrize(
+    ("law", "e_n"),
+    [
+        (laws.smooth_disks(0.8), 0.8),
+        (laws.Walton(e_n=0.8, beta_0=0.3, mu=0.0), 0.8),
+        (laws.rough_disks(0.8, beta=0.5), None),  # mu = 0, yet each collision changes the spins
+        (laws.Viscoelastic(A=0.01, Y=1.0), None),
+    ],
+    ids=["smooth", "without friction", "rough", "of the speed"],
+)
+def test_theory_of_smooth_disks_is_for_smooth_disks_only(
+    monkeypatch: pytest.MonkeyPatch, law: laws.CollisionLaw, e_n: float | None
+) -> None:
+    monkeypatch.setattr(motion, "gas_of", lambda _: SimpleNamespace(kinds=1, one_kind=(law,)))
+    unread: Any = None
+    assert motion.smooth_restitution(unread) == e_n

@@ -6,6 +6,7 @@ import copy
 import hashlib
 import json
 import pickle
+import re
 import subprocess
 import sys
 import warnings
@@ -254,6 +255,63 @@ def test_a_law_that_adds_energy_is_reported_by_check_and_run(
         assert f"{at}law Gaining: " in err
         assert "go through each other" in err
     assert not out.exists()
+
+
+PASSIVE = """
+import ifrdem
+import numpy as np
+
+
+class Smooth(ifrdem.CollisionLaw):
+    coefficients = ("e_n",)
+    is_passive = True
+    has_averages = True
+    mu = 0.0
+
+    @staticmethod
+    def collide(pair, law):
+        return (1.0 + law.e_n) * pair.m_n * pair.g_n, 0.0, 0.0
+
+    def slip_coefficients(self, inverse_a):
+        return np.zeros_like(inverse_a), inverse_a
+"""
+SMOOTH = sets(
+    'material[0].law="laws/mylaw.py:Smooth"', "material[0].c=", "material[0].e_t=", "material[0].mu=", "run.t_end=3.0",
+    "run.collisions_per_disk=",
+)  # fmt: skip
+
+
+def test_a_law_that_says_that_it_is_passive_is_checked_and_runs(
+    case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`is_passive` once led theory to take the law for one of the package: neither command ran.
+
+    With its averages, the estimate of collisions is that of smooth disks (`law = "smooth"`), which theory gives.
+    """
+    file_of(case).write_text(PASSIVE, encoding="utf-8")
+    assert executed(case, "check", *SMOOTH, *sets("material[0].e_n=0.9")) == 0
+    shown = capsys.readouterr().out
+    assert "custom, tried on 4096 random pairs" in shown
+    out = case.with_name("gas.h5")
+    assert executed(case, "run", "-o", out, *SMOOTH, *sets("material[0].e_n=0.9")) == 0
+    assert executed(case, "check", *SMOOTH, *sets("material[0].e_n=0.9", 'material[0].law="smooth"')) == 0
+    known = capsys.readouterr().out
+    (estimate,) = re.findall(r"to t = 3: .* collisions", shown)
+    assert estimate in known
+    # What is not true is refused: e_n = 1.1 adds energy.
+    assert executed(case, "check", *SMOOTH, *sets("material[0].e_n=1.1")) == 2
+    assert "is_passive = True: must be False, because of 4096 random" in capsys.readouterr().err
+
+
+def test_the_former_name_of_what_a_law_says_is_refused_with_the_present_ones(
+    case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file_of(case).write_text(PASSIVE.replace("is_passive", "is_proved"), encoding="utf-8")
+    assert executed(case, "check", *SMOOTH, *sets("material[0].e_n=0.9")) == 2
+    assert (
+        "is_proved = True: must be replaced by those of is_passive, has_averages, has_ifr_symbols that hold"
+        in (capsys.readouterr().err)
+    )
 
 
 def test_a_law_that_loses_energy_gives_no_warning(case: Path) -> None:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 import ifrdem
 from ifrdem import laws
+from ifrdem.case.laws_section import Material, PairOfMaterials
 from ifrdem.cli import main as cli
+from ifrdem.model.laws.records import LAWS
 
 CASE = """
 [run]
@@ -159,3 +163,17 @@ def test_check_refuses_disks_that_rest_by_a_law_other_than_ifr(
     assert (
         'run.collapse = "rest": cannot be combined with material[0].law = "walton"' in capsys.readouterr().err
     )
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_sections_of_a_named_law_have_the_keys_ranges_and_texts_of_its_class(name: str) -> None:
+    """A law that is added to `LAWS` has its sections, which other processes find by name."""
+    named = LAWS[name]
+    given = {key: each.example for key, each in named.keys.items()}
+    for union, own in ((Material, {"name": "a"}), (PairOfMaterials, {"materials": ["a", "b"]})):
+        (section,) = TypeAdapter(list[union]).validate_python([{"law": name, **own, **given}])  # type: ignore[valid-type]
+        assert section.made(2.0) == named.make(**given)
+        for key, each in named.keys.items():
+            text, example = type(section).about(key)
+            assert (text.lower(), example) == (each.text.lower(), each.example)
+        assert pickle.loads(pickle.dumps(section)) == section

@@ -30,7 +30,7 @@ from ifrdem.model.forces import (
 )
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.laws.law import CollisionLaw
-from ifrdem.model.laws.records import ARGUMENTS
+from ifrdem.model.laws.records import LAWS
 from ifrdem.model.laws.viscoelastic import Viscoelastic
 from ifrdem.model.laws.walton import Walton
 from ifrdem.model.state import Disks, State
@@ -175,12 +175,16 @@ class Named(Drag):
         IFRLaw(e_n=0.8, e_t=-0.5, mu=0.4, sticking="contact_point", rho=0.01, k=1.0),
         Walton(e_n=0.9, beta_0=0.4, mu=0.2),
         Viscoelastic(A=0.05, Y=3.0, e_t=-0.9, mu=0.2, sticking="contact_point", rho=0.01, k=1.5),
+        *(
+            law.make(**{name: key.example for name, key in law.keys.items()})
+            for law in LAWS.values()
+            if law.kind not in (IFRLaw, Walton, Viscoelastic)
+        ),
     ],
     ids=lambda law: type(law).__name__,
 )
 def test_every_force_and_law_of_the_program_comes_back_with_all_of_its_attributes(tmp_path, monkeypatch, law):
     assert {type(each) for each in FORCES} == set(setup._force_classes())
-    assert {kind for kind, _ in ARGUMENTS.values()} == {IFRLaw, Walton, Viscoelastic}
     monkeypatch.setattr(forces, "Named", Named, raising=False)
     monkeypatch.setattr(forces, "__all__", [*forces.__all__, "Named"])
     disks, given = Disks(2, mass=1.0, radius=0.5, k=1.0), [*FORCES, Named("a")]

@@ -41,6 +41,7 @@ class Collision(NamedTuple):
 
 
 _Masses = Annotated[ArrayLike, Numbers(("...", 2), LEAST, math.inf, f"positive, from {LEAST:g}, or inf")]
+_Contacts = Annotated[ArrayLike, Numbers(None, LEAST, MOST, f"positive, from {LEAST:g} to {MOST:g}")]
 _Shapes = Annotated[ArrayLike, Numbers(("...", 2), LEAST, MOST, f"positive, from {LEAST:g} to {MOST:g}")]
 _Pairs = Annotated[ArrayLike, Numbers(("...", 2))]
 _Velocities = Annotated[ArrayLike, Numbers(("...", 2, 2))]
@@ -55,6 +56,7 @@ def collide(
     k: _Shapes,
     velocity: _Velocities,
     spin: _Pairs,
+    reduced_radius: _Contacts | None = None,
 ) -> Collision:
     """Collide pairs of disks, or disks with walls.
 
@@ -81,6 +83,11 @@ def collide(
         Before the collision: velocities [length/time], disk, then component; spins, counter-clockwise [rad/time], 0 for
         a flat wall.
 
+    reduced_radius : array (...), optional
+        Radius of Hertz's contact [length], of which the law of viscoelastic spheres takes its e_n; without it
+        R_i R_j / (R_i + R_j), and the partner's radius at a flat wall. Inside a circle of radius r, which has no
+        positive radius to give, it is R_i r / (r - R_i).
+
     Returns
     -------
     Collision
@@ -103,12 +110,15 @@ def collide(
     >>> Regime(int(after.regime)).name
     'SLIDING'
     """
+    from ...kernels.laws import law as law_kernels  # imports Taichi, which is slow
+
     n, m, R, k_, w = (np.asarray(value, dtype=np.float64) for value in (normal, mass, radius, k, spin))
     v = np.asarray(velocity, dtype=np.float64)
     wall, flat = np.isinf(m), np.isinf(R)
     _refuse("mass", m, np.all(wall, axis=-1, keepdims=True) & wall, "only one of the two may be infinite")
     try:
-        shape = np.broadcast_shapes(m.shape, R.shape, k_.shape, w.shape, n.shape, v.shape[:-1])
+        contact = () if reduced_radius is None else ((*np.shape(reduced_radius), 2),)
+        shape = np.broadcast_shapes(m.shape, R.shape, k_.shape, w.shape, n.shape, v.shape[:-1], *contact)
     except ValueError:
         shapes = ", ".join(str(array.shape) for array in (n, m, R, k_, v, w))
         raise InputError(
@@ -127,13 +137,22 @@ def collide(
 
     inverse = 1.0 / m
     R = np.where(flat, R[..., ::-1], R)
+    of_two = law_kernels.reduced_radius(R[..., 0], R[..., 1])
+    of_contact = (
+        np.where(flat.any(axis=-1), R[..., 0], of_two)
+        if reduced_radius is None
+        else np.asarray(reduced_radius)
+    )
     motion = (
         n[..., 0],
         n[..., 1],
         *(inverse[..., 0], R[..., 0], k_[..., 0], v[..., 0, 0], v[..., 0, 1], w[..., 0]),
         *(inverse[..., 1], R[..., 1], k_[..., 1], v[..., 1, 0], v[..., 1, 1], w[..., 1]),
     )
-    found = (np.broadcast_to(each, shape[:-1]) for each in _collided(law, motion))
+    found = (
+        np.broadcast_to(each, shape[:-1])
+        for each in _collided(law, motion, np.asarray(of_contact, dtype=np.float64))
+    )
     vx_i, vy_i, w_i, vx_j, vy_j, w_j, P_n, P_t, sticks, rolls = found
     regime = 1 + sticks.astype(np.int8)
     if parts_of(type(law)) is None:
@@ -145,13 +164,13 @@ def collide(
     return Collision(after, np.stack([w_i, w_j], axis=-1), np.array(P_n), np.array(P_t), regime)
 
 
-def _collided(law: CollisionLaw, motion: Sequence[Array]) -> tuple[Array, ...]:
+def _collided(law: CollisionLaw, motion: Sequence[Array], reduced_radius: Array) -> tuple[Array, ...]:
     """Velocities and spins after, P_n, P_t, sticking, rolling; `motion` has the arguments of `relative_motion`."""
     from ...kernels.laws.law import after_impulses, relative_motion  # imports Taichi, which is slow
 
     g_n, g_t, m_n, m_t = relative_motion(*motion)
     _, _, im_i, R_i, k_i, _, _, w_i, im_j, R_j, k_j, _, _, w_j = motion
-    pair = (g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j)
+    pair = (g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j, reduced_radius)
     parts = parts_of(type(law))
     found = impulses(type(law), pair, law.table_row(), parts)
     approaching = 1.0 * (g_n > 0.0)

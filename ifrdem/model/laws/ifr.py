@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from enum import IntEnum
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from types import MappingProxyType
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...errors import InputError, outside_level
+from ...tools import checked
 from ...tools.checked import (
     LEAST,
     Array,
@@ -28,7 +31,7 @@ from ...tools.checked import (
     validated,
 )
 from ..custom_code import FromKernels
-from .law import CollisionLaw, EnergyWarning
+from .law import Admissibility, CollisionLaw, EnergyWarning, Key
 
 STICKING = ("percussion_center", "contact_point")
 
@@ -62,16 +65,6 @@ def regime_name(number: int) -> str:
     if number not in special and number not in [*Regime]:
         return f"{number}?"
     return special.get(number) or Regime(number).name.lower().replace("_", " ")
-
-
-class Admissibility(NamedTuple):
-    """Verdict on a law: whether it can add energy in the collisions of one kind of pair."""
-
-    admissible: bool
-    strict: bool
-    """admissible, strict: no collision adds energy; not even the tangential impulses taken alone do."""
-    message: str
-    """The reason, with the inequality that decides and its numbers."""
 
 
 _Mass = Annotated[float, Number(LEAST, math.inf, f"a positive number from {LEAST:g}, or inf")]
@@ -134,8 +127,27 @@ class IFRLaw(CollisionLaw):
     ifrdem.errors.InputError: e_n = 1.2: must be a number from 0 to 1 ...
     """
 
+    name_in_cases: ClassVar[str] = "ifr"
+    keys: ClassVar[Mapping[str, Key]] = MappingProxyType({
+        "e_n": Key(checked.E_N, "normal restitution e_n [1], 0 to 1 (elastic)", 0.87),
+        "e_t": Key(
+            checked.E_T,
+            "tangential restitution e_t [1], -1 (smooth but for friction) to 1; with percussion-centre sticking, "
+            "homogeneous disks never gain energy up to -0.5", -0.88,
+        ),
+        "mu": Key(checked.MU, "sliding friction mu [1], 0 or more", 0.21),
+        "sticking": Key(
+            STICKING,
+            'what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s choice) or '
+            '"contact_point" (Eq. 12)', STICKING[0],
+        ),
+        "rho": Key(checked.NON_NEGATIVE, "rolling friction rho [m], 0 or more", 0.0),
+    })  # fmt: skip
+    takes_k: ClassVar[bool] = True
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
-    is_proved: ClassVar[bool] = True
+    is_passive: ClassVar[bool] = True
+    has_averages: ClassVar[bool] = True
+    has_ifr_symbols: ClassVar[bool] = True
     collide = FromKernels("laws.law", "ifr")
     parts = FromKernels("laws.law", "ifr_parts")
 
@@ -182,6 +194,11 @@ class IFRLaw(CollisionLaw):
     def is_dissipative(self) -> bool:
         """True if e_n is below 1."""
         return self.e_n < 1.0
+
+    def slip_coefficients(self, inverse_a: Array) -> tuple[Array, Array]:
+        """As of `CollisionLaw`: restitution of the slip, and friction up to what stops a point."""
+        c = inverse_a if self.sticking == "contact_point" else np.full_like(inverse_a, 0.5)
+        return (1.0 + self.e_t) * inverse_a, c
 
     def _act_on(self, verdict: Admissibility) -> None:
         if not verdict.admissible:

@@ -6,9 +6,12 @@ import functools
 import inspect
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
-from ...errors import nearest
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...errors import InputError, nearest, shortened
 from ...tools.checked import Array, Number
 from ...tools.read_only import ReadOnlyAttributes
 from ..custom_code import (
@@ -22,13 +25,37 @@ from ..custom_code import (
 
 OF_PAIR = (
     "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
-    "inverse_mass_j", "radius_j", "k_j", "spin_j",
+    "inverse_mass_j", "radius_j", "k_j", "spin_j", "reduced_radius",
 )  # fmt: skip
 """Names of the quantities of a pair that a law gets."""
 
 
 class EnergyWarning(UserWarning):
     """The tangential impulses alone can add energy; only the loss along the line of centres outweighs it."""
+
+
+class Admissibility(NamedTuple):
+    """Verdict on a law: whether it can add energy in the collisions of one kind of pair."""
+
+    admissible: bool
+    strict: bool
+    """admissible, strict: no collision adds energy; not even the tangential impulses taken alone do."""
+    message: str
+    """The reason, with the inequality that decides and its numbers."""
+
+
+class Key(NamedTuple):
+    """A key of a law in cases, which is also an argument of the law."""
+
+    allowed: Number | tuple[str, ...]
+    """The range of a number, or the choices of a text."""
+    text: str
+    """What it is, with the unit in brackets, as `ifrdem check --keys` shows it."""
+    example: float | str
+
+
+_OF_COLLIDE = ("is_passive", "has_averages", "has_ifr_symbols", "depends_on_speed")
+"""Attributes that say something of the `collide` of a class."""
 
 
 class CollisionLaw(ReadOnlyAttributes):
@@ -45,12 +72,27 @@ class CollisionLaw(ReadOnlyAttributes):
 
     Attributes
     ----------
+    name_in_cases : str
+        Name of the law in cases and records, `law = "walton"`; empty for a custom law, whose name is that of its file.
+    keys : mapping of str to Key
+        Of a law with such a name, its keys in cases: arguments of the class, whose defaults they have.
+    takes_k : bool
+        True if the class takes k, the shape number of the disks for which a law is examined.
     coefficients : tuple of str
         Names of the law's coefficients, by which `collide` gets them.
     ranges : mapping
-        Checks of coefficients by name (`Number(low, high, text)`); of others, that they are finite.
-    is_proved : bool
-        True if `check` proves that no collision adds energy; simulations sample other laws.
+        Checks of coefficients by name (`Number(low, high, text)`), beyond that they are finite; those of `keys`, if the
+        class has some.
+    is_passive : bool
+        True if it is proved that no collision adds energy, of disks that `check` takes. Simulations try a custom law on
+        random pairs all the same, and refuse it if one of them gains.
+    has_averages : bool
+        True if the impulses have the form that `slip_coefficients` gives, whose averages kinetic theory knows.
+    depends_on_speed : bool
+        True if e_n depends on the speed of approach: `restitutions` then gives it to kinetic theory.
+    has_ifr_symbols : bool
+        True if those coefficients that are named e_n, e_t and mu mean what they mean in `IFRLaw`: normal and
+        tangential restitution of every impact, and friction. A law with mu = 0 and e_t = -1 is then smooth.
 
     Notes
     -----
@@ -60,6 +102,9 @@ class CollisionLaw(ReadOnlyAttributes):
     gives what became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of
     materials. Variables from outside, such as module globals, are compiled in as constants: InputError from a later
     simulation or run if they have changed.
+
+    The attributes that begin with is, has and depends describe the `collide` of their class. In a class with a
+    `collide` of its own they are False again, unless it sets them.
 
     Examples
     --------
@@ -75,13 +120,37 @@ class CollisionLaw(ReadOnlyAttributes):
     ('e_n',)
     """
 
+    name_in_cases: ClassVar[str] = ""
+    keys: ClassVar[Mapping[str, Key]] = MappingProxyType({})
+    takes_k: ClassVar[bool] = False
     coefficients: ClassVar[tuple[str, ...]] = ()
     ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({})
-    is_proved: ClassVar[bool] = False
+    is_passive: ClassVar[bool] = False
+    has_averages: ClassVar[bool] = False
+    has_ifr_symbols: ClassVar[bool] = False
+    depends_on_speed: ClassVar[bool] = False
     _source: ClassVar[Any]  # `law_files.LawSource` of a class from a file
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        if "is_proved" in vars(cls):
+            raise InputError(
+                f"{cls.__name__}: is_proved = {shortened(vars(cls)['is_proved'])}: must be replaced by those of "
+                f"{', '.join(_OF_COLLIDE[:3])} that hold: no collision adds energy; kinetic theory has its averages; "
+                "e_n, e_t and mu mean what they mean in IFRLaw"
+            )
+        if vars(cls).get("has_averages") and cls.slip_coefficients is CollisionLaw.slip_coefficients:
+            raise InputError(
+                f"{cls.__name__}: has_averages = True: requires a method slip_coefficients(self, inverse_a)"
+            )
+        if "collide" in vars(cls):
+            for name in _OF_COLLIDE:
+                if name not in vars(cls):
+                    setattr(cls, name, False)
+        cls.name_in_cases = vars(cls).get("name_in_cases", "")
+        if "keys" in vars(cls):
+            numbers = {name: key.allowed for name, key in cls.keys.items() if isinstance(key.allowed, Number)}
+            cls.ranges = MappingProxyType(numbers)
         cls.assignable = declared_names(cls, CollisionLaw)
 
     def __init__(self, **values: float) -> None:
@@ -129,8 +198,10 @@ class CollisionLaw(ReadOnlyAttributes):
         pair : struct
             g_n, g_t: relative velocity at the contact [length/time], along n (from i to j; 0 or more: the pair
             approaches) and along t = (-n_y, n_x), spins included; m_n, m_t: effective masses [mass], so that an impulse
-            P along n changes g_n by -P/m_n, and one along t changes g_t by -P/m_t; and of either disk (i and j)
-            inverse_mass_i (0 for a wall), radius_i, k_i and spin_i.
+            P along n changes g_n by -P/m_n, and one along t changes g_t by -P/m_t; reduced_radius: of Hertz's contact
+            [length], R_i R_j / (R_i + R_j), at a flat wall R_i, outside a circle of radius r R_i r / (r + R_i), inside
+            R_i r / (r - R_i); and of either disk (i and j) inverse_mass_i (0 for a wall), radius_i (of a wall that of
+            the disk, whose lever it is), k_i and spin_i.
         law : struct
             The coefficients of the pair's materials, by name.
 
@@ -169,6 +240,32 @@ class CollisionLaw(ReadOnlyAttributes):
         found: Array = table[..., cls.coefficients.index(name)]
         return found
 
+    def slip_coefficients(self, inverse_a: Array) -> tuple[Array, Array]:
+        """h and c of a law that `has_averages`, of which kinetic theory follows (`ifrdem.theory`).
+
+        Impulses are P_n = (1 + e_n) m_n g_n, and P_t = sign(g_t) [h m_n |g_t| + min(c m_n |g_t|, mu P_n)] with the
+        law's attributes e_n and mu, or e_n by `restitutions` if it `depends_on_speed`; mu = 0 without friction.
+
+        Parameters
+        ----------
+        inverse_a : array
+            m_t / m_n of pairs, any shape.
+
+        Returns
+        -------
+        h, c : arrays
+            Of the shape of inverse_a; h is 0 or more, c above 0.
+        """
+        # Abstract for laws that have averages: a class without its own is refused as it is made.
+        raise NotImplementedError
+
+    def restitutions(self, g_n: ArrayLike, m_n: ArrayLike, R: float) -> Array:
+        """e_n of pairs that approach at g_n [length/time]; an array.
+
+        m_n, R : effective mass [mass] and radius R_i R_j / (R_i + R_j) [length] of the pairs.
+        """
+        return np.full(np.broadcast_shapes(np.shape(g_n), np.shape(m_n)), self.e_n)
+
     def check_speed(self, g_n: float, m_n: float, R: float) -> None:
         """Refuse a law that does not hold at a typical speed of approach g_n [length/time]. Here none.
 
@@ -177,6 +274,14 @@ class CollisionLaw(ReadOnlyAttributes):
 
     def check(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> None:
         """Refuse disks with which the law cannot be used: k, and masses [any one unit]. Here none."""
+
+    def admissibility(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> Admissibility:
+        """Verdict on collisions of disks with these k and masses; InputError if `check` refuses them."""
+        self.check(k_i, k_j, m_i, m_j)
+        about = (
+            "no collision adds energy" if self.is_passive else "whether collisions add energy is not proved"
+        )
+        return Admissibility(True, True, f"{self}: {about}")
 
 
 def parts_of(kind: type[CollisionLaw]) -> Callable[..., Any] | None:

@@ -13,7 +13,7 @@ from ...errors import InputError, shortened
 from ...tools.checked import MOST, Array
 from ..state import Disks
 from .law import CollisionLaw
-from .sampling import check_by_sampling
+from .sampling import check_by_sampling, is_sampled
 
 Laws = list[list[CollisionLaw]]
 MEAN_APPROACH = math.sqrt(0.5 * math.pi)
@@ -64,8 +64,8 @@ class PairLaws:
 
     @property
     def is_passive(self) -> bool:
-        """True if it is known that no collision adds energy; else `check_by_sampling` tries some."""
-        return self.kind.is_proved
+        """True if it is known that no collision adds energy."""
+        return self.kind.is_passive
 
     def check_speed(self, disks: Disks, speed_rms: float) -> None:
         """Refuse laws that hold for no pair of these disks at the mean approach speed of disks with this rms speed.
@@ -79,9 +79,14 @@ class PairLaws:
             for law in {law for row in self.table for law in row}:
                 law.check_speed(MEAN_APPROACH * speed_rms, m_n, R)
 
+    @property
+    def is_sampled(self) -> bool:
+        """True if `check_by_sampling` tries the laws: custom ones, also those that say that they are passive."""
+        return is_sampled(self.kind)
+
     def check_by_sampling(self, disks: Disks, of_walls: Sequence[int], speed: float) -> None:
-        """Try laws that are not known to be passive on random pairs (`sampling.py`)."""
-        if not self.is_passive:
+        """Try laws that `is_sampled` on random pairs (`sampling.py`)."""
+        if self.is_sampled:
             check_by_sampling(self.kind, self.coefficients, disks, of_walls, speed)
 
 

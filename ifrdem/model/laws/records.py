@@ -5,8 +5,10 @@ A custom law from a file has the name FILE.py:CLASS, the path of the file, the h
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,23 +17,52 @@ from ...tools import checked
 from . import files as law_files
 from .files import LawSource
 from .ifr import EnergyWarning, IFRLaw, rough_disks, smooth_disks
-from .law import CollisionLaw
+from .law import CollisionLaw, Key
 from .viscoelastic import Viscoelastic
 from .walton import Walton
 
-_WITH_FRICTION = ("e_t", "mu", "sticking", "rho", "k")
-ARGUMENTS: Mapping[str, tuple[type[CollisionLaw], tuple[str, ...]]] = {
-    "ifr": (IFRLaw, ("e_n", *_WITH_FRICTION)),
-    "walton": (Walton, Walton.coefficients),
-    "viscoelastic": (Viscoelastic, ("A", "Y", *_WITH_FRICTION)),
+
+@dataclass(frozen=True)
+class NamedLaw:
+    """A law as cases and mappings name it."""
+
+    name: str
+    kind: type[CollisionLaw]
+    """The class of the law."""
+    make: Callable[..., CollisionLaw]
+    """What makes it of its keys: the class, or a function."""
+    keys: Mapping[str, Key]
+
+    @property
+    def about(self) -> str:
+        """The first line of the docstring of what makes it."""
+        return (self.make.__doc__ or "").strip().splitlines()[0]
+
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """Defaults of those keys that have one."""
+        arguments = inspect.signature(self.make).parameters
+        given = {name: arguments[name].default for name in self.keys if name in arguments}
+        return {name: default for name, default in given.items() if default is not inspect.Parameter.empty}
+
+
+_RESTITUTION = IFRLaw.keys["e_n"]
+_BETA = Key(checked.E_T, "tangential restitution of the slip [1], -1 (smooth) to 1 (perfectly rough)", 0.5)
+LAWS: Mapping[str, NamedLaw] = {
+    law.name: law
+    for law in (
+        *(NamedLaw(kind.name_in_cases, kind, kind, kind.keys) for kind in (IFRLaw, Walton, Viscoelastic)),
+        NamedLaw("rough", IFRLaw, rough_disks, {"e_n": _RESTITUTION, "beta": _BETA}),
+        NamedLaw("smooth", IFRLaw, smooth_disks, {"e_n": _RESTITUTION}),
+    )
 }
-"""Classes and names of arguments by the name of a law."""
-
-
-NAMES: Mapping[str, Callable[..., CollisionLaw]] = {
-    **{name: kind for name, (kind, _) in ARGUMENTS.items()}, "rough": rough_disks, "smooth": smooth_disks,
-}  # fmt: skip
-"""Laws by the names that cases have."""
+"""Laws by the names that cases have; the first is the default."""
+ARGUMENTS: Mapping[str, tuple[type[CollisionLaw], tuple[str, ...]]] = {
+    name: (law.kind, (*law.keys, *["k"] * law.kind.takes_k))
+    for name, law in LAWS.items()
+    if law.make is law.kind
+}
+"""Classes and names of arguments of laws by the names that records have."""
 
 
 def any_law(name: str, law: Any) -> CollisionLaw:
@@ -43,9 +74,9 @@ def any_law(name: str, law: Any) -> CollisionLaw:
             name, law, "a law, or a mapping with the name of one, {'law': 'walton', 'e_n': ...}"
         )
     given = dict(law)
-    kind = checked.choice(f"{name}['law']", given.pop("law", "ifr"), NAMES)
+    kind = checked.choice(f"{name}['law']", given.pop("law", next(iter(LAWS))), LAWS)
     try:
-        return NAMES[kind](**given)
+        return LAWS[kind].make(**given)
     except TypeError as error:  # a coefficient that is missing
         raise InputError(f"{name} = {shortened(law)}: {error}") from None
 

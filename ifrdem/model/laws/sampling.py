@@ -10,12 +10,17 @@ import numpy as np
 
 from ...errors import InputError, outside_level
 from ...tools.checked import Array
-from ..custom_code import why_not_compiled
+from ..custom_code import is_custom, why_not_compiled
 from ..state import Disks
 from .law import OF_PAIR, CollisionLaw, EnergyWarning, check_law_constants, compiled
 
 PAIRS = 4096
 _ROUND_OFF = 1e-9  # of an impulse or energy, in single precision too where its sums do not go into the state
+
+
+def is_sampled(kind: type[CollisionLaw]) -> bool:
+    """True if laws of a class are tried on random pairs: all but those of this package with a proof."""
+    return is_custom(kind) or not kind.is_passive
 
 
 def check_by_sampling(
@@ -25,7 +30,8 @@ def check_by_sampling(
 
     Angles are uniform, spins up to twice the speed at the rim, and speeds spread over 1e-3 to 10 times `speed`.
     InputError if impulses are not finite, or too small to keep two disks from going through each other. EnergyWarning
-    if some of these collisions added energy: how many, and how much; others are not checked.
+    if some of these collisions added energy: how many, and how much; InputError if the class says `is_passive`. Others
+    are not checked.
 
     Parameters
     ----------
@@ -48,19 +54,21 @@ def check_by_sampling(
         return
     draw = np.random.default_rng(1)
     i, j = draw.choice(movable, PAIRS), draw.choice(disks.n, PAIRS)
-    # One pair in 8 is with a wall, if there are walls: an infinite mass with the disk's own radius.
+    # One pair in 8 is with a wall, if there are walls: flat, with the disk's own radius where a lever is needed.
     wall = draw.random(PAIRS) < (0.125 if len(walls) else 0.0)
     of_wall = draw.choice(walls, PAIRS) if len(walls) else np.zeros(PAIRS)
     v = max(speed, 1e-30) * 10.0 ** draw.uniform(-3.0, 1.0, PAIRS)
     psi = np.radians(draw.uniform(-89.9, 89.9, PAIRS))
     rim = v * draw.uniform(-2.0, 2.0, (2, PAIRS))
     R_j = np.where(wall, disks.radius[i], disks.radius[j])
+    of_two = disks.radius[i] * R_j / (disks.radius[i] + R_j)
     still = wall | ~disks.movable[j]
     pairs = np.column_stack((
         disks.material[i], np.where(wall, of_wall, disks.material[j]),
         1.0 / disks.mass[i], disks.radius[i], disks.k[i],
         np.where(wall, 0.0, 1.0 / disks.mass[j]), R_j, disks.k[j],
         v * np.cos(psi), v * np.sin(psi), rim[0] / disks.radius[i], np.where(still, 0.0, rim[1] / R_j),
+        np.where(wall, disks.radius[i], of_two),
     ))  # fmt: skip
     found = np.zeros((PAIRS, 8))
     law: Any = kind  # mypy does not take a class for hashable
@@ -79,6 +87,8 @@ def check_by_sampling(
     if gaining := np.count_nonzero(gain > _ROUND_OFF):
         most = f"one of them {100.0 * gain.max():.3g} % of the pair's"
         text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
+        if kind.is_passive:
+            raise InputError(f"law {kind.__name__}: is_passive = True: must be False, because {text}")
         more = "dissipated_energy counts it as a negative loss"
         warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=outside_level())
 

@@ -15,7 +15,7 @@ from ...tools import checked
 from ...tools.checked import Array, Number, Positive, validated
 from ..custom_code import FromKernels
 from .ifr import STICKING, IFRLaw
-from .law import CollisionLaw
+from .law import CollisionLaw, Key
 
 LEAST_E_N = 0.05
 """Least e_n of typical impacts: the approximant is 15 % too high there, and more further down."""
@@ -44,8 +44,10 @@ class Viscoelastic(CollisionLaw):
     Notes
     -----
     That no collision adds energy is known if the IFR law with e_n = 1, the restitution of slow impacts, adds none
-    (`IFRLaw`): each of its conditions is met the better the smaller e_n is. A wall, and a disk that cannot move,
-    counts as a sphere of the radius that the engine gives it: a flat wall has that of the disk, not an infinite one.
+    (`IFRLaw`): each of its conditions is met the better the smaller e_n is. At a wall m_n is the mass of the disk, and
+    R is that of Hertz's contact: R_i at a flat wall, R_i r / (r + R_i) outside a circle of radius r, and
+    R_i r / (r - R_i) inside. Ends of segments and arcs count as flat. The modulus of a pair of unlike materials is
+    twice that of their contact, Y = 2 / (1 / Y_i + 1 / Y_j).
 
     T. Schwager and T. Poeschel, Phys. Rev. E 57, 650 (1998), doi:10.1103/PhysRevE.57.650; R. Ramirez et al., Phys.
     Rev. E 60, 4465 (1999), doi:10.1103/PhysRevE.60.4465; the approximant: P. Mueller and T. Poeschel, Phys. Rev. E 84,
@@ -60,10 +62,17 @@ class Viscoelastic(CollisionLaw):
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("A", "Y", "e_t", "mu", "contact_point", "rho")
-    ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({
-        "A": checked.NON_NEGATIVE, "Y": checked.POSITIVE,
+    name_in_cases: ClassVar[str] = "viscoelastic"
+    keys: ClassVar[Mapping[str, Key]] = MappingProxyType({
+        "A": Key(checked.NON_NEGATIVE, "dissipative time of the material [s]", 1e-5),
+        "Y": Key(checked.POSITIVE, "Young's modulus over 1 - nu^2 [Pa]", 1e9),
+        **{name: key for name, key in IFRLaw.keys.items() if name != "e_n"},
     })  # fmt: skip
-    is_proved: ClassVar[bool] = True
+    takes_k: ClassVar[bool] = True
+    is_passive: ClassVar[bool] = True
+    has_averages: ClassVar[bool] = True
+    has_ifr_symbols: ClassVar[bool] = True
+    depends_on_speed: ClassVar[bool] = True
     collide = FromKernels("laws.other_laws", "viscoelastic")
     parts = FromKernels("laws.other_laws", "viscoelastic_parts")
 
@@ -114,6 +123,10 @@ class Viscoelastic(CollisionLaw):
     def is_dissipative(self) -> bool:
         """True if A is above 0."""
         return self.A > 0.0
+
+    def slip_coefficients(self, inverse_a: Array) -> tuple[Array, Array]:
+        """As of `IFRLaw`."""
+        return self._slow(self.k).slip_coefficients(inverse_a)
 
     def restitutions(self, g_n: ArrayLike, m_n: ArrayLike, R: float) -> Array:
         """e_n of pairs of effective masses [mass] and radius [length] that approach at g_n [length/time]; arrays."""

@@ -6,10 +6,13 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import ClassVar
 
+import numpy as np
+
 from ...tools import checked
-from ...tools.checked import Number
+from ...tools.checked import Array
 from ..custom_code import FromKernels
-from .law import CollisionLaw
+from .ifr import IFRLaw
+from .law import CollisionLaw, Key
 
 
 class Walton(CollisionLaw):
@@ -46,12 +49,24 @@ class Walton(CollisionLaw):
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "beta_0", "mu")
-    ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({
-        "e_n": checked.E_N, "beta_0": checked.E_T, "mu": checked.MU,
+    name_in_cases: ClassVar[str] = "walton"
+    keys: ClassVar[Mapping[str, Key]] = MappingProxyType({
+        "e_n": IFRLaw.keys["e_n"],
+        "beta_0": Key(
+            checked.E_T,
+            "tangential restitution of impacts that stick [1], -1 (smooth) to 1", 0.4,
+        ),
+        "mu": IFRLaw.keys["mu"],
     })  # fmt: skip
-    is_proved: ClassVar[bool] = True
+    is_passive: ClassVar[bool] = True
+    has_averages: ClassVar[bool] = True
+    has_ifr_symbols: ClassVar[bool] = True
     collide = FromKernels("laws.other_laws", "walton")
     parts = FromKernels("laws.other_laws", "walton_parts")
+
+    def slip_coefficients(self, inverse_a: Array) -> tuple[Array, Array]:
+        """As of `CollisionLaw`: no restitution in slides, and at most what reverses the slip by beta_0."""
+        return np.zeros_like(inverse_a), (1.0 + self.beta_0) * inverse_a
 
     @property
     def is_dissipative(self) -> bool:

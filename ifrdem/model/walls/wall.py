@@ -25,10 +25,12 @@ from ...tools.checked import Array, Integer, NonNegative, Numbers, Pair, Positiv
 from ..box import Box
 from . import outlines
 from .motion import Motion, Piston, Turn
-from .shapes import FULL_TURN, SHAPES, Pieces, Shape
+from .shapes import FULL_TURN, SHAPES, Circle, Pieces, Shape
 
 SUMS = tuple(name.removeprefix("walls_") for name in WALL_SERIES)
 """Columns of `Simulation.wall_sums`."""
+_ON_FACE = 1e-3
+"""Part of a distance from the centre of a circle, by which single precision may be off where a disk touches it."""
 _STILL, _UNTURNED = Motion(), Turn()
 
 
@@ -377,6 +379,19 @@ class Wall:
             _rotated(position - self.turn.center, -angle) + self.turn.center
         )
         return _rotated(away, angle), distance
+
+    def reduced_radius(self, radius: float, position: Array, normal: Array, t: float, box: Box) -> float:
+        """Radius of Hertz's contact [length] of a disk that hits the wall, as of `kernels.walls.shapes`.
+
+        `normal` is that from the disk to the wall; ends of arcs count as flat.
+        """
+        if isinstance(self.geometry, Circle) and self.radius > 0.0:
+            away = position - self.transform(np.array((self.origin,)), t)[0]
+            for each in (away, box.minimum_image(away, t)):
+                reach = self.radius - radius if each @ normal > 0.0 else self.radius + radius
+                if reach > 0.0 and abs(math.hypot(*each) - reach) < _ON_FACE * reach:
+                    return radius * (self.radius / reach)
+        return radius
 
     @property
     def most_speed(self) -> float:

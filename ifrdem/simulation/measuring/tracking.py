@@ -16,6 +16,7 @@ from ...kernels import layout as k
 from ...kernels.columns import EVENT as KERNEL_EVENT
 from ...kernels.columns import named, rows_dtype
 from ...model.box import Box, below
+from ...model.custom_code import is_custom
 from ...model.laws.collision import UNKNOWN, collide
 from ...model.laws.ifr import EnergyWarning
 from ...model.laws.law import CollisionLaw, parts_of
@@ -179,7 +180,7 @@ class Tracking:
         )
         along, across = _dot(relative, normal), _cross(normal, relative)
         regime, hits = found.regime, np.flatnonzero(~kicked)
-        regime[hits] = self._regime(found[hits], disks, (pair[0][hits], pair[1][hits]))
+        regime[hits] = self._regime(found[hits], disks, (pair[0][hits], pair[1][hits]), box)
         regime[info.regime == k.BY_REMEDY] = ELASTIC
         regime[info.regime == k.BY_HEAT] = UNKNOWN
         found.impulse[:] = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
@@ -207,8 +208,10 @@ class Tracking:
             )
         )  # fmt: skip
 
-    def _regime(self, found: Events, disks: Disks, pair: Pair) -> NDArray[np.int8]:
+    def _regime(self, found: Events, disks: Disks, pair: Pair, box: Box) -> NDArray[np.int8]:
         """By the law, from the motion before."""
+        from ...kernels.laws.law import reduced_radius  # imports Taichi, which is slow
+
         (ids, other), partner = pair, found.partner
         velocity = np.stack([found.velocity_before, found.partner_velocity_before], axis=1)
         spin = np.stack([found.spin_before, found.partner_spin_before], axis=1)
@@ -223,11 +226,17 @@ class Tracking:
         regime = np.full(len(ids), UNKNOWN, dtype=np.int8)
         for a, b in {(int(a), int(b)) for a, b in zip(one, two, strict=True)}:
             law = self.laws[a][b]
-            if not law.is_proved or parts_of(type(law)) is None:
+            if is_custom(type(law)) or parts_of(type(law)) is None:
                 continue
             rows = np.flatnonzero((one == a) & (two == b))
             wall, p = at_wall[rows], other[rows]
             radius = disks.radius[ids[rows]]
+            contact = reduced_radius(radius, np.where(wall, radius, disks.radius[p]))
+            for at in np.flatnonzero(wall):
+                row = rows[at]
+                contact[at] = self._walls[-2 - partner[row]].reduced_radius(
+                    radius[at], found.position[row], found.normal[row], found.time[row], box
+                )
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", EnergyWarning)  # the simulation has said so
                 regime[rows] = collide(
@@ -238,6 +247,7 @@ class Tracking:
                     np.stack([disks.k[ids[rows]], np.where(wall, 1.0, disks.k[p])], axis=1),
                     velocity[rows],
                     spin[rows],
+                    contact,
                 ).regime
         return regime
 

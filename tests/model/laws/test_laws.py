@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,7 +24,9 @@ EACH = pytest.mark.parametrize("law", [WALTON, VISCOELASTIC], ids=lambda law: ty
 def impulses(law: laws.CollisionLaw, **pair: float) -> Any:
     named = SimpleNamespace(**dict(zip(law.coefficients, law.table_row(), strict=True)))
     given = {"g_n": 1.0, "g_t": 0.0, "m_n": 0.5, "m_t": 0.5 / 3.0, "radius_i": 0.5, "radius_j": 0.5}
-    return law.collide(SimpleNamespace(**(given | pair)), named)
+    given |= pair
+    given["reduced_radius"] = given["radius_i"] * given["radius_j"] / (given["radius_i"] + given["radius_j"])
+    return law.collide(SimpleNamespace(**given), named)
 
 
 def test_walton_reverses_the_slip_up_to_coulomb_s_limit() -> None:
@@ -80,6 +83,55 @@ def test_unequal_viscoelastic_disks_meet_with_their_effective_radius() -> None:
     np.testing.assert_allclose(collisions.energy_changes(law, one, other), expected, rtol=1e-14)
 
 
+WALLS = {
+    "line": (ifrdem.Wall.line((0.0, 0.0), (1.0, 0.0)), 0.25),
+    "segment": (ifrdem.Wall.segment((0.0, -1.0), (0.0, 1.0)), 0.25),
+    "post": (ifrdem.Wall.post((-1.0 / 12.0, 0.0), 1.0 / 12.0), 1.0 / 16.0),
+    "edge": (ifrdem.Wall.segment((-1.0, 0.0), (0.0, 0.0)), 0.25),
+    "container": (ifrdem.Wall.container((1.0 / 3.0, 0.0), 1.0 / 3.0), 1.0),
+    "inside of an arc": (ifrdem.Wall.arc((1.0 / 3.0, 0.0), 1.0 / 3.0, (2.0, 4.0)), 1.0),
+    "outside of an arc": (ifrdem.Wall.arc((-1.0 / 12.0, 0.0), 1.0 / 12.0, (-1.0, 1.0)), 1.0 / 16.0),
+}
+"""Walls through the origin, whose normal there is along x, and the radius of contact with a disk of radius 1/4."""
+
+
+@pytest.mark.parametrize("name", WALLS)
+def test_walls_meet_viscoelastic_disks_with_their_own_curvature(name: str) -> None:
+    """Hertz: 1 / R = 1 / R_i + 1 / r, r infinite of a flat wall, negative where the disk is inside of a circle.
+
+    With m_n = m = 1, A = 1/5, Y = 3 and R_i = 1/4, K / m_n = 2 Y sqrt(R) / 3 = 2 sqrt(R), and of a speed of 1 b = (3/2)
+    A (2 sqrt(R))^(2/5) = 0.3, 0.227 and 0.396 for R = 1/4, 1/16 and 1. A flat wall once counted as a sphere of the
+    disk's radius, R = 1/8: b was smaller by 2^(-1/5), 0.261. An edge has no radius, and counts as flat.
+    """
+    wall, R = WALLS[name]
+    center, law = (2.0, 3.0), laws.Viscoelastic(A=0.2, Y=3.0)
+    moved = replace(wall, origin=(wall.origin[0] + center[0], wall.origin[1] + center[1]))
+    speed, gap = 1.0, 0.05
+    state = ifrdem.State([[center[0] + 0.25 + gap, center[1]]], [[-speed, 0.0]], [0.0])
+    gas = ifrdem.Simulation(
+        ifrdem.Disks(1, mass=1.0, radius=0.25),
+        ifrdem.Box((9.0, 9.0), (False, False)),
+        law,
+        state,
+        walls=[moved],
+    )
+    gas.run(t_end=0.06)
+    e_n = float(gas.state.velocity[0, 0])
+    b = 0.3 * (2.0 * math.sqrt(R)) ** 0.4
+    assert e_n == pytest.approx(overlap(b), abs=1.5e-3)  # of the approximant, as above
+    assert e_n == pytest.approx(float(law.restitutions(1.0, 1.0, R)), abs=1e-12)
+    for shift in (0.0, 9.0):  # across a periodic side, too
+        at, normal = np.array((center[0] + 0.25 + shift, center[1])), np.array((-1.0, 0.0))
+        assert moved.reduced_radius(0.25, at, normal, 0.05, ifrdem.Box((9.0, 9.0))) == pytest.approx(
+            R, rel=1e-12
+        )
+    flat, r = {0.25: (math.inf, None), 1.0 / 16.0: (1.0 / 12.0, None), 1.0: (1.0 / 3.0, R)}[R]
+    after = ifrdem.collide(
+        law, [-1.0, 0.0], [1.0, math.inf], [0.25, flat], [2.0, 1.0], [[-1.0, 0.0], [0.0, 0.0]], [0.0, 0.0], r
+    )
+    assert after.velocity[0, 0] == pytest.approx(e_n, abs=1e-12)
+
+
 def test_laws_that_keep_the_normal_energy_are_not_called_dissipative() -> None:
     """A = 0 is e_n = 1 at any speed: two smooth disks of mass 1 exchange their normal velocities."""
     elastic = laws.Viscoelastic(A=0.0, Y=1.0)
@@ -105,7 +157,7 @@ def test_laws_outside_of_the_range_of_their_series_are_refused_before_any_work()
     gas = ifrdem.Simulation(disks, box, VISCOELASTIC, start)
     with pytest.raises(InputError, match=r"must be at least 0\.05"):
         gas.set_law(law)
-    assert gas._laws.table[0][0] == VISCOELASTIC
+    assert gas.setup.law[0][0] == VISCOELASTIC
     resting = ifrdem.State(start.position, np.zeros((2, 2)), start.spin)
     ifrdem.Simulation(disks, box, law, resting)  # without a speed no e_n is known
 
@@ -287,6 +339,62 @@ def test_law_whose_collide_replaces_another_does_not_inherit_its_ledger() -> Non
     assert isinstance(vars(laws.Walton)["parts"], FromKernels)
     assert compiled(Elastic).parts is None
     assert compiled(laws.Walton).parts is not None
+    # Nor what is said of the other's impulses: theory would have taken the averages of Walton's law.
+    with pytest.raises(InputError, match="must be an IFRLaw, Walton or Viscoelastic"):
+        theory.cooling_ratio(Elastic(e_n=0.9, beta_0=0.4, mu=0.2), 2.0, 0.0)
+    assert not Elastic.is_passive
+
+
+def test_theory_of_a_custom_law_follows_from_what_its_class_says() -> None:
+    """h and c of the IFR law, percussion centre: h = (1 + e_t) m_t / m_n, c = 1/2 (Eqs. 8 and 15).
+
+    The same with the e_n of viscoelastic spheres, by `restitutions`.
+    """
+
+    class Own(laws.CollisionLaw):
+        coefficients = ("e_n", "e_t", "mu")
+        has_averages = True
+
+        def slip_coefficients(self, inverse_a: Any) -> Any:
+            return (1.0 + self.e_t) * inverse_a, 0.5 + 0.0 * inverse_a
+
+    class OfSpeed(Own):
+        depends_on_speed = True
+
+        def restitutions(self, g_n: Any, m_n: Any, R: float) -> Any:
+            return VISCOELASTIC.restitutions(g_n, m_n, R)
+
+    disks, of_ifr = ifrdem.Disks(2, mass=1.0, radius=0.5), {"e_n": 0.8, "e_t": -0.9, "mu": 0.2}
+    for own, known in ((Own, laws.IFRLaw(**of_ifr)), (OfSpeed, VISCOELASTIC)):
+        one, other = (
+            theory.prediction(disks, law, 0.1, 1.0, 0.5, [3.0, 10.0]).temperature
+            for law in (own(**of_ifr), known)
+        )
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    ("says", "message"),
+    [
+        (
+            {"is_proved": True},
+            r"is_proved = True: must be replaced by those of is_passive, has_averages, has_ifr",
+        ),
+        ({"has_averages": True}, r"has_averages = True: requires a method slip_coefficients"),
+    ],
+    ids=["former", "method"],
+)
+def test_classes_of_laws_that_say_too_little_are_refused(says: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        type("Own", (laws.CollisionLaw,), says)
+
+
+def test_averages_require_the_numbers_that_they_are_made_of() -> None:
+    kind = type(
+        "Own", (laws.CollisionLaw,), {"has_averages": True, "mu": 0.0, "slip_coefficients": laws.Walton}
+    )
+    with pytest.raises(InputError, match=r"has_averages = True requires an attribute e_n; Own\(\) has none"):
+        theory.cooling_ratio(kind(), 2.0, 0.0)
 
 
 def test_coefficients_are_attributes_and_equal_laws_are_equal() -> None:

@@ -316,11 +316,11 @@ def hits_of_a_viscoelastic_ball(height: float, A: float, Y: float, most: int) ->
 
     Between two hits it flies for 2 v / g. With e_n = 1 - c v^(1/5), v falls by c v^(6/5) a hit: v_n goes as
     (5 / c n)^5, and the sum of the flights converges, so that infinitely many hits take a finite time. e_n is the
-    approximant of Mueller and Poeschel, Phys. Rev. E 84, 021302 (2011); a wall counts as a sphere of the disk's radius.
+    approximant of Mueller and Poeschel, Phys. Rev. E 84, 021302 (2011); at a flat wall R is the disk's radius.
     """
     v, times = math.sqrt(2.0 * height), [math.sqrt(2.0 * height)]
     while len(times) < most:
-        b = 1.5 * A * ((2.0 * Y * math.sqrt(0.25) / 3.0) ** 2 * v) ** 0.2
+        b = 1.5 * A * ((2.0 * Y * math.sqrt(0.5) / 3.0) ** 2 * v) ** 0.2
         x = math.sqrt(b)
         v *= (1.0 + 0.501086 * x) / (1.0 + 0.501086 * x + b * (1.15345 + 0.577977 * x + 0.532178 * b))
         times.append(times[-1] + 2.0 * v)
@@ -329,7 +329,7 @@ def hits_of_a_viscoelastic_ball(height: float, A: float, Y: float, most: int) ->
 
 def viscoelastic_balls(n: int = 1, **options: Any) -> Engine:
     """Balls side by side, dropped from some height above a floor; the last one from 1.5."""
-    law, x = laws.Viscoelastic(A=0.3, Y=2.0), np.arange(1.0, 2.0 * n, 2.0)
+    law, x = laws.Viscoelastic(A=0.3, Y=math.sqrt(2.0)), np.arange(1.0, 2.0 * n, 2.0)
     start = State(
         np.column_stack([x, 2.0 + 0.1 * (np.arange(1, n + 1) % n % 7)]), np.zeros((n, 2)), np.zeros(n)
     )
@@ -346,7 +346,7 @@ def test_a_viscoelastic_ball_that_comes_to_rest_stops_the_run_with_a_reason(
     A run said nothing, and did not end. The first launch ends after a second of work, where Python regains control.
     """
     monkeypatch.setattr(f"{RUNNER}.LONG", 0)  # one launch has shown it
-    times = hits_of_a_viscoelastic_ball(1.5, 0.3, 2.0, 100_000)
+    times = hits_of_a_viscoelastic_ball(1.5, 0.3, math.sqrt(2.0), 100_000)
     assert 9.27 < times[-1] < 9.28
     engine = viscoelastic_balls()
     run_to(engine, 9.2)
