@@ -324,7 +324,14 @@ def test_no_connection_is_opened_and_no_identifier_left(use: str, tmp_path: Path
     )
     environment = {**os.environ, "HOME": str(home)}
     environment.pop("TI_SKIP_VERSION_CHECK", None)
-    words = [sys.executable, "-c", code, str(out)]
+    words = [
+        sys.executable,
+        "-W",
+        "error",
+        "-c",
+        code,
+        str(out),
+    ]  # Taichi warns of a call of its own as it is imported
     done = subprocess.run(words, env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "[]\n"), done.stderr
     assert not [each for each in home.rglob("*") if each.is_file()]
