@@ -308,3 +308,13 @@ def test_errors_of_errors_are_those_of_the_scale_of_a_student_distribution(nu: f
     # The logarithm of an error is half that of its variance.
     expected = 0.5 * np.sqrt(np.diag(np.linalg.inv(n * by_variance)))
     np.testing.assert_allclose(_Scoring(problem, points).errors, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("mu", "psi_transit"), [(0.21, np.pi / 2.0), (0.0, 0.0)])
+@pytest.mark.filterwarnings("error")
+def test_a_slip_that_is_kept_sticks_at_all_angles_or_at_none(mu: float, psi_transit: float) -> None:
+    """The impulse of sticking is 0 for beta_0 = -1, and below mu P_n at all angles; NumPy warned of a division by it."""
+    (transition,) = LAWS["walton"].transitions(
+        np.array([0.87, -1.0, mu]), blank(("delta_1",), Pair(M=1.0), 1).probe()
+    )
+    assert transition == pytest.approx(psi_transit, abs=1e-12)
