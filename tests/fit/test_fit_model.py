@@ -313,7 +313,7 @@ def test_errors_of_errors_are_those_of_the_scale_of_a_student_distribution(nu: f
 @pytest.mark.parametrize(("mu", "psi_transit"), [(0.21, np.pi / 2.0), (0.0, 0.0)])
 @pytest.mark.filterwarnings("error")
 def test_a_slip_that_is_kept_sticks_at_all_angles_or_at_none(mu: float, psi_transit: float) -> None:
-    """The impulse of sticking is 0 for beta_0 = -1, and below mu P_n at all angles; NumPy warned of a division by it."""
+    """The impulse of sticking is 0 for beta_0 = -1, below mu P_n at all angles; NumPy warned of a division by it."""
     (transition,) = LAWS["walton"].transitions(
         np.array([0.87, -1.0, mu]), blank(("delta_1",), Pair(M=1.0), 1).probe()
     )
