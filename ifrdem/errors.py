@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import os
+import re
 import reprlib
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,6 +13,9 @@ from dataclasses import dataclass
 
 MOST_LINE = 2000
 """Characters of a line of a message at most."""
+MOST_WORD = 300
+"""Characters of a path, or of another word without spaces, in a message at most."""
+_LONG_WORD = re.compile(rf"\S{{{MOST_WORD + 1},}}")
 
 
 @dataclass(frozen=True)
@@ -30,8 +34,9 @@ class Problem:
 class InputError(ValueError):
     """Input that cannot be used: says what is wrong, where, and what is allowed.
 
-    The command line prints the message and exits with status 2. Lines beyond `MOST_LINE` are cut: files and callers can
-    have names and lists of any length. Of an error that is made of one `Problem`, `problem` is that.
+    The command line prints the message and exits with status 2. Lines beyond `MOST_LINE` and words beyond `MOST_WORD`
+    are cut: files and callers can have names and lists of any length. Of an error that is made of one `Problem`,
+    `problem` is that.
     """
 
     problem: Problem | None = None
@@ -41,7 +46,8 @@ class InputError(ValueError):
             self.problem = arguments[0]
             arguments = (str(self.problem),)
         text = str(arguments[0]) if len(arguments) == 1 else ""
-        if len(text) > MOST_LINE:
+        if len(text) > MOST_WORD:
+            text = _LONG_WORD.sub(lambda word: _middle_cut(word[0]), text)
             arguments = ("\n".join(cut(line, MOST_LINE) for line in text.split("\n")),)
         super().__init__(*arguments)
 
@@ -153,6 +159,12 @@ MOST_QUOTED = 60
 def cut(text: str, longest: int = MOST_QUOTED) -> str:
     """The beginning of a long text."""
     return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
+def _middle_cut(word: str) -> str:
+    """Both ends of a long path or word."""
+    half = (MOST_WORD - 3) // 2
+    return f"{word[:half]}...{word[-half:]}"
 
 
 class _Texts(reprlib.Repr):

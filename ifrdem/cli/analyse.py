@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -159,11 +160,11 @@ def _analyse(
         summary = folder / f"{stem}.json"
         if not folder.parent.is_dir():
             raise InputError(f"output folder {folder}: {folder.parent} does not exist")
-        if folder.exists() and not folder.is_dir():
+        if os.path.lexists(folder) and not folder.is_dir():
             raise InputError(f"output {folder}: must be a folder; -o DIR writes elsewhere")
-        if folder.exists():
+        check_files([summary if folder.is_dir() else folder], force=True)  # which others may be added to
+        if folder.is_dir():
             check_apart(summary, trajectory.path)
-            check_files([summary], force=True)  # which others may be added to
         record = _summary_record(trajectory, summary, force=force)
         names, kept = _wanted(what, record, summary, force=force)
 

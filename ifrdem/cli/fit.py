@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -244,11 +245,9 @@ def fit(
     name = source.stem if files.material_name is None else files.material_name
     if files.write_material is not None and not 1 <= len(name) <= 100:
         problems.append(f"--material-name {name!r}: must have 1 to 100 characters")
-    stem = (files.picture or "").removesuffix(".png").removesuffix(".pdf")
+    stem = problems.parse("", _picture_stem, "--picture", files.picture)
     parts_of_picture = ("", "_corner", "_speeds")
-    endings = (
-        [f"{part}{end}" for part in parts_of_picture for end in (".png", ".pdf")] if files.picture else []
-    )
+    endings = [f"{part}{end}" for part in parts_of_picture for end in (".png", ".pdf")] if stem else []
     pictures = [Path(f"{stem}{end}") for end in endings]
     record, material = files.json, files.write_material
     sample = (files.draws or Path("draws.csv")) if drawn else None
@@ -359,6 +358,14 @@ def _check_files(paths: Sequence[Path], data: Path, force: bool, problems: Optio
         check_files(paths, force=force, elsewhere="another name keeps it")
     except InputError as error:
         problems += str(error).splitlines()
+
+
+def _picture_stem(option: str, given: str) -> str:
+    """The path of pictures without the ending; InputError if no name is in it."""
+    stem = given.removesuffix(".png").removesuffix(".pdf")
+    if os.path.basename(stem) in ("", os.curdir, os.pardir):
+        raise InputError(f"{option} {given}: must be the path of a file, with or without .png")
+    return stem
 
 
 def _positive(option: str, text: str) -> float:
@@ -779,8 +786,8 @@ def compare(
     ):
         if value is not None and not members:
             problems.append(f"{name} requires --members")
-    stem = None if picture is None else picture.removesuffix(".png").removesuffix(".pdf")
-    pictures = [] if stem is None else [Path(f"{stem}.png"), Path(f"{stem}.pdf")]
+    stem = problems.parse("", _picture_stem, "--picture", picture)
+    pictures = [Path(f"{stem}.png"), Path(f"{stem}.pdf")] if stem else []
     paths = [] if output is None else [Path(output)]
     _check_files([*pictures, *paths], Path(measured), force, problems)
     problems.end()

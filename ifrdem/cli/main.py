@@ -12,6 +12,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import (
@@ -28,6 +29,7 @@ from cyclopts import (
 from .. import mpi
 from ..errors import EngineError, InputError, cut, nearest, on_command_line, there_are
 from ..tools.arguments import unfailing_messages
+from ..tools.files import check_files
 from ..tools.versions import __version__
 from . import analyse, console, fit, program, run, trajectory
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
@@ -38,7 +40,22 @@ FILES = Group("Trajectories", sort_key=2)
 LAW = Group("Law and program", sort_key=3)
 EVERY = Group("Every command", sort_key=9)
 
-app: App = App(
+
+class _Program(App):
+    """The program, whose script of completions takes the place of no file of the user's."""
+
+    def install_completion(
+        self, *, shell: Any = None, output: Path | None = None, add_to_startup: bool = True
+    ) -> Path:
+        """Write the script and return its path; InputError if a given path is taken."""
+        if output is not None:
+            if os.path.lexists(output):
+                raise InputError(f"-o {output}: exists already; must be a new file")
+            check_files([output.absolute()], force=False)
+        return super().install_completion(shell=shell, output=output, add_to_startup=add_to_startup)
+
+
+app: App = _Program(
     name="ifrdem",
     help="Event-exact simulation of granular gases of rough disks that collide by the independent "
     "friction-restitution law.",

@@ -179,15 +179,15 @@ class Law:
             return []
         of, c = self.full(values), self.stick(values, probe)
         e_n = self.e_n(of, speed)
-        found = [np.arctan(of["mu"] * (1.0 + e_n) / c)]
+        found = [np.arctan2(of["mu"] * (1.0 + e_n), c)]  # c = 0 for beta_0 = -1
         if self.depends_on_speed:
             for _ in range(3):  # g_n = |g| cos(chi) at the transition itself
                 e_n = self.e_n(of, speed * np.cos(found[0]))
-                found = [np.arctan(of["mu"] * (1.0 + e_n) / c)]
+                found = [np.arctan2(of["mu"] * (1.0 + e_n), c)]
         if "rho" in self.free or self.fixed.get("rho", 0.0) > 0.0:
             contact = replace(self, sticking=STICKING[1])
             lever = reach(probe) * contact.stick(values, probe)  # r m_t / m_n, by Eq. 12
-            found.append(np.arctan(of["rho"] * (1.0 + e_n) / lever))  # Eqs. 31 and 32 equal
+            found.append(np.arctan2(of["rho"] * (1.0 + e_n), lever))  # Eqs. 31 and 32 equal
         return found
 
 

@@ -346,7 +346,7 @@ def kernel_cache_trouble() -> str | None:
         return f"kernel cache: this user has no home folder: {again}"
     folder = _usual_cache()
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        files.make_private(folder)
         if (others := files.writable_by_others(folder)) is not None:
             return (
                 f"kernel cache {folder}: {others}, and kernels are code: it is not used, {again} of your own "

@@ -7,6 +7,7 @@ import math
 import os
 import shutil
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 RATE, ROW_SECONDS, RUN_SECONDS = 2e5, 2e-3, 0.1
 """Collisions a second and core, seconds of a row of series and of a further gas: before any run is done."""
+RUN_BYTES, RESULTS_BYTES = 10_000, 60_000
+"""Bytes of the files of a run and of a study beside their rows."""
 MOST_OF_DISK, MOST_WARNINGS = 0.9, 5
 LOCK = "study.lock"
 """File in the folder of runs that a running study has locked."""
@@ -152,10 +155,11 @@ class Study:
             case = next(iter(good.values()))
             run, n = case.run, largest * max(processes, 1)
             summary.refuse_beyond_memory(n, run.device, case.start.positions, low_memory=run.low_memory)
-        needed, free = self.bytes, shutil.disk_usage(self.output.parent).free
+        needed, free = self._bytes(missing=True), shutil.disk_usage(self.output.parent).free
         if needed > MOST_OF_DISK * free:
             raise InputError(
-                f"{self.output}: the study needs some {summary.size(needed)}, and {summary.size(free)} are free in "
+                f"{self.output}: the study needs some {summary.size(needed)} more, and may take "
+                f"{summary.size(MOST_OF_DISK * free)}, {100 * MOST_OF_DISK:.0f} % of what is free in "
                 f"{self.output.parent.resolve()}: use fewer rows, seeds or points, or another disk "
                 f"({option_name('-o', 'output')})"
             )
@@ -167,14 +171,19 @@ class Study:
     @property
     def bytes(self) -> int:
         """Estimated disk space of the study."""
-        rows, columns = 0, 40
-        trajectories = 0
-        for case in self._checked_cases[0].values():
-            rows += (case.output.series_cadence.number or 0) + 1
+        return self._bytes(missing=False)
+
+    def _bytes(self, *, missing: bool) -> int:
+        """Estimated disk space of all runs, or of those without a result, and of the results of the study."""
+        columns, of_rows, of_runs = 40, {}, {}
+        for point, case in self._checked_cases[0].items():
+            of_rows[point] = 8 * columns * ((case.output.series_cadence.number or 0) + 1)
+            of_runs[point] = RUN_BYTES + of_rows[point]
             if self.plan.output.trajectories:
-                gas = CaseGas.from_case(case, self.plan.path.parent)
-                trajectories += RunEstimate.of(gas).file_bytes
-        return len(self.plan.seeds) * (rows * columns * 8 * 2 + trajectories)
+                of_runs[point] += RunEstimate.of(CaseGas.from_case(case, self.plan.path.parent)).file_bytes
+        runs = [task.index[:-1] for task in self.tasks if not (missing and task.result.exists())]
+        rows = sum(of_rows[task.index[:-1]] for task in self.tasks)
+        return RESULTS_BYTES + rows + sum(of_runs[point] for point in runs)
 
     @property
     def seconds(self) -> float:
@@ -293,13 +302,12 @@ class Study:
                     if ended is not None and (message := ended[1]) is not None:
                         failed[ended[0].key] = message
                         warn(f"failed: {self._name(ended[0])}: {message}")
+                        self._stop_on_full_disk()
                     progress(ended[0].weight if ended else None, len(failed))
                     stops.check()
         except Stopped as stop:
-            left = sum(not task.result.exists() for task in tasks)
             status.finish("interrupted", str(stop))
-            text = f"{len(tasks) - left} of {len(tasks)} runs are done; the same command continues"
-            raise Stopped(f"{stop}: {text}", stop.status) from None
+            raise Stopped(f"{stop}: {_progress_of(tasks)}", stop.status) from None
         except InputError:  # nothing has started
             status.path.unlink()
             if part is None:  # not in use elsewhere
@@ -316,11 +324,24 @@ class Study:
             progress.close()
             if part is None and any(task.result.exists() for task in tasks):
                 found = collect(self.plan, self._checked_cases[0], self.tasks, failed)
-                found.write(self.output)
+                try:
+                    found.write(self.output)
+                except InputError as error:
+                    raise InputError(f"{error}: {_progress_of(tasks)}") from error
                 for line in warnings_of(found):
                     warn(line)
         status.finish("done", f"{len(failed)} runs failed" if failed else "")
         return {self._name(task): failed[task.key] for task in tasks if task.key in failed}
+
+    def _stop_on_full_disk(self) -> None:
+        """Raise Stopped if a result could not be written: the runs that are left would be lost."""
+        try:
+            with tempfile.TemporaryFile(dir=self.folder) as file:
+                file.write(bytes(RUN_BYTES))
+                file.flush()
+        except OSError as error:
+            text = f"the study stops: {self.folder} cannot be written to: {files.cause(error)}"
+            raise Stopped(text, status=1) from error
 
     @contextlib.contextmanager
     def _locked(self, *, shared: bool) -> Iterator[None]:
@@ -423,6 +444,12 @@ class Study:
         if cluster.scheduler is None and cluster.kind is None and not workers.has_dask():
             return workers.pool(missing, processes, threads)
         return workers.dask(missing, cluster, processes, threads, log)
+
+
+def _progress_of(tasks: Sequence[Task]) -> str:
+    """Clause on the runs that are done, behind the reason why the others are not."""
+    left = sum(not task.result.exists() for task in tasks)
+    return f"{len(tasks) - left} of {len(tasks)} runs are done; the same command continues"
 
 
 class StudyProgress:

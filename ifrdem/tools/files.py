@@ -166,25 +166,50 @@ def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
     return "another process is writing it"
 
 
-def writable_by_others(folder: Path) -> str | None:
-    """Clause on who besides this user and root may write in a folder; None if no one may, or on Windows.
+def make_private(folder: Path) -> None:
+    """Create a folder and those that it is in, for this user only. Raises OSError if one cannot be created."""
+    for each in (*reversed(folder.parents), folder):  # `parents=True` would give the others the usual mode
+        if not each.is_dir():
+            each.mkdir(mode=0o700, exist_ok=True)
 
-    The group that many systems make for each user, of the same name, counts as the user.
+
+def writable_by_others(folder: Path) -> str | None:
+    """Clause on who besides this user and root may change what a folder holds; None if no one may, or on Windows.
+
+    Who may write a folder that it is in may put another one in its place, unless the sticky bit forbids it. This is the
+    rule of OpenSSH for its keys, but for that bit. The root of all folders is left out: who may write it, could replace
+    the system. Raises OSError if the system does not say.
     """
     if pwd is None or grp is None:
         return None
-    found, user = folder.stat(), os.geteuid()
+    given, real = folder.absolute(), Path(os.path.realpath(folder))  # links count, and where they lead
+    for place in dict.fromkeys((real, given, *real.parents, *given.parents)):
+        itself = place in (real, given)
+        if place != place.parent and (who := _others(place, "it" if itself else str(place), held=not itself)):
+            return who
+    return None
+
+
+def _others(place: Path, name: str, *, held: bool) -> str | None:
+    """Clause on who besides this user and root may write a folder, or replace a link; None if no one may.
+
+    With `held`, a sticky bit is enough. The group that many systems make for each user, of the same name, counts as the
+    user.
+    """
+    found, user = place.lstat(), os.geteuid()
     if found.st_uid not in (user, 0):
-        return "it belongs to another user"
+        return f"{name} belongs to another user"
+    if stat.S_ISLNK(found.st_mode) or (held and found.st_mode & stat.S_ISVTX):
+        return None
     if found.st_mode & stat.S_IWOTH:
-        return "every user may write it"
+        return f"every user may write {name}"
     if found.st_mode & stat.S_IWGRP:
         try:
-            name, group = pwd.getpwuid(user).pw_name, grp.getgrgid(found.st_gid)
+            owner, group = pwd.getpwuid(user).pw_name, grp.getgrgid(found.st_gid)
         except KeyError:  # without an entry
-            return "its group may write it"
-        if group.gr_name != name or set(group.gr_mem) - {name}:
-            return "its group may write it"
+            return f"its group may write {name}"
+        if group.gr_name != owner or set(group.gr_mem) - {owner}:
+            return f"its group may write {name}"
     return None
 
 

@@ -996,12 +996,14 @@ def _index(what: str, given: Any) -> int:
 
 
 def check_file(path: Path) -> None:
-    """Raise InputError if a path is no regular file: HDF5 would wait for a pipe for ever."""
+    """Raise InputError if a path is no regular file, or empty: HDF5 would wait for a pipe or /proc/kmsg for ever."""
     if not os.path.exists(path):
         raise InputError(f"{path}: there is no such file")
     if not os.path.isfile(path):
         what = "a folder" if os.path.isdir(path) else "a device or pipe"
         raise InputError(f"{path} is {what}: must be a trajectory file")
+    if not os.path.getsize(path):
+        raise InputError(f"{path} is empty: must be a trajectory file")
 
 
 def _laws(given: Any, materials: int) -> list[list[Any]]:

@@ -11,6 +11,7 @@ import importlib
 import importlib.metadata
 import os
 import sys
+import warnings
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
@@ -155,7 +156,12 @@ def load() -> Any:
     name = chosen()
     has_home()
     try:
-        with start_patches.short_import() if is_known() else contextlib.nullcontext():
+        with (
+            start_patches.short_import() if is_known() else contextlib.nullcontext(),
+            warnings.catch_warnings(
+                action="ignore", category=DeprecationWarning
+            ),  # of calls inside the runtime
+        ):
             module = importlib.import_module(name)
     except ImportError as error:
         why = f"{name} cannot be loaded ({error})"

@@ -610,3 +610,12 @@ def test_a_folder_without_a_name_is_no_file(words, place, capsys) -> None:
     assert re.fullmatch(
         rf"ifrdem: (TRACKS|-o) {place}: is a folder, must be a file\n", capsys.readouterr().err
     )
+
+
+@pytest.mark.parametrize("place", ["/", ".", "..", "plots/", ".png", "plots/.pdf", "plots/.."])
+@pytest.mark.parametrize("words", [["fit", "a.csv", "--M", "1"], ["compare", "a.h5", "b.csv"]], ids=" ".join)
+def test_a_picture_has_a_name(words, place, capsys) -> None:
+    """ ".." wrote ...png, and "/" wrote /.png."""
+    assert main([*words, "--picture", place]) == 2
+    text = f"ifrdem: --picture {place}: must be the path of a file, with or without .png\n"
+    assert text in capsys.readouterr().err

@@ -167,6 +167,21 @@ def test_completion_leaves_the_start_file_of_the_shell_alone(
     assert shell == "bash" or f"fpath=({script.parent} $fpath)" in shown
 
 
+def test_completion_takes_the_place_of_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--install-completion", "--shell", "bash", "-o"]
+    (tmp_path / "mine").write_text("mine\n")
+    (tmp_path / "link").symlink_to("nosuch")
+    os.mkfifo(tmp_path / "pipe")  # which was waited for
+    for taken in ("mine", "link", "pipe", "."):
+        assert main([*words, str(tmp_path / taken)]) == 2
+        assert ": exists already; must be a new file\n" in capsys.readouterr().err
+    assert (tmp_path / "mine").read_text() == "mine\n"
+    assert main([*words, str(tmp_path / "nosuch" / "new")]) == 2
+    assert f"output folder {tmp_path / 'nosuch'}: does not exist" in capsys.readouterr().err
+    assert main([*words, str(tmp_path / "new")]) == 0
+    assert "complete" in (tmp_path / "new").read_text()
+
+
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full here")
 def test_messages_that_cannot_be_written_change_no_exit_status(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "ifrdem", "info", str(tmp_path / "nosuch.h5")]

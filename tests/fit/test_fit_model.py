@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
+from ifrdem.fit import missing
 from ifrdem.fit.data import Data
 from ifrdem.fit.laws import LAWS, Law
 from ifrdem.fit.likelihood import Likelihood
-from ifrdem.fit.maximum import _rolling
+from ifrdem.fit.maximum import _rolling, _Scoring
+from ifrdem.fit.model import MEASURED as QUANTITIES
 from ifrdem.fit.model import AngleProblem, Pair
 from ifrdem.model.laws.ifr import Regime
 from ifrdem.validation.paper import equations
@@ -235,3 +240,81 @@ def test_information_is_half_the_curvature_of_chi2_where_the_fit_is_exact() -> N
     np.testing.assert_allclose(
         0.5 * curvature / scale, information / scale, atol=2e-3
     )  # h over the widths, 1e-2
+
+
+def test_advice_names_what_would_determine_every_one_of_the_coefficients() -> None:
+    """Errors by finite differences: psi is measured too, so an error of psi moves all other values of an impact.
+
+    With psi and delta_2, delta_1 would make the error of e_n 20 times smaller, but not that of e_t: no help for both.
+    """
+    names, pair, error = ("delta_2",), Pair(M=1.0), 0.5
+    psi = np.radians(np.linspace(5.0, 80.0, 16))
+    others = [name for name in QUANTITIES if name not in names]
+    sizes = np.array(
+        [error if QUANTITIES[name].unit == "deg" else np.radians(error) for name in (*names, *others)]
+    )
+
+    def values(psi: np.ndarray, coefficients: np.ndarray = COEFFICIENTS) -> np.ndarray:
+        return predict("contact_point", pair, coefficients, psi, (*names, *others)) / sizes
+
+    step = 1e-6
+    by_psi = np.radians(error) * (values(psi + step) - values(psi - step)) / (2.0 * step)
+    ends = [[values(psi, COEFFICIENTS + sign * step * one) for sign in (1, -1)] for one in np.eye(3)]
+    by = np.stack(
+        [(high - low) / (2.0 * step) for high, low in ends], axis=-1
+    )  # (impacts, values, coefficients)
+
+    def errors(which: list[int]) -> np.ndarray:
+        information = np.zeros((3, 3))
+        for d, J in zip(by_psi[:, which], by[:, which], strict=True):
+            information += J.T @ np.linalg.solve(np.eye(len(which)) + np.outer(d, d), J)
+        return np.sqrt(np.diag(np.linalg.inv(information)))[:2]
+
+    less = {name: errors([0, 1 + i]) / errors([0]) for i, name in enumerate(others)}
+    assert less["delta_1"][0] < 0.1
+    assert less["delta_1"][1] > 0.6
+    expected = [(name,) for name, each in less.items() if each.max() < 0.5]
+    assert expected
+    columns = ("psi", *names)
+    s = np.full((16, 2), error)
+    y = blank(names, pair, 16).predict(law_of("contact_point"), COEFFICIENTS, psi[:, None])
+    measured = AngleProblem(columns, y, s, ["angles"] * 2, pair)
+    assert missing.helpful(measured, law_of("contact_point"), COEFFICIENTS, ["e_n", "e_t"]) == expected
+
+
+@pytest.mark.parametrize("nu", [4.0, None])
+def test_errors_of_errors_are_those_of_the_scale_of_a_student_distribution(nu: float | None) -> None:
+    """Values a of an impact have the share d_a / (nu + d) of a Student-t of nu degrees of freedom, d_a their squares.
+
+    It is a beta variable of a/2 and (nu + m - a)/2, so that the score by the logarithm of their variance, (nu + m)/2
+    times that share less a/2, has the variance a (nu + m - a) / (2 (nu + m + 2)), and two scores the covariance
+    -a b / (2 (nu + m + 2)); of a Gaussian a/2 and 0.
+    """
+    n, of = 50, {"positions": 2, "spins": 3}
+    m, rng = sum(of.values()), np.random.default_rng(1)
+    problem: Any = SimpleNamespace(
+        groups=[name for name, size in of.items() for _ in range(size)],
+        estimated=(*of,),
+        unknown=np.ones((n, m), bool),
+    )
+    points: Any = SimpleNamespace(
+        slope=np.zeros((n, m, 1)), jacobian=np.zeros((n, m, 1)), weight=np.ones(n), residual=rng.normal(size=(n, m)),
+        information=np.eye(1), robust=nu, redundancy=np.full(n, m),
+    )  # fmt: skip
+    a = np.array([*of.values()])
+    by_variance = (
+        np.diag(a / 2.0) if nu is None else (np.diag(a * (nu + m)) - np.outer(a, a)) / (2.0 * (nu + m + 2.0))
+    )
+    # The logarithm of an error is half that of its variance.
+    expected = 0.5 * np.sqrt(np.diag(np.linalg.inv(n * by_variance)))
+    np.testing.assert_allclose(_Scoring(problem, points).errors, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("mu", "psi_transit"), [(0.21, np.pi / 2.0), (0.0, 0.0)])
+@pytest.mark.filterwarnings("error")
+def test_a_slip_that_is_kept_sticks_at_all_angles_or_at_none(mu: float, psi_transit: float) -> None:
+    """The impulse of sticking is 0 for beta_0 = -1, below mu P_n at all angles; NumPy warned of a division by it."""
+    (transition,) = LAWS["walton"].transitions(
+        np.array([0.87, -1.0, mu]), blank(("delta_1",), Pair(M=1.0), 1).probe()
+    )
+    assert transition == pytest.approx(psi_transit, abs=1e-12)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -138,6 +139,20 @@ def test_wrong_units_and_sizes_are_named(
         disks = {i: DISKS[i + 1 - 2 * (i % 2)] for i in DISKS}
     with pytest.raises(InputError, match=says):
         impacts.find(loaded(tmp_path, text, 240.0), disks)
+
+
+@pytest.mark.parametrize(("off", "wrong"), [(0.07, False), (0.09, True), (-0.09, True)])
+def test_sizes_are_wrong_beyond_four_errors_of_the_median_gap(off: float, wrong: bool) -> None:
+    """Of 101 gaps, all but the median are 0.2 / 1.4826 away from it: four errors are 0.8 / sqrt(101) = 0.0796."""
+    gaps = off + np.append(np.repeat([-1.0, 1.0], 50), 0.0) * 0.2 / 1.4826
+    encounter = SimpleNamespace(wall=None, ids=(0, 1))
+    fits: Any = [SimpleNamespace(encounter=encounter, gap=gap) for gap in gaps]
+    finder: Any = SimpleNamespace(radius={0: 0.02, 1: 0.03}, tracks=SimpleNamespace(source="tracks.csv"))
+    if not wrong:
+        impacts._Finder._check_sizes(finder, fits)
+        return
+    with pytest.raises(InputError, match=rf"turn at {1.0 + off:.3g} times .*of 101 impacts, error 0.02\)"):
+        impacts._Finder._check_sizes(finder, fits)
 
 
 def test_command_writes_tables_that_a_fit_takes(

@@ -132,15 +132,23 @@ def test_either_word_of_a_history_tells_that_a_copy_went_another_way(
 
 
 def first_meetings(
-    place: Array, velocity: Array, cells: NDArray[np.int64], side: float, count: int
+    place: Array, velocity: Array, cells: NDArray[np.int64], side: float, count: int, *, half: bool
 ) -> tuple[Array, Array]:
-    """Times and partners of first contacts (diameter 1) with disks of the 3 x 3 cells around, and their images."""
+    """Times and partners of first contacts (diameter 1) with disks of the 3 x 3 cells around, and their images.
+
+    With `half`, of the cells to the right, of that above, and of disks of the own cell that were put there before.
+    """
     boxes = np.array(list(itertools.product((-1, 0, 1), repeat=2)))[:, None, None]
-    away = np.abs(cells + count * boxes - cells[:, None]).max(axis=-1)  # (images, disks, others)
+    steps = cells + count * boxes - cells[:, None]  # (images, disks, others, 2)
+    near = np.abs(steps).max(axis=-1) <= 1
+    if half:
+        x, y = np.moveaxis(steps, -1, 0)
+        before = np.tri(len(place), k=-1, dtype=bool)  # others with a lower number
+        near &= (x > 0) | (x == 0) & ((y > 0) | (y == 0) & before)
     r, v = place + side * boxes - place[:, None], velocity - velocity[:, None]
     b, vv = np.sum(r * v, axis=-1), np.sum(v * v, axis=-1) + np.eye(len(place))
     root = b**2 - vv * (np.sum(r * r, axis=-1) - 1.0)
-    meets = (away <= 1) & (b < 0.0) & (root > 0.0)
+    meets = near & (b < 0.0) & (root > 0.0)
     time = np.where(meets, -(b + np.sqrt(np.maximum(root, 0.0))) / vv, np.inf).min(axis=0)
     return time.min(axis=1), np.where(np.isinf(time.min(axis=1)), NO_PARTNER, time.argmin(axis=1))
 
@@ -171,14 +179,17 @@ def test_disks_find_their_first_partners_across_all_sides_of_a_box() -> None:
         scene.head[:] = -1
         for i, at in enumerate(cells @ [count, 1]):
             info.next_in_cell[i], scene.head[count**2 + at] = scene.head[count**2 + at], i
-        times, partners = np.zeros((n, 2)), np.zeros((n, 2))
+        times, partners = np.zeros((n, 4)), np.zeros((n, 4))
         names = "uses grid scale reach edge_x edge_y kinds motion event_info head"
         scene.call(search, PLAIN, names, times, partners)
-        expected, partner = first_meetings(place, velocity, cells, side, count)
-        met = partner >= 0
-        assert np.count_nonzero(met) > 15
-        np.testing.assert_array_equal(partners, np.column_stack((partner, partner)))
-        np.testing.assert_allclose(times[met], np.column_stack((expected, expected))[met], rtol=1e-9)
+        for half in (False, True):
+            expected, partner = first_meetings(place, velocity, cells, side, count, half=half)
+            met, lanes = partner >= 0, slice(2 * half, 2 * half + 2)
+            assert np.count_nonzero(met) > 15 - 5 * half
+            np.testing.assert_array_equal(partners[:, lanes], np.column_stack((partner, partner)))
+            np.testing.assert_allclose(
+                times[met, lanes], np.column_stack((expected, expected))[met], rtol=1e-9
+            )
 
 
 def test_all_that_a_disk_is_goes_from_window_to_window() -> None:

@@ -270,6 +270,33 @@ def test_a_kernel_cache_that_others_may_write_is_not_used(
         assert backend._kernel_cache() == backend._temporary_cache()
 
 
+@pytest.mark.skipif(os.name != "posix", reason="no owners and modes of folders")
+def test_a_kernel_cache_below_a_folder_that_others_may_write_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who may write a folder may rename those in it and put others there, unless it is sticky, as /tmp is."""
+    shared = tmp_path / "shared"
+    monkeypatch.setenv(CACHE, str(shared / "cache" / "kernels"))
+    link = tmp_path / "link"
+    link.symlink_to(shared)
+    for mode in (0o700, 0o1777):
+        shared.mkdir(exist_ok=True)
+        shared.chmod(mode)
+        assert backend.kernel_cache_trouble() is None
+    shared.chmod(0o777)
+    assert f": every user may write {shared}, and kernels" in (backend.kernel_cache_trouble() or "")
+    monkeypatch.setenv(CACHE, str(link / "cache" / "kernels"))
+    assert f": every user may write {shared}, and kernels" in (backend.kernel_cache_trouble() or "")
+    aside = tmp_path / "aside"  # a link there can be replaced, though it leads to a private folder
+    aside.mkdir()
+    (aside / "link").symlink_to(shared)
+    monkeypatch.setenv(CACHE, str(aside / "link"))
+    shared.chmod(0o700)
+    assert backend.kernel_cache_trouble() is None
+    aside.chmod(0o702)
+    assert f": every user may write {aside}, and kernels" in (backend.kernel_cache_trouble() or "")
+
+
 START = "from ifrdem.simulation import backend; backend.start(backend.Device(threads=1))"
 RUN = (
     "from ifrdem.cli.main import main; main(['-q', 'run', 'cooling', '-o', sys.argv[1] + '/run.h5', '--set', "
@@ -297,7 +324,14 @@ def test_no_connection_is_opened_and_no_identifier_left(use: str, tmp_path: Path
     )
     environment = {**os.environ, "HOME": str(home)}
     environment.pop("TI_SKIP_VERSION_CHECK", None)
-    words = [sys.executable, "-c", code, str(out)]
+    words = [
+        sys.executable,
+        "-W",
+        "error",
+        "-c",
+        code,
+        str(out),
+    ]  # Taichi warns of a call of its own as it is imported
     done = subprocess.run(words, env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "[]\n"), done.stderr
     assert not [each for each in home.rglob("*") if each.is_file()]

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import distributed
 import numpy as np
@@ -21,6 +27,7 @@ from support.worker_calls import quick_tasks
 import ifrdem
 from ifrdem.cli import main as cli
 from ifrdem.errors import DamageError, DamageWarning, InputError
+from ifrdem.study import task
 from ifrdem.study.figure import draw
 from ifrdem.study.plan import ClusterSection
 from ifrdem.study.results import Results
@@ -311,6 +318,60 @@ def test_a_finished_study_expects_no_time(case, tmp_path):
     study = ifrdem.Study(case, vary=[VARY], seeds=1, output=tmp_path / "f")
     study.run(workers=0)
     assert study.summary(workers=0)[-1].split(maxsplit=2)[2] == "none: all runs are done"
+
+
+def test_a_disk_that_becomes_full_ends_the_study_and_the_next_call_continues(
+    case: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of the other runs would be computed, for hours perhaps, and then lost as well."""
+    save, tried = task.save, []
+
+    def full(path: Path, *arguments: Any, **options: Any) -> None:
+        tried.append(path)
+        if len(tried) == 2:
+            monkeypatch.setattr(tempfile, "TemporaryFile", none_left)
+            raise InputError(f"output {path}: cannot be written: No space left on device")
+        save(path, *arguments, **options)
+
+    def none_left(**_options: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    words = ["study", str(case), "--seeds", "4", "--workers", "0", "-o", str(tmp_path / "out.nc")]
+    with monkeypatch.context():
+        monkeypatch.setattr(task, "save", full)
+        assert cli.main(words) == 1
+    assert len(tried) == 2
+    shown = " ".join(capsys.readouterr().err.split())
+    assert (
+        f"the study stops: {tmp_path / 'out.runs'} cannot be written to: No space left on device; free"
+        in shown
+    )
+    assert "1 of 4 runs are done; the same command continues" in shown
+    monkeypatch.undo()
+    assert cli.main(words) == 0
+    assert "4 of 4 runs" in capsys.readouterr().err
+
+
+def test_the_disk_space_of_a_study_is_that_of_the_runs_that_are_left(
+    case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = ifrdem.Study(case, seeds=3, output=tmp_path / "out")
+    assert study.run(workers=0) == {}
+    used = sum(each.stat().st_size for each in tmp_path.rglob("out*") if each.is_file())
+    used += sum(each.stat().st_size for each in (tmp_path / "out.runs").iterdir())
+    assert 0.5 * used < study.bytes < 2.0 * used
+    more, left = ifrdem.Study(case, seeds=4, output=tmp_path / "out"), []
+    for free in (10**6, 1000):
+        monkeypatch.setattr(shutil, "disk_usage", lambda _folder, free=free: SimpleNamespace(free=free))
+        try:
+            more.check()
+        except InputError as error:
+            left.append(str(error))
+    (text,) = left
+    needed = float(
+        re.search(r"needs some (\S+) kB more, and may take 900 bytes, 90 % of what is free", text)[1]
+    )
+    assert needed * 1e3 < more.bytes - 2 * 10_000  # three of four are there
 
 
 def test_parts_of_an_array_job_add_up(case, tmp_path):

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import threading
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 import pytest
 
 import ifrdem
 from ifrdem import plots
+from ifrdem.analysis import catalogue
 from ifrdem.case import file as case_file
 from ifrdem.cli import main as cli
 from ifrdem.cli import options
-from ifrdem.errors import MOST_LINE, InputError
+from ifrdem.errors import MOST_LINE, MOST_WORD, InputError
 from ifrdem.fit import data
 from ifrdem.initial import from_csv
 from ifrdem.model.laws import files as law_files
@@ -127,6 +130,41 @@ def test_names_longer_than_file_systems_take_are_refused(capsys: pytest.CaptureF
             shown = capsys.readouterr().err
             assert "too long" in shown or "255" in shown or "there is no" in shown
             assert len(shown) < 2 * MOST_LINE
+
+
+def test_messages_have_both_ends_of_long_names_only(capsys: pytest.CaptureFixture[str]) -> None:
+    """The name was repeated whole in six lines: 12,000 characters on a picture that `fit` cannot write."""
+    words = ["fit", "nosuch.csv", "--M", "1", "--error", "1", "--picture", "n" * 5000]
+    assert cli.main(words) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert all(len(line) < MOST_WORD + 100 and "nnn..." in line for line in lines[:-1])
+    text = f"{'a' * 200}/{'b' * 200}.csv: there is no such file"
+    assert re.fullmatch(r"a{148}\.\.\.b{143}\.csv: there is no such file", str(InputError(text)))
+    assert str(InputError("c" * MOST_WORD)) == "c" * MOST_WORD
+
+
+def test_links_in_a_loop_are_refused_where_laws_are_read_and_tables_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The law ended in a traceback; `analyse` computed all, and could not write it then."""
+    (tmp_path / "loop.py").symlink_to("loop.py")
+    with pytest.raises(InputError, match=r"loop\.py cannot be read: Too many levels"):
+        law_files.find("loop.py:Law", tmp_path)
+    with pytest.raises(InputError, match=r"there is no file .*n\.\.\.n"):
+        law_files.find(f"{'n' * 300}.py:Law", tmp_path)
+    monkeypatch.setattr(catalogue, "FUNCTIONS", {})  # none is called
+    disks = ifrdem.Disks(1, mass=1.0, radius=0.5)
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, ifrdem.Box((9.0, 9.0))) as file:
+        file.write(ifrdem.State(np.ones((1, 2)), np.ones((1, 2)), np.ones(1)))
+    assert cli.main(["analyse", f"{tmp_path}/a.h5", "velocity", "-o", f"{tmp_path}/loop.py"]) == 2
+    assert "loop.py: must be a folder" in capsys.readouterr().err
+
+
+def test_an_empty_file_is_no_trajectory(tmp_path: Path) -> None:
+    """HDF5 waits for ever for /proc/kmsg, whose size is 0 as that of all files there."""
+    (tmp_path / "a.h5").touch()
+    with pytest.raises(InputError, match=r"a.h5 is empty: must be a trajectory file"):
+        ifrdem.Trajectory(tmp_path / "a.h5")
 
 
 def test_a_style_is_not_loaded_from_the_web() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.abc
 import importlib.util
+import os
 import re
 import sys
 import traceback
@@ -86,11 +87,11 @@ def find(reference: str, folder: Path | str = ".") -> LawSource:
     if not is_reference(reference):
         raise InputError(f"must be {FORM}")
     name, _, title = reference.rpartition(":")
-    path = (Path(folder) / name).resolve()
+    path = Path(os.path.realpath(Path(folder) / name))  # `Path.resolve` raises for links in a loop
     try:
         text = text_file.read(path, most=MOST_BYTES)
     except InputError as error:
-        missing = "" if path.exists() else f"there is no file {path}"
+        missing = "" if os.path.lexists(path) else f"there is no file {path}"
         raise InputError(missing or f"{path} {error}") from None
     return LawSource(str(path), title, text)
 

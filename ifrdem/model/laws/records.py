@@ -6,6 +6,7 @@ A custom law from a file has the name FILE.py:CLASS, the path of the file, the h
 from __future__ import annotations
 
 import inspect
+import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -142,7 +143,7 @@ def source_of_record(record: Mapping[str, Any], folder: Path | str = ".") -> Law
     InputError if it is in neither place, or has changed.
     """
     path, (file, _, name) = Path(record["path"]), str(record["law"]).rpartition(":")
-    changed, places = [], dict.fromkeys((path.parent, Path(folder).resolve()))
+    changed, places = [], dict.fromkeys((path.parent, Path(os.path.realpath(folder))))
     for place in places:
         if (place / file).is_file():
             found = law_files.find(f"{file}:{name}", place)

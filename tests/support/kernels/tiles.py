@@ -53,13 +53,17 @@ def search(
     times: Table, partners: Table,
     gas: Arrays("uses grid scale reach edge_x edge_y kinds motion event_info head"),
 ):  # fmt: skip
-    """First meetings of all disks of a box, in lane 1, with those in the 3 x 3 cells around: by cells and by images."""
+    """First meetings of all disks of a box, in lane 1, with those in the 3 x 3 cells around: by cells and by images.
+
+    Then with those in half of the cells, so that each pair is compared once.
+    """
     for _ in range(1):
         region = region_of(0, 1, gas)
-        for i in range(times.shape[0]):
+        for k in range(2 * times.shape[0]):
+            i, halved = k >> 1, k & 1
             info = gas.event_info[i]
             cx, cy = info.cell >> 16, info.cell & 0xFFFF
-            low_x, high_x, low_y, high_y, halved, layer = cx - 1, cx + 1, cy - 1, cy + 1, 0, 0
+            low_x, high_x, low_y, high_y, layer = cx - 1 + halved, cx + 1, cy - 1, cy + 1, 0
             nx, ny, last = region.nx, region.ny, info.last
             radius, size = 0.5 * gas.scale.widest, ti.abs(gas.motion[i].vx) + ti.abs(gas.motion[i].vy)
             best, partner = FAR + 0.0 * size, NO_PARTNER
@@ -67,13 +71,13 @@ def search(
                 i, low_x, high_x, low_y, high_y, cx, cy, halved, layer, nx, ny, last, radius, size, best, partner,
                 region, gas,
             )  # fmt: skip
-            times[i, 0], partners[i, 0] = best, ti.cast(partner, float)
+            times[i, 2 * halved], partners[i, 2 * halved] = best, ti.cast(partner, float)
             best, partner = FAR + 0.0 * size, NO_PARTNER
             search_candidates(
                 i, low_x, high_x, low_y, high_y, cx, cy, halved, layer, nx, ny, last, radius, size, best, partner,
                 region, gas,
             )  # fmt: skip
-            times[i, 1], partners[i, 1] = best, ti.cast(partner, float)
+            times[i, 2 * halved + 1], partners[i, 2 * halved + 1] = best, ti.cast(partner, float)
 
 
 @kernel
