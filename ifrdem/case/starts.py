@@ -60,6 +60,7 @@ def start(gas: CaseGas, progress: Callable[[float], None] = lambda _: None) -> S
 
 
 def placed(gas: CaseGas, progress: Callable[[float], None]) -> NDArray[np.float64]:
+    """Positions that are generated, shape (n, 2) [length]; of ranks, of the slice. InputError with the key if not."""
     mode, seed = gas.case.start.positions, gas.case.run.seed
     assert gas.start_region is not None  # the rules have seen to it
     comm = current()
