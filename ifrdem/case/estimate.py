@@ -34,6 +34,7 @@ from ..theory.driven_gas import Driving
 from ..tools.checked import Array
 from ..trajectory import layout
 from ..trajectory.file import on_pages
+from . import starts
 from .case import CaseSections
 from .output_section import OutputSection
 
@@ -203,7 +204,7 @@ RING = 18.0
 
 def strip_bytes(gas: CaseGas, ranks: int) -> float:
     """Memory [bytes] that one of several ranks needs at most to place strips of random disks; 0 of other starts."""
-    if (strips := gas.strips) == 0:
+    if (strips := starts.strips(gas)) == 0:
         return 0.0
     most = max(math.ceil(strips / ranks) / strips, 1.0 / ranks)
     return gas.n * (PLACED_BYTES_PER_DISK * most + HOST_BYTES_PER_DISK / strips)  # one strip at a time

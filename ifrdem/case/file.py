@@ -17,9 +17,9 @@ from pydantic_core import ErrorDetails
 from ..errors import InputError, Problem, cut, listed, nearest, option_name
 from ..mpi import Communicator
 from ..tools import text_file
-from . import exclusions
+from . import checks, exclusions, starts
 from .case import IMPACT_SCAN, CaseSections
-from .gas import CaseGas, validate_case
+from .gas import CaseGas
 from .messages import KeyPath, kind_key_in, location_of, problems, spelled
 
 MOST_BYTES = 10_000_000
@@ -95,12 +95,12 @@ def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Comm
     whole = comm.run_on_root(first)
     file = comm.bcast(None if whole is None else replace(whole, gas=replace(whole.gas, given=None)))
     assert file is not None
-    if not file.gas.is_read_in_slices(comm.size):
+    if not starts.is_read_in_slices(file.gas, comm.size):
         return whole or file
     with file.gas.communicator(comm):
-        gas, found = file.gas.with_start(file.folder)
+        gas, found = starts.with_start(file.gas, file.folder)
         _refuse(found, file.path, overrides)
-        return replace(file, gas=gas.ready())
+        return replace(file, gas=checks.ready(gas))
 
 
 def load_text(text: str, path: Path) -> dict[str, Any]:
@@ -144,7 +144,9 @@ def of_text(
             refuse_beyond_memory(gas.n, gas.case.run.device)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
-    return CaseFile(path, text, tuple(overrides), gas if gas.is_read_in_slices(ranks) else gas.ready())
+    return CaseFile(
+        path, text, tuple(overrides), gas if starts.is_read_in_slices(gas, ranks) else checks.ready(gas)
+    )
 
 
 def _refuse(
@@ -167,7 +169,7 @@ def validate_parsed(
     case, found = validated(raw)
     if case is None:
         return None, found
-    gas, more = validate_case(case, folder, ranks=ranks)
+    gas, more = checks.validate_case(case, folder, ranks=ranks)
     return gas, found + more
 
 

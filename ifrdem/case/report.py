@@ -21,6 +21,7 @@ from ..mpi.distribution import GATHERED
 from ..quantities import OBSERVABLES
 from ..simulation import backend
 from ..tools.progress import size_of_time
+from . import checks, notices, starts
 from .case import GROWN, CaseSections, ForceSection
 from .estimate import (
     COST_OF_RATIO,
@@ -81,13 +82,15 @@ def check(gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sli
     """
     estimate = RunEstimate.of(gas)
     refuse_cadences(gas, estimate)
-    pinches = gas.wall_pinch_warnings()
-    of_laws = gas.verify_laws()
+    pinches = notices.wall_pinch_warnings(gas)
+    of_laws = checks.verify_laws(gas)
     if ranks == 1:
-        gas.verify_start()
+        starts.verify_start(gas)
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
     return report(
-        gas, estimate, (*of_laws, *pinches, *gas.notices, *(f"{each}: {REFUSED_HERE}" for each in here))
+        gas,
+        estimate,
+        (*of_laws, *pinches, *notices.notices(gas), *(f"{each}: {REFUSED_HERE}" for each in here)),
     )
 
 
@@ -188,7 +191,7 @@ def _laws(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         yield ReportRow(f"law of {verdict.first}, {verdict.second}", text)
         if not verdict.strict:
             yield ReportRow("", verdict.message)
-    for verdict, g_n, m_n, R in gas.approach_speeds:
+    for verdict, g_n, m_n, R in checks.approach_speeds(gas):
         if verdict.law is not None and verdict.law.depends_on_speed and g_n > 0.0:
             e_n = float(verdict.law.restitutions(g_n, m_n, R))
             name = f"e_n of {verdict.first}, {verdict.second} at the mean approach speed at the start"
@@ -213,7 +216,7 @@ def _gravity(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
     if box.gravity_rotation_rate:
         yield ReportRow("rotation of gravity", f"{box.gravity_rotation_rate:g}", units.angular)
         yield ReportRow("step of the rotation", f"{box.gravity_rotation_step:g}", "rad")
-        yield ReportRow("Froude number of such a drum", f"{gas.drum:.3g}")
+        yield ReportRow("Froude number of such a drum", f"{notices.drum(gas):.3g}")
 
 
 def _walls(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[ReportRow]:

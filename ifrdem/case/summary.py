@@ -14,6 +14,7 @@ from ..simulation import backend
 from ..simulation.start import checks
 from ..simulation.steps.schedule import MOST as MOST_FRAMES
 from ..simulation.windows.tiling import split_of
+from . import starts
 from .case import GROWN, CaseSections
 from .estimate import (
     GROWTH_BYTES_PER_DISK,
@@ -116,7 +117,7 @@ def refused_here(
 
     Other machines may have it. `share`, `ranks` and `sliced` are as for `refuse_beyond_memory`.
     """
-    start = strip_bytes(gas, ranks) * min(share * ranks, gas.strips) if ranks > 1 else 0.0
+    start = strip_bytes(gas, ranks) * min(share * ranks, starts.strips(gas)) if ranks > 1 else 0.0
     run, found, walled = gas.case.run, [], bool(gas.free_area.all_walls)
     needs: list[Callable[[], None]] = [
         lambda: runtime.check(run.runtime, "run.runtime"),

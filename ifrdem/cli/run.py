@@ -267,11 +267,11 @@ def check(case: Case, /, *, set: Set = None) -> None:
     """
     from ..case import file as case_file
     from ..case import report as reporting
-    from ..case import shipped
+    from ..case import shipped, starts
 
     comm = ranks()
     gas = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm).gas
-    share, sliced = comm.local_share, gas.is_distributed(comm.size) and gas.is_made_in_slices
+    share, sliced = comm.local_share, gas.is_distributed(comm.size) and starts.is_made_in_slices(gas)
 
     def report() -> None:
         count, reason = gas.usable_ranks(comm.size)

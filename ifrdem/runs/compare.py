@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..analysis import motion
 from ..case import file as case_file
+from ..case import starts
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
 from ..errors import InputError, cut, option_name, refuse
@@ -344,7 +345,7 @@ def compare(
             raise InputError(f"{case}: has {gas.n} disks, and the run {n}: it is another case")
         errors_given = {} if gas.given is None else gas.given.errors
         gas = replace(gas, given=replace(start_state, errors=errors_given))
-        start = gas.start()
+        start = starts.start(gas)
         rng = np.random.default_rng(seed)
         sequence = range(members)
         each: Iterator[int] = iter(sequence if progress is None else progress(sequence))  # type: ignore[call-overload]

@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..case import notices, starts
 from ..case import summary as check
 from ..case.case import IMPACT_SCAN, UNITS, CaseSections
 from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
-from ..case.gas import REPORTED_DRIFT, CaseGas
+from ..case.gas import CaseGas
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
 from ..model.laws.records import to_record
 from ..model.observables import TANGENTIAL, Measure, drift_text
@@ -93,7 +94,7 @@ def run(
     in_slices = comm.any(gas.given is not None and len(gas.given.position) < gas.n)
     cores, share = comm.share_of_cores(backend.cores()), comm.local_share
     started = time.perf_counter()
-    drawn = comm.is_distributed and gas.is_made_in_slices
+    drawn = comm.is_distributed and starts.is_made_in_slices(gas)
 
     def prepared() -> State | None:
         outputs.check(force=force)
@@ -102,20 +103,20 @@ def run(
         folder = outputs.trajectory.parent
         refuse(check.refused_here(gas, estimate, folder, share=share, ranks=comm.size, sliced=drawn))
         check.refuse_cadences(gas, estimate)
-        crushes = gas.wall_pinch_warnings()
+        crushes = notices.wall_pinch_warnings(gas)
         log(check.summary(gas, estimate, how(case, cores, comm.size)))
-        for text in (*gas.warnings, *crushes, *gas.notices):
+        for text in (*notices.warnings(gas), *crushes, *notices.notices(gas)):
             warn(text)
-        return None if drawn else gas.start(Stage("growth"))
+        return None if drawn else starts.start(gas, Stage("growth"))
 
     def made() -> tuple[Simulation, NDArray[np.int32], State | None]:
         state: Any = comm.run_on_root(prepared)
         if in_slices or drawn:
             with comm:
-                state = gas.start()
+                state = starts.start(gas)
         whole = comm.bcast(state is not None and state.n == gas.n)
         holders = Communicator(comm) if whole else comm
-        tracked = holders.result_of_holders(lambda: gas.tracked(state))
+        tracked = holders.result_of_holders(lambda: starts.tracked(gas, state))
         with holders:
             start = start_of_histories(gas.n, tracked, state) if len(tracked) else None
         return gas.simulation(state, tracked=tracked, comm=comm), tracked, start
@@ -565,7 +566,11 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
     if temperatures:
         yield ", ".join(temperatures)
     mass = sum(each.number * each.summary.mass.mean for each in gas.species)
-    if gas.n > 1 and not gas.box.is_open and last.drift_energy > REPORTED_DRIFT * last.translational_energy:
+    if (
+        gas.n > 1
+        and not gas.box.is_open
+        and last.drift_energy > notices.REPORTED_DRIFT * last.translational_energy
+    ):
         where = drift_text(last.momentum / mass * gas.free)
         share = 100.0 * last.drift_energy / last.translational_energy
         yield (

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from ifrdem import theory
 from ifrdem.case import file as case_file
-from ifrdem.case import pair_rules, report, template
+from ifrdem.case import notices, pair_rules, report, starts, template
 from ifrdem.case.case import CaseSections, RunSection, SpeciesSection
 from ifrdem.case.estimate import RunEstimate, collision_rates
 from ifrdem.case.gas import CaseGas, Species
@@ -124,7 +124,7 @@ def test_temperature_instead_of_speed() -> None:
         "species[0].areal_density=3.4", 'species[0].radii={distribution="uniform", low=5e-3, high=20e-3}',
     )  # fmt: skip
     gas = CaseGas.from_case(case_of(SMALL, *spread))
-    state, mass = gas.start(), gas.disks.mass
+    state, mass = starts.start(gas), gas.disks.mass
     assert 0.5 * np.mean(mass * np.sum(state.velocity**2, axis=1)) == pytest.approx(0.002, rel=1e-12)
     assert gas.species[0].speed_rms == pytest.approx((2.0 * 0.002 * np.mean(1.0 / mass)) ** 0.5, rel=1e-12)
     with pytest.raises(ValidationError, match="speed_rms cannot be combined with temperature"):
@@ -445,8 +445,8 @@ def test_law_saved_by_the_total_budget_only_is_allowed_with_a_warning() -> None:
     gas = CaseGas.from_case(case_of(SMALL, "material[0].e_n=0.5", "material[0].e_t=0", "material[0].mu=0.1"))
     (verdict,) = gas.verdicts
     assert (verdict.admissible, verdict.strict) == (True, False)
-    assert len(gas.warnings) == 1
-    assert "only the loss along the line of centres" in gas.warnings[0]
+    assert len(notices.warnings(gas)) == 1
+    assert "only the loss along the line of centres" in notices.warnings(gas)[0]
 
 
 TWO = (
@@ -543,7 +543,7 @@ def test_coins_of_two_kinds_take_the_papers_pair_and_no_other() -> None:
 def test_start_has_the_given_speeds_no_momentum_and_no_overlap() -> None:
     case = case_of(TWO + PAIR, "species[1].spin_rms=4.0")
     gas = CaseGas.from_case(case)
-    state = gas.start()
+    state = starts.start(gas)
     square, mass = np.sum(state.velocity**2, axis=1), gas.disks.mass
     # rounding of sums of 100 numbers of order 1
     assert mass @ square == pytest.approx(mass[:100].sum() * 1.0 + mass[100:].sum() * 0.25, rel=1e-13)
@@ -559,15 +559,15 @@ def test_start_has_the_given_speeds_no_momentum_and_no_overlap() -> None:
 
 def test_seed_decides_the_start_and_species_draw_apart() -> None:
     text = TWO.replace("number = 50", "number = 100") + PAIR
-    starts = [
-        CaseGas.from_case(case).start()
+    states = [
+        starts.start(CaseGas.from_case(case))
         for case in (case_of(text), case_of(text), case_of(text, "run.seed=4"))
     ]
-    np.testing.assert_array_equal(starts[0].velocity, starts[1].velocity)
-    np.testing.assert_array_equal(starts[0].position, starts[1].position)
-    assert not np.any(starts[0].velocity == starts[2].velocity)
+    np.testing.assert_array_equal(states[0].velocity, states[1].velocity)
+    np.testing.assert_array_equal(states[0].position, states[1].position)
+    assert not np.any(states[0].velocity == states[2].velocity)
     # 200 pairs of independent normal numbers correlate by 0.07 on average; one shared stream would give 1.
-    both = starts[0].velocity
+    both = states[0].velocity
     assert abs(np.corrcoef(both[:100].ravel(), both[100:].ravel())[0, 1]) < 0.3
 
 
@@ -576,7 +576,7 @@ def test_dense_gas_starts_on_a_lattice() -> None:
     assert problems(*dense) == []
     case = case_of(SMALL, *dense)
     gas = CaseGas.from_case(case)
-    check_no_overlap(gas.box, gas.disks.radius, gas.start().position)
+    check_no_overlap(gas.box, gas.disks.radius, starts.start(gas).position)
     (found,) = problems("box.packing_fraction=0.9", "start.positions=hexagonal")
     assert found.startswith('start.positions = "hexagonal": 100 disks')
 
@@ -587,7 +587,7 @@ def test_random_start_that_fails_late_names_the_key() -> None:
     second = SMALL[SMALL.index("[[species]]") :].replace("coins", "larger").replace("10.5e-3", "11.5e-3")
     case = case_of(SMALL + second, "box.packing_fraction=0.7")
     with pytest.raises(InputError, match=r'^start\.positions = "random": packing fraction = 0\.7'):
-        CaseGas.from_case(case).start()
+        starts.start(CaseGas.from_case(case))
 
 
 def start_case(tmp_path: Path, rows: str, *, number: int = 2) -> list[str]:
@@ -612,7 +612,7 @@ def test_start_file_gives_positions_and_motion(tmp_path: Path) -> None:
     assert problems(*wanted, folder=tmp_path) == []
     case = case_of(SMALL, *wanted)
     gas = CaseGas.from_case(case, tmp_path)
-    state = gas.start()
+    state = starts.start(gas)
     assert state.position.tolist() == [[1.0, 1.0], [5.0, 7.9]]
     assert state.velocity.tolist() == [[3.0, 4.0], [0.0, 0.0]]
     assert state.spin.tolist() == [0.5, -0.5]
@@ -622,7 +622,7 @@ def test_start_file_gives_positions_and_motion(tmp_path: Path) -> None:
 
 def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_path: Path) -> None:
     case = case_of(SMALL, *start_case(tmp_path, "x,y\n1.0,1.0\n5.0,7.9\n"))
-    state = CaseGas.from_case(case, tmp_path).start()
+    state = starts.start(CaseGas.from_case(case, tmp_path))
     assert math.sqrt(np.mean(np.sum(state.velocity**2, axis=1))) == pytest.approx(1.0, rel=1e-14)
 
 
@@ -692,7 +692,7 @@ def test_start_file_with_other_names_units_and_small_overlaps(tmp_path: Path) ->
         'start.columns={x = "pos x (mm)"}', 'start.delimiter=";"', 'start.decimal=","', "start.relax=0.05",
     ]  # fmt: skip
     case = case_of(SMALL, *wanted)
-    position = CaseGas.from_case(case, tmp_path).start().position
+    position = starts.start(CaseGas.from_case(case, tmp_path)).position
     np.testing.assert_allclose(position, [[0.98, 1.0], [1.98, 1.0]], atol=1e-6)
     found = problems(*wanted, "start.relax=0.03", folder=tmp_path)
     assert found == ['start.file = "start.csv": disks 0 and 1 overlap by 0.04, more than relax = 0.03']

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
+from ifrdem.case import starts
 from ifrdem.case.case import TableFrictionForce
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
@@ -88,7 +89,7 @@ def test_an_open_box_starts_from_a_file_with_any_places(tmp_path: Path) -> None:
     file = case_file.read(path, changes)
     gas = CaseGas.from_case(file.case, file.folder)
     assert gas.box.is_open
-    np.testing.assert_array_equal(gas.start().position[:, 0], [-3.0, -2.9])
+    np.testing.assert_array_equal(starts.start(gas).position[:, 0], [-3.0, -2.9])
     (tmp_path / "start.csv").write_text("x,y\n0.0,0.0\n0.01,0.0\n")
     with pytest.raises(InputError, match="disks 0 and 1 overlap"):
         case_file.read(path, changes)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
-from ifrdem.case import report, shipped, summary
+from ifrdem.case import report, shipped, starts, summary
 from ifrdem.case.case import UNITS
 from ifrdem.case.estimate import RunEstimate, run_seconds, step_seconds
 from ifrdem.case.gas import CaseGas
@@ -152,7 +152,7 @@ def test_a_region_where_no_disk_starts_is_refused(folder):
     ).case
     gas = CaseGas.from_case(case)
     with pytest.raises(InputError, match="no disk starts there"):
-        gas.tracked(gas.start())
+        starts.tracked(gas, starts.start(gas))
 
 
 def check_cadences(folder: Path, *overrides: str) -> None:
@@ -266,7 +266,7 @@ def test_the_size_of_a_file_agrees_with_its_estimate(folder, overrides):
     case, output = file.case, file.case.output
     gas = CaseGas.from_case(case)
     expected = RunEstimate.of(gas)
-    start, ledger = gas.start(), Ledger()
+    start, ledger = starts.start(gas), Ledger()
     measured = measure(gas.disks, start)
     if output.ledger:
         measured = replace(

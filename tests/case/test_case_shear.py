@@ -11,6 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from ifrdem.case import file as case_file
+from ifrdem.case import starts
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli.main import main
@@ -136,7 +137,7 @@ def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path) -
         lengths, last = trajectory.box.lengths, trajectory[-1]
         case = case_file.read(Path("next.toml")).case
         gas = CaseGas.from_case(case)
-        state = gas.start()
+        state = starts.start(gas)
         np.testing.assert_allclose(
             state.velocity[:, 0],
             last.velocity[:, 0] + 0.8 * (last.position[:, 1] - lengths[1] / 2),

@@ -15,7 +15,7 @@ import pytest
 from ifrdem import RotatingGravity
 from ifrdem.case import file as case_file
 from ifrdem.case import gas as gas_module
-from ifrdem.case import rules, template
+from ifrdem.case import rules, starts, template
 from ifrdem.case.case import CaseSections
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
@@ -614,7 +614,7 @@ def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
     """A state at a time at which the floor is low may have disks where it is at t = 0."""
     case = CaseSections.model_validate(changed())
     gas = CaseGas.from_case(case)
-    state = gas.start()
+    state = starts.start(gas)
     state.position[0] = (
         1.0,
         0.5 + 0.5 - 0.4,
@@ -629,7 +629,7 @@ def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
 def test_dense_starts_of_a_case_keep_off_walls(way: str) -> None:
     case = CaseSections.model_validate(changed("species[0].number=300", f"start.positions={way}"))
     gas = CaseGas.from_case(case)
-    assert np.all(gas.free_area.gap(gas.start().position, gas.disks.radius) >= 0.0)
+    assert np.all(gas.free_area.gap(starts.start(gas).position, gas.disks.radius) >= 0.0)
 
 
 def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -659,7 +659,7 @@ def test_the_template_of_walls_is_a_shaken_floor() -> None:
 
 def test_measures_without_gravity_have_no_potential_energy() -> None:
     gas = CaseGas.from_case(CaseSections.model_validate(changed("box.gravity=[0.0, 0.0]")))
-    state = gas.start(CaseSections.model_validate(changed()))
+    state = starts.start(gas)
     assert measure(gas.disks, state).potential_energy == 0.0
     tilted = measure(gas.disks, state, gravity=(0.5, -2.0)).potential_energy
     assert tilted == pytest.approx(2.0 * np.sum(2.0 * state.position[:, 1] - 0.5 * state.position[:, 0]))

@@ -11,6 +11,7 @@ import pytest
 
 import ifrdem
 from ifrdem.case import file as case_file
+from ifrdem.case import notices, starts
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
@@ -119,12 +120,12 @@ def test_the_clock_of_the_frame_continues_or_a_new_one_begins(
     still = [each for each in continues() if "motion" not in each and "speed" not in each]
     for changes in (continues(), still):
         gas = case(old, *changes).gas
-        state = gas.start()
+        state = starts.start(gas)
         assert (gas.begin, state.time) == ((1.5, collisions), 1.5)
         np.testing.assert_array_equal(state.collisions, counted)
         np.testing.assert_array_equal(state.image, image)
         gas = case(old, *changes, "start.time=0.5").gas
-        state = gas.start()
+        state = starts.start(gas)
         assert (gas.begin, state.time) == ((0.5, 0), 0.5)
         assert not state.collisions.any()
         assert not state.image.any()
@@ -179,7 +180,7 @@ def test_a_csv_start_begins_at_its_time(tmp_path: Path) -> None:
     gas = case(
         tmp_path, *two, "start.time=1.75", text=walls
     ).gas  # the floor is at 0.52, and the gate is open
-    assert gas.simulation().time == gas.start().time == 1.75
+    assert gas.simulation().time == starts.start(gas).time == 1.75
     assert gas.free_area.area() == pytest.approx(12.0 * (11.0 - 0.5 * np.sin(2.0 * np.pi * 0.4 * 1.75)))
 
 
@@ -190,9 +191,11 @@ def test_disks_of_a_csv_file_are_moved_apart_through_sheared_images(tmp_path: Pa
     )  # an image of disk 0 at (11, 12.4), or (2, 12.4)
     two = ["species[0].number=2", "start.file=start.csv", "box.shear_rate=0.5", "start.relax=0.2"]
     gas = case(tmp_path, *two, "start.time=2.0").gas
-    np.testing.assert_array_equal(gas.start().position, [[2.0, 0.4], [5.0, 11.45]])
+    np.testing.assert_array_equal(starts.start(gas).position, [[2.0, 0.4], [5.0, 11.45]])
     (tmp_path / "start.csv").write_text("x,y\n2.0,0.4\n11.0,11.45\n")
-    position = case(tmp_path, *two, "start.time=1.5").gas.start().position  # 0.95 apart: each moves by 0.025
+    position = starts.start(
+        case(tmp_path, *two, "start.time=1.5").gas
+    ).position  # 0.95 apart: each moves by 0.025
     np.testing.assert_allclose(position, [[2.0, 0.425], [11.0, 11.425]], atol=1e-6)  # and some 1e-7 more
 
 
@@ -220,7 +223,7 @@ def test_a_frame_in_single_precision_is_corrected_at_the_current_position_of_the
     gas = case(
         tmp_path, "species[0].number=5", "start.positions=old.h5", text=GASES["a shaken floor and gates"]
     ).gas
-    position = gas.start().position
+    position = starts.start(gas).position
     assert (position[:, 1] - 0.5 - floor).min() >= 0.0
     np.testing.assert_allclose(position, places, atol=1e-5)
 
@@ -242,7 +245,7 @@ def test_an_overlap_with_the_floor_gets_the_hint_that_helps(
     frame_of(tmp_path / "old.h5", [[2.0 + 2.0 * i, floor + 0.5 - lower] for i in range(5)], 0.5, "f4")
     start = ["species[0].number=5", "start.positions=old.h5", *changes]
     with pytest.raises(InputError, match=r"overlaps wall 0 \(line\) at t = 0\.") as found:
-        case(tmp_path, *start, text=GASES["a shaken floor and gates"]).gas.start()
+        starts.start(case(tmp_path, *start, text=GASES["a shaken floor and gates"]).gas)
     hints = ("At another start.time the walls stand elsewhere", "Positions in single precision are rounded")
     assert [each for each in hints if each in str(found.value)] == [hint] * bool(hint)
 
@@ -280,13 +283,13 @@ def test_gates_and_pistons_start_where_the_frame_has_them(tmp_path: Path) -> Non
 
 def test_a_start_warns_of_what_a_frame_does_not_store(old: Path) -> None:
     moving, hot = continues(), '{shape="line",temperature=1.0,point=[0.0,0.0],normal=[0.0,1.0]}'
-    assert case(old, *moving).gas.notices == []
-    (text,) = case(old, *moving, "run.collapse=tc", "run.contact_time=0.01").gas.notices
+    assert notices.notices(case(old, *moving).gas) == []
+    (text,) = notices.notices(case(old, *moving, "run.collapse=tc", "run.contact_time=0.01").gas)
     assert "until t = 1.51, run.contact_time counts collisions since the start only" in text
-    assert case(old, "run.collapse=tc", "run.contact_time=0.01").gas.notices == []
+    assert notices.notices(case(old, "run.collapse=tc", "run.contact_time=0.01").gas) == []
     frame_of(old / "hot.h5", [[2.0 + 2.0 * (i % 5), 2.0 + 2.0 * (i // 5)] for i in range(20)], 1.0)
     walls = f'box = {{ lengths = [12.0, 12.0], periodic = [true, false], material = "m" }}\nwall = [{hot}]'
-    (text,) = case(old, *moving, "start.frame=0", "start.positions=hot.h5", text=walls).gas.notices
+    (text,) = notices.notices(case(old, *moving, "start.frame=0", "start.positions=hot.h5", text=walls).gas)
     assert "the same random velocities again, with another run.seed than 3" in text
 
 

@@ -12,6 +12,7 @@ import pytest
 from support.gases import touching
 
 from ifrdem.case import file as case_file
+from ifrdem.case import starts
 from ifrdem.case.case import CaseSections
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
@@ -85,7 +86,7 @@ def start(folder: Path, *overrides: str) -> tuple[CaseGas, State]:
     assert problems(folder, *overrides) == []
     case = CaseSections.model_validate(parsed(*overrides))
     gas = CaseGas.from_case(case, folder)
-    return gas, gas.start()
+    return gas, starts.start(gas)
 
 
 @pytest.mark.parametrize(("frame", "index"), [(None, 2), ("-1", 2), ("0", 0), ("-2", 1)])

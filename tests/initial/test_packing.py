@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from support.gases import touching
 
+from ifrdem.case import starts
 from ifrdem.case.case import CaseSections
 from ifrdem.case.estimate import RunEstimate, collision_rates
 from ifrdem.case.gas import CaseGas
@@ -137,7 +138,7 @@ def test_a_case_starts_by_growth_and_refuses_by_key() -> None:
     raw = tomllib.loads(CASE)
     case = CaseSections.model_validate(raw)
     gas = CaseGas.from_case(case)
-    check_no_overlap(gas.box, gas.disks.radius, gas.start().position, tolerance=0.0)
+    check_no_overlap(gas.box, gas.disks.radius, starts.start(gas).position, tolerance=0.0)
     assert math.pi * np.sum(gas.disks.radius**2) / gas.box.area == pytest.approx(0.84, rel=1e-13)
     raw["box"]["packing_fraction"] = 0.9
     case = CaseSections.model_validate(raw)
@@ -145,7 +146,7 @@ def test_a_case_starts_by_growth_and_refuses_by_key() -> None:
         InputError,
         match=r'^start\.positions = "lubachevsky_stillinger": packing fraction = 0\.9000: growth ended at',
     ):
-        CaseGas.from_case(case).start()
+        starts.start(CaseGas.from_case(case))
 
 
 def test_a_long_stage_reports_progress(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
-from ifrdem.case import report
+from ifrdem.case import report, starts
 from ifrdem.case.case import CaseSections
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
@@ -142,7 +142,7 @@ def test_packing_fraction_is_exact_and_masses_follow_the_radii() -> None:
     assert covered == pytest.approx(0.3, rel=1e-14)  # sums of 1000 numbers
     np.testing.assert_allclose(gas.disks.mass, 3.5 * math.pi * gas.disks.radius**2, rtol=1e-15)
     np.testing.assert_array_equal(gas.disks.radius, CaseGas.from_case(case).disks.radius)
-    state = gas.start()
+    state = starts.start(gas)
     # Maxwellian with one temperature for all: m v^2 does not depend on the mass. 333 disks each: 5 % errors.
     energy = gas.disks.mass * np.sum(state.velocity**2, axis=1)
     order = np.argsort(gas.disks.mass)

@@ -17,8 +17,8 @@ import h5py
 import numpy as np
 import pytest
 
+from ifrdem.case import starts
 from ifrdem.case.case import CaseSections
-from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
 from ifrdem.model.observables import Measure
@@ -489,13 +489,13 @@ def test_max_hours_stop_a_run_that_can_be_resumed(whole, tmp_path, capsys):
 
 
 def test_max_hours_count_the_making_of_the_start(whole, tmp_path, capsys, monkeypatch):
-    case, made = whole.parent / "gas.toml", CaseGas.start
+    case, made = whole.parent / "gas.toml", starts.start
 
     def slowly(*given):
         time.sleep(0.4)
         return made(*given)
 
-    monkeypatch.setattr(CaseGas, "start", slowly)
+    monkeypatch.setattr(starts, "start", slowly)
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--max-hours", "1e-4"]) == 3  # 0.36 s
     assert "0.0001 hours are up (--max-hours)" in capsys.readouterr().err
     assert cli.main(["resume", str(tmp_path)]) == 0

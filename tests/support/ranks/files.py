@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ifrdem.case import file, rules
+from ifrdem.case import file, rules, starts
 from ifrdem.errors import InputError
 from ifrdem.mpi import Communicator, distribution
 
@@ -34,7 +34,7 @@ def start(changes: list[str], comm: Communicator) -> Any:
         assert len(found.gas.given.position) == len(comm.slice_of(found.gas.n))
         gas = found.gas
         with comm:
-            state = gas.start()
+            state = starts.start(gas)
         speeds = np.array([(each.speed_rms, each.spin_rms) for each in gas.species])
         return [state.position, state.velocity, state.spin], speeds
     except InputError as error:

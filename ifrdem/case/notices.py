@@ -1,0 +1,120 @@
+"""Notices about the gas of a case: what is worth a word, though nothing is wrong.
+
+The functions are of a `CaseGas`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ..model.observables import drift_text
+from ..model.walls import crush
+from ..simulation.steps.turning import FASTEST_DRUM
+
+if TYPE_CHECKING:
+    from .gas import CaseGas
+
+REPORTED_DRIFT = 1e-3
+"""Part of the kinetic energy of the disks' motion above which a drift of the whole gas is reported."""
+
+
+def warnings(gas: CaseGas) -> list[str]:
+    """One text for each law that only the loss along the line of centres keeps from adding energy."""
+    texts = dict.fromkeys(each.message for each in gas.verdicts if each.admissible and not each.strict)
+    return list(texts)
+
+
+def notices(gas: CaseGas) -> list[str]:
+    """Texts about a drift, long steps of forces, effects that are left out, and walls on which no disk can rest."""
+    from .estimate import long_steps
+
+    texts, froude = [*drifting(gas), *long_steps(gas)], drum(gas)
+    if froude > FASTEST_DRUM:
+        texts.append(
+            f"box.gravity_rotation_rate = {gas.case.box.gravity_rotation_rate:g}: the Froude number of such a "
+            f"drum, {froude:.3g}, is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, "
+            "too, which are left out"
+        )
+    texts += forgotten(gas)
+    if gas.case.run.resting_speed is None:
+        return texts
+    for i, wall in enumerate(gas.walls):
+        if wall.motion.kind == wall.turn.kind == "still" and not (wall.surface_speed or wall.temperature):
+            continue
+        reason = "has a temperature" if wall.temperature else "moves"
+        instead = (
+            ""
+            if wall.temperature
+            else "; "
+            + (
+                "in the frame of a slow drum gravity turns: let the wall stand, and give box.gravity_rotation_rate"
+                if wall.turn.kind == "steady" or (wall.shape == "container" and wall.surface_speed)
+                else "in the frame of a steady motion the wall stands: let it, and move all others the other way"
+                if wall.motion.kind == "steady" or wall.surface_speed
+                else "a floor that shakes has no frame in which gravity is constant: its disks stay awake"
+            )
+        )
+        texts.append(f'wall[{i}] {reason}, and supports no disks with run.collapse = "rest"{instead}')
+    return texts
+
+
+def drifting(gas: CaseGas) -> list[str]:
+    """Text about a drift that has more than `REPORTED_DRIFT` of the energy of the disks' motion."""
+    if not gas.drift_share > REPORTED_DRIFT:
+        return []
+    case = gas.case
+    per = f"{case.unit('length')}/{case.unit('time').strip()}" if case.unit("length") else ""
+    media = [each.kind for each in case.force if each.has_medium]
+    about = "Speeds, collision rates and temperatures are about its mean velocity"
+    if media:
+        about = (
+            "Speeds and collision rates here are about its mean velocity; temperatures of the run are not, for "
+            f"the medium of {' and '.join(dict.fromkeys(media))} is at rest"
+        )
+    return [
+        f"the whole gas drifts at {drift_text(gas.drift)}{per}, {100.0 * gas.drift_share:.4g} % of the kinetic "
+        f"energy of its motion. {about}. The run takes longer than that of the same gas without the drift: windows "
+        "end where the fastest disk has come too far"
+    ]
+
+
+def forgotten(gas: CaseGas) -> list[str]:
+    """Texts about quantities of the disks that the frame of the start does not store."""
+    run, name = gas.case.run, "start.motion = true: the frame does not store"
+    texts: list[str] = []
+    if gas.given is None or not gas.case.start.motion:
+        return texts
+    if run.contact_time is not None:
+        until = gas.given.time + run.contact_time
+        texts.append(
+            f"{name} when disks collided last: until t = {until:.6g}, run.contact_time counts collisions since the "
+            "start only"
+        )
+    if any(wall.temperature for wall in gas.walls):
+        texts.append(
+            f"{name} how often disks hit thermal walls: with the seed of its run they draw the same random "
+            f"velocities again, with another run.seed than {run.seed} others"
+        )
+    if run.resting_speed is not None and "asleep" not in gas.given.past:
+        texts.append(f"{name} which disks sleep (output.fields, asleep): all are awake at first")
+    return texts
+
+
+def drum(gas: CaseGas) -> float:
+    """Froude number of the drum in whose frame gravity turns: Omega^2 R / g, R of the widest container.
+
+    Half of the box's longer side where there is none; 0 if gravity does not turn.
+    """
+    section = gas.case.box
+    radii = [wall.radius for wall in gas.walls if wall.shape == "container"]
+    radius = max(radii) if radii else 0.5 * max(gas.box.lengths)
+    return section.gravity_rotation_rate**2 * radius / (math.hypot(*section.gravity) or 1.0)
+
+
+def wall_pinch_warnings(gas: CaseGas) -> list[str]:
+    """One text for each two walls that may crush a disk between them in the run; InputError if they must."""
+    if not gas.n:
+        return []
+    end = math.inf if gas.case.run.t_end is None else gas.case.run.t_end
+    return crush.wall_pinch_warnings(gas.free_area.all_walls, gas.box, gas.kinds.radius, gas.begin[0], end)
