@@ -166,8 +166,8 @@ def test_disks_of_several_kinds_have_one_fit_each(folder: Path, capsys: pytest.C
     [
         ([], ["DATA is missing"]),
         (["data.csv", "--error", "1"], ["--M is missing"]),
-        (["data.csv", "--M", "-1"], ["--M -1: must be a finite number of 0"]),
-        (["data.csv", "--M", "x"], ["--M x: must be a finite"]),
+        (["data.csv", "--M", "-1"], ["--M -1: must be 0, or a number from 1e-50 to"]),
+        (["data.csv", "--M", "x"], ["--M x: must be 0, or a number from 1e-50 to"]),
         (["data.csv", "--M", "1", "--k-1", "0"], ["--k-1 0: must be a positive"]),
         (["data.csv", "--pair", "1 pta", "1 peta"], [r"--pair '1 peta': no such coin \(did you mean '1 pta'"]),
         (["data.csv", "--pair", "1 pta", "1 pta", "--M", "1"], ["--M: cannot be combined with --pair"]),
