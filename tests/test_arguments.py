@@ -12,6 +12,7 @@ import itertools
 import json
 import math
 import pkgutil
+import re
 import signal
 import sys
 import warnings
@@ -521,6 +522,18 @@ def test_every_public_name_has_a_valid_call_with_all_of_its_arguments(module: Mo
         parameters = inspect.signature(public(module, name)).parameters.values()
         known = {each.name for each in parameters if each.kind is not each.VAR_KEYWORD}
         assert known <= set(arguments), name
+
+
+def test_signatures_show_types_without_checks() -> None:
+    """`help` showed Annotated[float | None, LATER] for what is float | None."""
+    shown = {
+        f"{module.__name__}.{name}": str(inspect.signature(public(module, name)))
+        for module, names in MODULES.items()
+        for name in names
+    }
+    shown["run"] = str(inspect.signature(ifrdem.Simulation.run))
+    assert {name for name, text in shown.items() if "Annotated" in text} == set()
+    assert re.search(r"t_end: '?float \| None'? = None", shown["run"])
 
 
 def small_file(folder: Path) -> str:

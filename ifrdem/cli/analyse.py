@@ -76,7 +76,7 @@ def analyse(
     cells: Cells = None,
     average: Average = False,
     output: Annotated[
-        str | None, option("DIR", "folder for the files (default: FILE-analysis)", "--output", "-o")
+        str | None, option(str, "DIR", "folder for the files (default: FILE-analysis)", "--output", "-o")
     ] = None,
     json: Annotated[bool, flag("print the JSON instead of the table")] = False,
     force: Force = False,
@@ -313,11 +313,13 @@ def plot(
     over: Annotated[
         str | None,
         option(
-            "AXIS", "of a quantity: tau (collisions per disk), t (time), or a swept key (default: the rows)"
+            str,
+            "AXIS",
+            "of a quantity: tau (collisions per disk), t (time), or a swept key (default: the rows)",
         ),
     ] = None,
     by: Annotated[
-        str | None, option("KEY", "of a study: a curve for each value of this key (default: the first)")
+        str | None, option(str, "KEY", "of a study: a curve for each value of this key (default: the first)")
     ] = None,
     list: Annotated[bool, flag("list the names and draw nothing")] = False,
     frames: Frames = None,
@@ -328,7 +330,7 @@ def plot(
     average: Average = False,
     output: Annotated[
         str | None,
-        option("PICTURE", "NAME.png, .svg or .pdf, or NAME (default: FILE-WHAT.png)", "--output", "-o"),
+        option(str, "PICTURE", "NAME.png, .svg or .pdf, or NAME (default: FILE-WHAT.png)", "--output", "-o"),
     ] = None,
     color: Color = None,
     style: Style = None,

@@ -13,21 +13,17 @@ from cyclopts import Group, Parameter
 
 from ..errors import InputError, nearest, there_are
 from ..tools.files import check_files, write_text
+from ..tools.values import Fraction, Integer, Natural, NonNegative, Number, Positive, Ratio, RatioOrZero, Real
 from .console import FAILED, complain, echo, note
 from .options import (
-    MOST_SEED,
     File,
     Force,
     OptionProblems,
     Output,
     counted,
     flag,
-    integer,
-    number,
+    of_text,
     option,
-    positive,
-    real,
-    whole,
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -72,20 +68,17 @@ brackets, as in psi (rad) or vx_1 [cm/s]. For instance:
 
 DISKS = Group("The disks; --M or --pair for angles, --disk-1 and --disk-2 for collisions", sort_key=1)
 TABLE = Group("The table", sort_key=2)
-POSITIVE = "a positive finite number"
 C = Parameter(metavar="C")
-K, R = (real(each, "", POSITIVE, positive) for each in "KR")
-MASS_RATIO = real(
-    "M", "", "a finite number of 0 (a wall) or more", lambda value: 0.0 <= value < math.inf, "--M"
-)
-LEVEL = real("PERCENT", "", "a percentage between 0 and 100", lambda value: 0.0 < value < 100.0)
-QUALITY = real("P", "", "a number from 0 to 1", lambda value: 0.0 <= value <= 1.0)
+K, R = option(Ratio, "K", ""), option(Positive, "R", "")
+MASS_RATIO = option(RatioOrZero, "M", "", "--M")
+LEVEL = option(Annotated[float, Number(1e-4, 100.0 - 1e-4, "a percentage between 0 and 100")], "PERCENT", "")
+QUALITY = option(Fraction, "P", "")
 FILE, PAIRS = Parameter(metavar="FILE"), Parameter(metavar="NAME=VALUE")
 
 
 def counting(low: int, high: int = 1_000_000) -> Parameter:
     """An option that takes a number of things."""
-    return integer("N", "", low, high)
+    return option(Annotated[int, Integer(low, high)], "N", "")
 
 
 @Parameter(name="*", group=DISKS, help="the two disks")
@@ -121,6 +114,7 @@ class TableOptions:
     unit: Annotated[
         list[str] | None,
         option(
+            str,
             "NAME=UNIT",
             "unit of a column, such as psi=rad or x=mm, or a factor; repeatable. Angles of a table of angles become "
             "degrees, all else SI units",
@@ -142,6 +136,7 @@ class FitOptions:
     error: Annotated[
         list[str] | None,
         option(
+            str,
             "E",
             "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal "
             "[rad]; estimate (default): missing ones from the residuals; repeatable. Columns such as "
@@ -172,7 +167,7 @@ class FitOptions:
     """fit only the N-th pair of kinds of disks (mass, radius, k), from 1; 0 fits all together (default: one by one)"""
     min_quality: Annotated[float, QUALITY] = 0.01
     """least quality (a column that `ifrdem collisions` writes) of lines that are used (default: 0.01)"""
-    seed: Annotated[int | None, counting(0, MOST_SEED)] = None
+    seed: Annotated[int | None, option(Natural, "N", "")] = None
     """seed of the bootstrap and of --draw (default: 1)"""
 
 
@@ -368,10 +363,6 @@ def _picture_stem(option: str, given: str) -> str:
     return stem
 
 
-def _positive(option: str, text: str) -> float:
-    return number(option, text, POSITIVE, lambda value: 0.0 < value < math.inf)
-
-
 def _dashed(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
@@ -412,7 +403,7 @@ def disk_of(option: str, text: str, problems: OptionProblems, also: str = "") ->
     if len(parts) not in (2, 3):
         problems.append(f"{option}: must be MASS,RADIUS or MASS,RADIUS,K{also}")
         return None
-    values = [problems.parse(1.0, _positive, f"{option}:", part) for part in parts]
+    values = [problems.parse(1.0, of_text, f"{option}:", part, Positive) for part in parts]
     return Disk(mass=values[0], radius=values[1], k=values[2] if len(values) == 3 else 2.0)
 
 
@@ -448,7 +439,7 @@ def _split(option: str, texts: list[str] | None, problems: OptionProblems) -> di
 def _pairs(option: str, texts: list[str] | None, problems: OptionProblems) -> dict[str, float]:
     """Numbers by name, of NAME=NUMBER."""
     return {
-        name: problems.parse(0.0, number, f"{option} {name} =", value, "a finite number", math.isfinite)
+        name: problems.parse(0.0, of_text, f"{option} {name} =", value, Real)
         for name, value in _split(option, texts, problems).items()
     }
 
@@ -461,10 +452,7 @@ def _ranges(texts: list[str] | None, problems: OptionProblems) -> dict[str, tupl
         if not colon:
             problems.append(f"--range {name}={value}: must be NAME=LOW:HIGH")
             continue
-        ends = [
-            problems.parse(0.0, number, f"--range {name} =", each, "a finite number", math.isfinite)
-            for each in (low, high)
-        ]
+        ends = [problems.parse(0.0, of_text, f"--range {name} =", each, Real) for each in (low, high)]
         found[name] = (ends[0], ends[1])
     return found
 
@@ -501,7 +489,9 @@ def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
             continue
         if name in found:
             problems.append(f"--error {text}: given twice")
-        found[name] = problems.parse(1.0, _positive, f"--error {name} =" if equals else "--error", value)
+        found[name] = problems.parse(
+            1.0, of_text, f"--error {name} =" if equals else "--error", value, Positive
+        )
     return found
 
 
@@ -522,14 +512,15 @@ def collisions(
     *,
     disk: Annotated[
         list[str] | None,
-        option("[ID=]MASS,RADIUS,K", "all disks, or the one with this id; K is 2 by default; repeatable"),
+        option(
+            str, "[ID=]MASS,RADIUS,K", "all disks, or the one with this id; K is 2 by default; repeatable"
+        ),
     ] = None,
-    fps: Annotated[
-        float | None, real("N", "frames per second, with a column frame", POSITIVE, positive)
-    ] = None,
+    fps: Annotated[float | None, option(Ratio, "N", "frames per second, with a column frame")] = None,
     disks: Annotated[
         Path | None,
         option(
+            str,
             "FILE",
             "a CSV file of disks: id, mass, radius, and optionally k, material; others are --disk",
         ),
@@ -537,6 +528,7 @@ def collisions(
     walls: Annotated[
         str | None,
         option(
+            str,
             "CASE",
             "a case file (TOML) with the walls of the tray, its box included; estimate: straight or round ones from "
             "the tracks",
@@ -545,25 +537,29 @@ def collisions(
     wall: Annotated[
         list[str] | None,
         option(
+            str,
             "X1,Y1,X2,Y2",
             "a straight wall through two points; X,Y,R, a round one; three corners or more, a polygon; repeatable. "
             "Walls end flights, and impacts with them go to NAME_walls.csv",
         ),
     ] = None,
     window: Annotated[
-        int, integer("N", "frames of a flight that are used at most (default: 12)", 3, 10_000)
+        int,
+        option(
+            Annotated[int, Integer(3, 10_000)], "N", "frames of a flight that are used at most (default: 12)"
+        ),
     ] = 12,
     noise: Annotated[
         float | None,
-        real(
+        option(
+            Positive,
             "S",
             "standard error of a coordinate [m] (default: from the scatter of second differences)",
-            POSITIVE,
-            positive,
         ),
     ] = None,
     flip: Annotated[
-        list[str] | None, option("AXIS", "reverse y (if it points down) or angle (if clockwise); repeatable")
+        list[str] | None,
+        option(str, "AXIS", "reverse y (if it points down) or angle (if clockwise); repeatable"),
     ] = None,
     repair_swaps: Annotated[bool, flag("undo exchanges of ids between two tracks")] = False,
     table: TableOptions = TableOptions(),
@@ -707,7 +703,7 @@ def _tracked_disks(
     for text in texts or ():
         name, equals, rest = text.rpartition("=")
         made = disk_of(f"--disk {text}", rest, problems, ", with ID= before it for one disk,")
-        key = problems.parse(0, whole, f"--disk {text}: id", name.strip(), 0, 2**31) if equals else None
+        key = problems.parse(0, of_text, f"--disk {text}: id", name.strip(), Natural) if equals else None
         if key in found:
             problems.append(f"--disk {text}: {f'disk {key} is' if equals else 'all disks are'} given twice")
         found[key] = made
@@ -736,6 +732,7 @@ def compare(
     error: Annotated[
         list[str] | None,
         option(
+            str,
             "NAME=E",
             "standard error of measured positions [m] or angles [degrees] without a column; repeatable",
         ),
@@ -743,27 +740,32 @@ def compare(
     case: Annotated[
         str | None,
         option(
+            str,
             "CASE",
             "case file of the run, whose start file has columns of errors (default: the case that FILE holds)",
         ),
     ] = None,
     members: Annotated[
-        int, integer("N", "runs with drawn start and law, 4 or more (default: 0)", 4, 100_000)
+        int,
+        option(
+            Annotated[int, Integer(4, 100_000)], "N", "runs with drawn start and law, 4 or more (default: 0)"
+        ),
     ] = 0,
-    draws: Annotated[str | None, option("FILE", "coefficients that `ifrdem fit --draw` wrote")] = None,
+    draws: Annotated[str | None, option(str, "FILE", "coefficients that `ifrdem fit --draw` wrote")] = None,
     start_error: Annotated[
         list[str] | None,
         option(
+            str,
             "NAME=E",
             "standard error of the start's positions [m], velocities [m/s], spins [rad/s], where its "
             "file has no columns "
             "such as x_error; repeatable",
         ),
     ] = None,
-    seed: Annotated[int | None, integer("N", "seed of the drawn starts (default: 1)", 0, MOST_SEED)] = None,
+    seed: Annotated[int | None, option(Natural, "N", "seed of the drawn starts (default: 1)")] = None,
     table: TableOptions = TableOptions(),
     picture: Annotated[
-        str | None, option("NAME", "NAME.png and NAME.pdf: the run, measured positions on top")
+        str | None, option(str, "NAME", "NAME.png and NAME.pdf: the run, measured positions on top")
     ] = None,
     output: Output = None,
     force: Force = False,
@@ -826,12 +828,5 @@ def _named(
         if name not in names:
             problems.append(f"{option} {name}: must be one of {', '.join(names)}{nearest(name, names)}")
         else:
-            found[name] = problems.parse(
-                0.0,
-                number,
-                f"{option} {name} =",
-                value,
-                "a number of 0 or more",
-                lambda each: 0.0 <= each < math.inf,
-            )
+            found[name] = problems.parse(0.0, of_text, f"{option} {name} =", value, NonNegative)
     return found

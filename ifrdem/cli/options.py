@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
-import math
 import os
 import re
 import sys
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TextIO, TypeVar
 from cyclopts import Parameter
 
 from ..errors import InputError, cut, nearest
+from ..tools.values import Count, Integer, Keyed, Natural, NonNegative, Ratio, check_in, whole_of
 from . import console
 
 if TYPE_CHECKING:
@@ -27,56 +27,25 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def option(metavar: str, text: str, *names: str, **more: Any) -> Parameter:
-    """An option that takes a value: its word in `--help`, its help, its names where they differ."""
+def option(kind: Any, metavar: str, text: str, *names: str, **more: Any) -> Parameter:
+    """An option that takes a value: its type, its word in `--help`, its help, its names where they differ.
+
+    The type is one of `tools.values`, or a `Literal`, whose check reads the text; or `str` for any text.
+    """
     described: dict[str, Any] = {"help": text} if text else {}  # else it is the docstring of a field
+    if kind is not str and "converter" not in more:
+        more["converter"] = lambda _kind, tokens: of_text(tokens[-1].keyword, tokens[-1].value, kind)
     return Parameter(name=names or None, metavar=metavar, **described, **more)
 
 
-def integer(
-    metavar: str, text: str, low: int, high: int | None = None, *names: str, noun: str = "integer"
-) -> Parameter:
-    """An option that takes a whole number from `low` to `high`, without end if None."""
-    span = f"of {low} or more" if high is None else f"from {low} to {high}"
-    article = "an" if noun[0] in "aeiou" else "a"
-
-    def convert(_kind: object, tokens: Sequence[Token]) -> int:
-        from ..tools.arguments import as_whole
-
-        value = as_whole(tokens[-1].value)
-        if value is None or value < low or (high is not None and value > high):
-            raise invalid_value(tokens, f"must be {article} {noun} {span}")
-        return value
-
-    return option(metavar, text, *names, converter=convert)
-
-
-def real(
-    metavar: str, text: str, need: str, right: Callable[[float], bool], *names: str, **more: Any
-) -> Parameter:
-    """An option that takes a number; `need` describes valid ones."""
-
-    def convert(_kind: object, tokens: Sequence[Token]) -> float:
-        value = _number(tokens[-1].value)
-        if not right(value):
-            raise invalid_value(tokens, f"must be {need}")
-        return value
-
-    return option(metavar, text, *names, converter=convert, **more)
-
-
-def choice(metavar: str, text: str, allowed: Sequence[str], *names: str) -> Parameter:
-    """An option that takes one of some words."""
-
-    def convert(_kind: object, tokens: Sequence[Token]) -> str:
-        value = tokens[-1].value
-        if value not in allowed:
-            raise invalid_value(
-                tokens, f"must be {', '.join(allowed[:-1])} or {allowed[-1]}{nearest(value, allowed)}"
-            )
-        return value
-
-    return option(metavar, text, *names, converter=convert)
+def of_text(option: str, text: str, kind: Any) -> Any:
+    """The value of this type of a text, or of a part of it; InputError names the option and what it must be."""
+    check = check_in(kind)
+    assert isinstance(check, Keyed)
+    try:
+        return check.of_text(option, text)
+    except InputError as error:
+        raise InputError(f"{option} {text}: {error.reason}") from None
 
 
 def invalid_value(tokens: Sequence[Token], text: str) -> InputError:
@@ -84,19 +53,6 @@ def invalid_value(tokens: Sequence[Token], text: str) -> InputError:
     return InputError(f"{tokens[-1].keyword} {tokens[-1].value}: {text}")
 
 
-def _number(text: str) -> float:
-    try:
-        return math.nan if "_" in text else float(text)  # which Python would allow
-    except ValueError:
-        return math.nan
-
-
-def positive(value: float) -> bool:
-    """True for a finite number above 0."""
-    return 0.0 < value < math.inf
-
-
-MOST_SEED = 2**63 - 1
 MOST_STYLE = 1_000_000  # bytes of a file of a style
 
 
@@ -129,6 +85,7 @@ File = Annotated[str, FILE]
 Set = Annotated[
     list[str] | None,
     option(
+        str,
         "KEY=VALUE",
         "override a key of the case, such as run.seed=3 or species[0].number=100; repeatable. KEY= without a value "
         "removes the key",
@@ -137,33 +94,34 @@ Set = Annotated[
 ]
 Device = Annotated[
     Literal["cpu", "cuda"] | None,
-    choice("DEVICE", "cpu or cuda (see `ifrdem devices`); sets run.device", ("cpu", "cuda")),
+    option(Literal["cpu", "cuda"], "DEVICE", "cpu or cuda (see `ifrdem devices`); sets run.device"),
 ]
 Runtime = Annotated[
     Literal["taichi", "quadrants"] | None,
-    choice(
+    option(
+        Literal["taichi", "quadrants"],
         "RUNTIME",
         "taichi or quadrants: what compiles the kernels (see `ifrdem devices`)",
-        ("taichi", "quadrants"),
     ),
 ]
-Seed = Annotated[int | None, integer("N", "seed of the random numbers; sets run.seed", 0, MOST_SEED)]
-Threads = Annotated[int | None, integer("N", "CPU threads (default: all cores); sets run.threads", 1)]
+Seed = Annotated[int | None, option(Natural, "N", "seed of the random numbers; sets run.seed")]
+Threads = Annotated[int | None, option(Count, "N", "CPU threads (default: all cores); sets run.threads")]
 Precision = Annotated[
-    Literal["f64", "f32"] | None, choice("P", "f64 or f32; sets run.precision", ("f64", "f32"))
+    Literal["f64", "f32"] | None, option(Literal["f64", "f32"], "P", "f64 or f32; sets run.precision")
 ]
 MaxHours = Annotated[
     float | None,
-    real(
+    option(
+        Ratio,
         "HOURS",
         f"stop after so many hours, with a checkpoint and exit status {console.UNFINISHED}; `ifrdem resume` continues",
-        "a positive number of hours", positive,
     ),
-]  # fmt: skip
+]
 NoPicture = Annotated[bool, flag("draw no picture at the end")]
 Frames = Annotated[
     str | None,
     option(
+        str,
         "FRAMES",
         "which frames, as in Python: one number; A to B, every C-th, as in 10:50:2; -5: for the last five "
         "(default: all that suit)",
@@ -171,27 +129,33 @@ Frames = Annotated[
 ]
 From = Annotated[
     float | None,
-    real(
+    option(
+        NonNegative,
         "PLACE",
         "where averages begin: a time, or collisions per disk if the run ends at these (default: in a gas that is "
         "driven, sheared or between walls where it is steady)",
-        "a number, 0 or more", lambda value: 0.0 <= value < math.inf, "--from",
+        "--from",
     ),
-]  # fmt: skip
+]
 Output = Annotated[
-    str | None, option("OUT", "file to write (default: FILE with another ending)", "--output", "-o")
+    str | None, option(str, "OUT", "file to write (default: FILE with another ending)", "--output", "-o")
 ]
 Axis = Annotated[
     Literal["x", "y", "r"] | None,
-    choice("AXIS", "of profiles: x, y or r (default: along gravity, or from wall to wall)", ("x", "y", "r")),
+    option(
+        Literal["x", "y", "r"],
+        "AXIS",
+        "of profiles: x, y or r (default: along gravity, or from wall to wall)",
+    ),
 ]
-Bins = Annotated[int | None, integer("N", "of profiles: number of bins (default: 8 to 40)", 1, 10_000)]
+Bins = Annotated[
+    int | None,
+    option(Annotated[int, Integer(1, 10_000)], "N", "of profiles: number of bins (default: 8 to 40)"),
+]
 
 
 def _cells(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
-    from ..tools.arguments import as_whole
-
-    found = [as_whole(each) for each in tokens[-1].value.split(",")]
+    found = [whole_of(each) for each in tokens[-1].value.split(",")]
     if len(found) != 2 or any(each is None or not 1 <= each <= 300 for each in found):
         raise invalid_value(tokens, "must be two integers from 1 to 300, along x and y, such as 20,80")
     return found[0] or 0, found[1] or 0
@@ -200,13 +164,18 @@ def _cells(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
 Cells = Annotated[
     tuple[int, int] | None,
     option(
-        "A,B", "of fields: cells along x and y (default: some 20 disks each)", converter=_cells, n_tokens=1
+        str,
+        "A,B",
+        "of fields: cells along x and y (default: some 20 disks each)",
+        converter=_cells,
+        n_tokens=1,
     ),
 ]
 Average = Annotated[bool, flag("of fields: averages over the frames with errors, not a single frame")]
 Style = Annotated[
     str | None,
     option(
+        str,
         "STYLE",
         "paper (fonts of journals), poster (a snapshot without axes), dark_background or another style of Matplotlib, "
         "or a file of one",
@@ -215,7 +184,7 @@ Style = Annotated[
 Color = Annotated[
     str | None,
     option(
-        "BY",
+        str, "BY",
         "of disks: spin, speed, direction, temperature, radius, material, species, collisions, asleep, "
         "dissipated or none "
         "(default: spin)",
@@ -243,13 +212,17 @@ UNITS = {"in": 1.0, "cm": 2.54, "mm": 25.4}
 Size = Annotated[
     tuple[float, ...] | None,
     option(
+        str,
         "SIZE",
         "of the figure: 3.4in, 8.6cm, 3.4x2.6in (default: for a screen)",
         converter=_inches,
         n_tokens=1,
     ),
 ]
-Dpi = Annotated[int, integer("N", "resolution of a PNG in dots per inch (default: 200)", 30, 2400)]
+Dpi = Annotated[
+    int,
+    option(Annotated[int, Integer(30, 2400)], "N", "resolution of a PNG in dots per inch (default: 200)"),
+]
 NoTitle = Annotated[bool, flag("no title; warnings go to the terminal")]
 
 
@@ -317,24 +290,6 @@ def overrides(given: list[str] | None, **run: str | int | None) -> list[str]:
     ]
 
 
-def number(option: str, text: str, need: str, right: Callable[[float], bool]) -> float:
-    """A part of an option's value as a number; InputError names the option and what it must be."""
-    value = _number(text)
-    if not right(value):
-        raise InputError(f"{option} {text}: must be {need}")
-    return value
-
-
-def whole(option: str, text: str, least: int, most: int) -> int:
-    """A part of an option's value as a whole number from `least` to `most`."""
-    from ..tools.arguments import as_whole
-
-    value = as_whole(text)
-    if value is None or not least <= value <= most:
-        raise InputError(f"{option} {text}: must be an integer from {least} to {most}")
-    return value
-
-
 class OptionProblems(list[str]):
     """Messages on wrong options, reported all at once."""
 
@@ -382,8 +337,13 @@ def selected_frames(text: str | None, frames: int) -> range:
     if text is None:
         return range(frames)
     try:
-        parts = [int(part) if part.strip() else None for part in text.split(":")]
-        if not 1 <= len(parts) <= 3 or parts == [None]:
+        given = [part.strip() for part in text.split(":")]
+        parts = [whole_of(part) for part in given]
+        if (
+            not 1 <= len(parts) <= 3
+            or given == [""]
+            or any(part and number is None for part, number in zip(given, parts, strict=True))
+        ):
             raise ValueError
         if len(parts) == 1:
             parts = [parts[0], (parts[0] or 0) + 1 or None]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as json_format
-import math
 import re
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,20 +11,17 @@ from cyclopts import Parameter
 
 from ..errors import InputError, refuse, there_are
 from ..kernels.compiler.runtime import choose as choose_runtime
+from ..tools.values import Count, Integer, Natural, Number, Ratio, RatioOrZero
 from .console import echo, progress, ranks
 from .options import (
-    MOST_SEED,
     Device,
     Precision,
     Runtime,
     Set,
     Threads,
     flag,
-    integer,
     option,
     overrides,
-    positive,
-    real,
 )
 
 DENSEST = 0.9068  # packing fraction, nearly that of equal disks that touch on a hexagonal lattice
@@ -38,12 +34,15 @@ JOBS = "cases at a time, each in a process of its own (default: gas as many as t
 def validate(
     *names: Annotated[str, Parameter(name="NAME", help=NAMES)],
     quick: Annotated[bool, flag("fewer samples: under a minute (gas: two minutes)")] = False,
-    seed: Annotated[int | None, integer("N", "of the random gases of gas (default: 1)", 0, 1_000_000)] = None,
-    jobs: Annotated[int | None, integer("N", JOBS, 1)] = None,
+    seed: Annotated[
+        int | None,
+        option(Annotated[int, Integer(0, 1_000_000)], "N", "of the random gases of gas (default: 1)"),
+    ] = None,
+    jobs: Annotated[int | None, option(Count, "N", JOBS)] = None,
     runtime: Runtime = None,
     list: Annotated[bool, flag("list the cases and run none")] = False,
     output: Annotated[
-        str, option("DIR", "folder (default: validation-report)", "--output", "-o")
+        str, option(str, "DIR", "folder (default: validation-report)", "--output", "-o")
     ] = "validation-report",
     force: Annotated[bool, flag("replace a report that is there")] = False,
 ) -> int:
@@ -72,37 +71,33 @@ def validate(
 
 def bench(
     *,
-    n: Annotated[int | None, integer("N", "disks of the elastic gas (default: 1e5)", 2)] = None,
+    n: Annotated[
+        int | None, option(Annotated[int, Integer(2)], "N", "disks of the elastic gas (default: 1e5)")
+    ] = None,
     phi: Annotated[
         float | None,
-        real(
+        option(
+            Annotated[float, Number(THINNEST, DENSEST, f"a packing fraction from {THINNEST} to {DENSEST}")],
             "PHI",
             "its packing fraction (default: 0.3)",
-            f"a packing fraction from {THINNEST} to {DENSEST}",
-            lambda value: THINNEST <= value <= DENSEST,
         ),
     ] = None,
     device: Device = None,
     precision: Precision = None,
     runtime: Runtime = None,
     threads: Threads = None,
-    runs: Annotated[int, integer("R", "timed runs (default: 5)", 1, 10_000)] = 5,
+    runs: Annotated[int, option(Annotated[int, Integer(1, 10_000)], "R", "timed runs (default: 5)")] = 5,
     seconds: Annotated[
         float,
-        real("S", "least length of a timed run (default: 0.5)", "a positive number of seconds", positive),
+        option(Ratio, "S", "least length of a timed run (default: 0.5)"),
     ] = 0.5,
-    seed: Annotated[int | None, integer("N", "seed of the random numbers", 0, MOST_SEED)] = None,
+    seed: Annotated[int | None, option(Natural, "N", "seed of the random numbers")] = None,
     json: Annotated[bool, flag("print one JSON object with every figure")] = False,
     profile: Annotated[bool, flag("measure the share of each kernel too")] = False,
-    case: Annotated[str | None, option("FILE", "time the gas of a case file instead")] = None,
+    case: Annotated[str | None, option(str, "FILE", "time the gas of a case file instead")] = None,
     after: Annotated[
         float,
-        real(
-            "C",
-            "collisions per disk that the case has before it is timed (default: 0)",
-            "a number of collisions per disk, 0 or more",
-            lambda value: 0.0 <= value < math.inf,
-        ),
+        option(RatioOrZero, "C", "collisions per disk that the case has before it is timed (default: 0)"),
     ] = 0.0,
     set: Set = None,
 ) -> None:

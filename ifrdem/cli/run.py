@@ -13,6 +13,7 @@ from cyclopts import Parameter
 
 from .. import mpi
 from ..errors import InputError, Stopped, TrajectoryError
+from ..tools.values import Count, Integer, Number
 from .console import FAILED, UNFINISHED, complain, echo, note, ranks, warn
 from .options import (
     Case,
@@ -26,11 +27,9 @@ from .options import (
     Set,
     Threads,
     flag,
-    integer,
     invalid_value,
     option,
     overrides,
-    real,
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -50,6 +49,7 @@ def run(
     output: Annotated[
         str | None,
         option(
+            str,
             "PATH",
             "folder for NAME.h5 and NAME.png, or the files' path without its ending (default: this folder)",
             "--output",
@@ -95,7 +95,9 @@ def resume(
     ],
     /,
     *,
-    threads: Annotated[int | None, integer("N", "CPU threads; the result does not depend on it", 1)] = None,
+    threads: Annotated[
+        int | None, option(Count, "N", "CPU threads; the result does not depend on it")
+    ] = None,
     runtime: Runtime = None,
     ignore_case_changes: Annotated[
         bool, flag("resume the case as it was, though its file has changed")
@@ -149,11 +151,10 @@ def status(
     follow: Annotated[bool, flag("print a line at each change until the run ends")] = False,
     interval: Annotated[
         float,
-        real(
+        option(
+            Annotated[float, Number(0.01, 3600.0, "a number of seconds from 0.01 to 3600")],
             "S",
             "with --follow: seconds between two looks (default: 1)",
-            "a number of seconds from 0.01 to 3600",
-            lambda value: 0.01 <= value <= 3600.0,
         ),
     ] = 1.0,
 ) -> int:
@@ -186,16 +187,20 @@ def study(
     vary: Annotated[
         list[str] | None,
         option(
+            str,
             "KEY=VALUES",
             "a key of the case to vary: 0.7,0.8,0.9 or 0.1:0.5:5 (five values, evenly) or 0.01:1:5:log; repeatable "
             '(every combination is run); "KEY=...;KEY=..." vary together',
         ),
     ] = None,
-    seeds: Annotated[str | None, option("N", "number of seeds, or a list such as 1,2,5 (default: 1)")] = None,
+    seeds: Annotated[
+        str | None, option(str, "N", "number of seeds, or a list such as 1,2,5 (default: 1)")
+    ] = None,
     set: Set = None,
     output: Annotated[
         str | None,
         option(
+            str,
             "NC",
             "file of results; runs are kept in NAME.runs (default: STUDY.nc, or CASE-study.nc)",
             "--output",
@@ -204,17 +209,20 @@ def study(
     ] = None,
     workers: Annotated[
         int | None,
-        integer(
-            "N", "processes of this machine (default: one for each core); 0: none but this one", 0, 10_000
+        option(
+            Annotated[int, Integer(0, 10_000)],
+            "N",
+            "processes of this machine (default: one for each core); 0: none but this one",
         ),
     ] = None,
     scheduler: Annotated[
-        str | None, option("ADDRESS", "run on this cluster of Dask, tcp://host:8786")
+        str | None, option(str, "ADDRESS", "run on this cluster of Dask, tcp://host:8786")
     ] = None,
     keep_going: Annotated[bool, flag("leave out points that `check` refuses")] = False,
     part: Annotated[
         tuple[int, int] | None,
         option(
+            str,
             "K/M",
             "the K-th of M parts of the runs, without results: for array jobs",
             converter=_part,
@@ -298,6 +306,7 @@ def new(
     output: Annotated[
         str | None,
         option(
+            str,
             "FILE",
             "file to write (default: KIND.toml; - prints it)",
             "--output",

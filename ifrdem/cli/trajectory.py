@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from ..errors import InputError
+from ..tools.values import Integer
 from .console import echo, note
 from .options import (
     Color,
@@ -21,10 +22,8 @@ from .options import (
     From,
     Output,
     Style,
-    choice,
     counted,
     flag,
-    integer,
     invalid_value,
     one_trajectory,
     opened,
@@ -88,10 +87,12 @@ def view(
         bool, flag("show the points of a study, and the disks of runs whose trajectories it kept")
     ] = False,
     html: Annotated[
-        str | None, option("OUT", "write the page with the frames inside into a file, to send")
+        str | None, option(str, "OUT", "write the page with the frames inside into a file, to send")
     ] = None,
     frames: Frames = None,
-    port: Annotated[int, integer("N", "port of this machine (default: any free one)", 0, 65535)] = 0,
+    port: Annotated[
+        int, option(Annotated[int, Integer(0, 65535)], "N", "port of this machine (default: any free one)")
+    ] = 0,
     no_browser: Annotated[bool, flag("print the address only")] = False,
     force: Force = False,
 ) -> None:
@@ -155,7 +156,7 @@ def export(
     *,
     to: Annotated[
         Literal["gsd", "extxyz", "csv", "h5"],
-        choice("FORMAT", "gsd, extxyz, csv or h5", ("gsd", "extxyz", "csv", "h5")),
+        option(Literal["gsd", "extxyz", "csv", "h5"], "FORMAT", "gsd, extxyz, csv or h5"),
     ],
     frames: Frames = None,
     output: Output = None,
@@ -193,10 +194,11 @@ def movie(
     /,
     *,
     frames: Frames = None,
-    fps: Annotated[int, integer("N", "pictures a second (default: 25)", 1, 240)] = 25,
+    fps: Annotated[int, option(Annotated[int, Integer(1, 240)], "N", "pictures a second (default: 25)")] = 25,
     size: Annotated[
         tuple[int, int] | None,
         option(
+            str,
             "WxH",
             "pixels, even numbers (default: as the box is, 1200x1080 at most)",
             converter=_pixels,
@@ -205,7 +207,9 @@ def movie(
     ] = None,
     color: Color = None,
     style: Style = None,
-    quality: Annotated[int, integer("Q", "of a WebP file, 1 to 100 (default: 70)", 1, 100)] = 70,
+    quality: Annotated[
+        int, option(Annotated[int, Integer(1, 100)], "Q", "of a WebP file, 1 to 100 (default: 70)")
+    ] = 70,
     output: Output = None,
     force: Force = False,
 ) -> None:
@@ -232,7 +236,7 @@ def repair(
     /,
     *,
     output: Annotated[
-        str | None, option("OUT", "file to write (default: NAME.repaired.h5)", "--output", "-o")
+        str | None, option(str, "OUT", "file to write (default: NAME.repaired.h5)", "--output", "-o")
     ] = None,
     in_place: Annotated[bool, flag("replace FILE by what is whole of it")] = False,
     force: Annotated[bool, flag("replace OUT if it exists")] = False,
@@ -277,9 +281,9 @@ def history(
     file: File,
     /,
     *,
-    id: Annotated[int, integer("ID", "id of the disk, from 0", 0)],
+    id: Annotated[int, option(Annotated[int, Integer(0)], "ID", "id of the disk, from 0")],
     output: Annotated[
-        str | None, option("CSV", "file to write: a line an event, every digit", "--output", "-o")
+        str | None, option(str, "CSV", "file to write: a line an event, every digit", "--output", "-o")
     ] = None,
     force: Force = False,
 ) -> None:

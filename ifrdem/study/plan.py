@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -26,7 +26,8 @@ from ..case.gas import CaseGas
 from ..case.messages import spelled
 from ..errors import InputError, cut, listed, nearest, option_name, shortened
 from ..quantities import LEDGER, OBSERVABLES
-from ..tools import text_file
+from ..tools import checked, text_file
+from ..tools.checked import Integer, NonNegative
 from ..tools.versions import __version__
 from .task import Task
 
@@ -127,7 +128,7 @@ class Range(_Part):
 
     start: float | int = Field(alias="from")
     to: float | int
-    number: int = Field(ge=2, le=MOST_RUNS)
+    number: Annotated[int, Integer(2, MOST_RUNS)]
     spacing: Literal["linear", "log"] = "linear"
 
     @model_validator(mode="after")
@@ -153,11 +154,11 @@ class EnsembleSection(_Part):
 class StudyOutput(_Part):
     """Output kept for every run."""
 
-    series: int | None = Field(default=None, ge=1, le=100_000)
+    series: Annotated[int, Integer(1, 100_000)] | None = None
     series_spacing: Literal["even", "log"] | None = None
     analyses: list[AnalysisName] = Field(default=[])
     analyses_at: list[float] = Field(default=[])
-    analyses_from: float | None = Field(default=None, ge=0.0)
+    analyses_from: NonNegative | None = None
     trajectories: bool = False
 
     @property
@@ -169,10 +170,10 @@ class StudyOutput(_Part):
 class ClusterSection(_Part):
     """Place of the runs: processes here, a scheduler of Dask, or jobs of a batch system (dask-jobqueue)."""
 
-    workers: int | None = Field(default=None, ge=0, le=10_000)
+    workers: Annotated[int, Integer(0, 10_000)] | None = None
     scheduler: str | None = None
     kind: Literal["slurm", "pbs", "sge", "lsf"] | None = None
-    jobs: int = Field(default=1, ge=1, le=10_000)
+    jobs: Annotated[int, Integer(1, 10_000)] = 1
     options: dict[str, Any] = Field(default={})
 
     @model_validator(mode="after")
@@ -437,15 +438,15 @@ def _seeds(given: Any, first: int) -> tuple[int, ...]:
     shown = shortened(given)
     need = f"seeds = {shown}: must be a number of seeds, 1 or more, or a list such as 1,2,5"
     if isinstance(given, str):
-        parts = [each.strip() for each in given.split(",")]
-        if not all(each.isdecimal() and len(each) < 20 for each in parts):
+        parts = [checked.whole_of(each) for each in given.split(",")]
+        if None in parts:
             raise InputError(need)
-        given = int(parts[0]) if len(parts) == 1 else [int(each) for each in parts]
-    if isinstance(given, int) and not isinstance(given, bool):
+        given = parts[0] if len(parts) == 1 else parts
+    if checked.is_integer(given):
         if not 1 <= given <= MOST_RUNS:
             raise InputError(need)
         return tuple(range(first, first + given))
-    if not isinstance(given, list) or not all(isinstance(each, int) for each in given):
+    if not isinstance(given, list) or not all(map(checked.is_integer, given)):
         raise InputError(need)
     if not given or len({*given}) < len(given) or not all(0 <= each < 2**63 for each in given):
         raise InputError(f"seeds = {shown}: must be integers, 0 or more, each once")
@@ -455,8 +456,8 @@ def _seeds(given: Any, first: int) -> tuple[int, ...]:
 def _number(case: dict[str, Any], key: str) -> float:
     """A number of [run] in an unchecked case; 0 if it has none."""
     section = case.get("run")
-    value = section.get(key) if isinstance(section, dict) else None
-    return value if isinstance(value, int | float) else 0
+    value: Any = section.get(key) if isinstance(section, dict) else None
+    return value if checked.is_number(value) else 0
 
 
 def _output_overrides(case: dict[str, Any], output: StudyOutput) -> Iterator[str]:
@@ -510,7 +511,6 @@ def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterat
     for each in error.errors(include_url=False):
         location = spelled([step for step in each["loc"] if step not in ("int", "float")])
         text = str(each["msg"]).replace("Input should", "must").replace("be a valid", "be a")
-        text = text.replace("integer", "whole number")
         if each["type"] == "extra_forbidden":
             *above, last = map(str, each["loc"])
             fields = sections.get(".".join(above), model).model_fields
@@ -520,8 +520,9 @@ def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterat
             text = "missing" + (
                 ": the case file, or the name of a shipped case" if location == "case" else ""
             )
-        elif each["type"] == "literal_error" and isinstance(each["input"], str):
-            text += nearest(each["input"], re.findall(r"'([^']+)'", each["ctx"]["expected"]))
+        elif each["type"] == "literal_error":
+            allowed = re.findall(r"'([^']+)'", each["ctx"]["expected"])
+            text = f"must be {checked.Choice(tuple(allowed)).instead_of(each['input'])}"
         value = each["input"]
         if each["type"] not in ("extra_forbidden", "missing") and isinstance(value, str | int | float):
             location += f" = {cut(json.dumps(value))}" * bool(location)

@@ -28,6 +28,7 @@ from ..quantities import AXES, NUMBER, SERIES
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..tools import files
+from ..tools.checked import is_number
 from ..tools.files import NO_VALUES
 from ..tools.intervals import student_t
 from ..tools.versions import __version__
@@ -281,7 +282,7 @@ def collect(
 
 
 def _coordinate(values: tuple[Any, ...]) -> NDArray[Any]:
-    number = all(isinstance(each, int | float) and not isinstance(each, bool) for each in values)
+    number = all(is_number(each) for each in values)
     texts = (each if number or isinstance(each, str) else json.dumps(each) for each in values)
     return np.array(list(texts))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -69,24 +68,3 @@ def script(function: Callable[..., int | None], arguments: Sequence[str] | None 
     except BrokenPipeError:  # the reader of the output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-
-
-def as_whole(text: str) -> int | None:
-    """A whole number from its text, 1e5 as well as 100000; None if it is none."""
-    try:
-        return int(text)  # not by way of a float, which would change long ones
-    except ValueError:
-        pass
-    try:
-        return int(float(text)) if float(text).is_integer() else None
-    except (ValueError, OverflowError):
-        return None
-
-
-def whole(option: str, text: str, least: int, most: float = math.inf) -> int:
-    """The value of an option as a whole number from `least` to `most`; InputError names the option."""
-    allowed = f"{least} or more" if math.isinf(most) else f"{least} to {most:.0f}"
-    value = as_whole(text)
-    if value is None or not least <= value <= most:
-        raise InputError(f"{option} = {text}: must be an integer, {allowed}")
-    return value

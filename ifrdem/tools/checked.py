@@ -14,6 +14,7 @@ numbers, know no arrays of numbers with a shape, and their messages do not say t
 
 from __future__ import annotations
 
+import ast
 import builtins
 import collections
 import functools
@@ -541,4 +542,28 @@ def validated(function: F) -> F:
                 f"{of}: not enough memory for what was asked: {str(error) or 'no more is free'}"
             ) from error
 
+    if any(isinstance(one, str) and "Annotated[" in one for one in function.__annotations__.values()):
+        checking.__signature__ = _without_checks(function)  # type: ignore[attr-defined]
     return checking  # type: ignore[return-value]
+
+
+class _WithoutChecks(ast.NodeTransformer):
+    """Types in place of `Annotated[type, check]`."""
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
+        """The first part of an `Annotated`."""
+        self.generic_visit(node)
+        is_checked = isinstance(node.value, ast.Name) and node.value.id == "Annotated"
+        return node.slice.elts[0] if is_checked and isinstance(node.slice, ast.Tuple) else node
+
+
+def _without_checks(function: Callable[..., Any]) -> inspect.Signature:
+    """The signature of a function as `help` shows it: types without their checks."""
+    found = inspect.signature(function)
+    parameters = []
+    for one in found.parameters.values():
+        hint = one.annotation
+        if isinstance(hint, str):
+            hint = ast.unparse(_WithoutChecks().visit(ast.parse(hint, mode="eval")))
+        parameters.append(one.replace(annotation=hint))
+    return found.replace(parameters=parameters)

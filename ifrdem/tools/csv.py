@@ -24,12 +24,3 @@ def each(path: Path, *, most: int, delimiter: str = ",") -> Iterator[tuple[list[
                 yield row, reader.line_num
     except csv.Error as error:
         raise InputError(f"line {reader.line_num}: not a CSV file: {error}") from None
-
-
-def is_number(text: str) -> bool:
-    """True if a text is a number, NaN and infinity included; not with underscores, which Python would allow."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return "_" not in text

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..mpi import distribution
+from .values import is_integer
 
 POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION, HISTORIES = range(7)
 """Purposes of random numbers."""
@@ -26,7 +27,7 @@ def stream(seed: int, purpose: int, number: int = 0) -> np.random.Generator:
 
     Raises InputError if the seed is not a whole number of 0 or more.
     """
-    if isinstance(seed, bool | np.timedelta64) or not isinstance(seed, int | np.integer) or seed < 0:
+    if not is_integer(seed) or seed < 0:
         raise InputError(f"seed = {seed}: must be an integer, 0 or more")
     key = (purpose, number) if number else (purpose,)
     return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=key))

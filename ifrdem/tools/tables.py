@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, counted, cut, nearest, option_name, printable, refuse
 from ..mpi import current
 from . import csv as csv_rows
-from .checked import validated
+from .checked import number_of, validated
 
 Array = NDArray[np.float64]
 
@@ -217,8 +217,8 @@ def _add(
             missing += 1
             if not gaps:
                 problems.append(f"{name} = {text or 'nothing'}: must be a finite number")
-        elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
-            commas = form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
+        elif number_of(number) is None or (form.decimal == "," and "." in text):
+            commas = form.decimal == "." and number_of(text.replace(",", ".")) is not None
             hint = f"; {setting('decimal', ',', '')} reads a comma" if commas else ""
             problems.append(f"{name} = {printable(cut(text))}: must be a number{hint}")
         elif not math.isfinite(float(number)) and not name.startswith("mass_"):
@@ -252,9 +252,8 @@ def _check_format(source: str, form: TableFormat, kinds: Mapping[str, str]) -> N
 
 
 def _factor(text: str) -> float | None:
-    if csv_rows.is_number(text) and 0.0 < float(text) < math.inf:
-        return float(text)
-    return None
+    found = number_of(text)
+    return found if found is not None and 0.0 < found < math.inf else None
 
 
 def _header(
@@ -266,7 +265,7 @@ def _header(
     setting: Setting,
 ) -> tuple[list[str], list[float], list[str]]:
     """Standard names ("" for an unused one) and factors of the columns, and those that are not used."""
-    if all(csv_rows.is_number(text) for text in header):
+    if all(number_of(text) is not None for text in header):
         standard = ", ".join(name for name in kinds if ":" not in name)
         raise InputError(
             f"line {line}: there is no header: the first line must name the columns ({standard}), and here "

@@ -100,6 +100,17 @@ class Keyed:
         """As `Check`."""
         raise NotImplementedError
 
+    def read(self, text: str) -> Any:
+        """What a text stands for; the text itself if that is nothing, which the check refuses."""
+        return text
+
+    def of_text(self, name: str, text: str) -> Any:
+        """The checked value of a text; InputError quotes the text."""
+        try:
+            return self(name, self.read(text))
+        except InputError as error:
+            raise InputError(Problem(name, text, error.reason)) from None
+
     def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> Any:
         from pydantic_core import PydanticCustomError, core_schema
 
@@ -126,6 +137,11 @@ class Number(Keyed):
     zero: bool = False
     gaps: bool = False
     units: bool = False
+
+    def read(self, text: str) -> Any:
+        """The number of a text."""
+        found = number_of(text)
+        return text if found is None else found
 
     def __call__(self, name: str, value: Any) -> float:
         if type(value) is float and self.low <= value <= self.high:
@@ -157,6 +173,11 @@ class Integer(Keyed):
 
     low: int
     high: int = 2**31 - 1
+
+    def read(self, text: str) -> Any:
+        """The whole number of a text."""
+        found = whole_of(text)
+        return text if found is None else found
 
     @property
     def needed(self) -> str:
@@ -197,7 +218,7 @@ FRACTION = Number(0.0, 1.0, "a number from 0 to 1")
 PART = Number(1e-15, 1.0 - 1e-15, "a number above 0 and below 1, by 1e-15 or more")
 E_N = replace(FRACTION, needed="a number from 0 to 1; above 1, collisions would add energy")
 E_T = Number(-1.0, 1.0, "a number from -1 to 1; beyond, collisions would add energy")
-MU = replace(NON_NEGATIVE, units=False)
+RATIO_OR_ZERO = MU = replace(NON_NEGATIVE, units=False)
 """Checks of the types below. E_N, E_T and MU are of the coefficients of laws: normal and tangential restitution, and
 friction."""
 
@@ -216,6 +237,7 @@ Real = Annotated[float, FINITE]
 Positive = Annotated[float, POSITIVE]
 NonNegative = Annotated[float, NON_NEGATIVE]
 Ratio = Annotated[float, RATIO]
+RatioOrZero = Annotated[float, RATIO_OR_ZERO]
 Fraction = Annotated[float, FRACTION]
 Part = Annotated[float, PART]
 Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]

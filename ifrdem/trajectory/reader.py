@@ -41,7 +41,7 @@ from ..model.walls.wall import from_json as walls_from_json
 from ..mpi.distribution import GATHERED
 from ..quantities import FIELDS, PISTON_SERIES, WALL_SERIES
 from ..tools import checked
-from ..tools.checked import Integer, validated
+from ..tools.checked import Integer, is_integer, validated
 from ..tools.notebook import DisksRepr, NotebookRepr, plots, refuse_unknown
 from ..tools.read_only import ReadOnlyAttributes
 from . import damage, history, layout, tables
@@ -976,7 +976,7 @@ def _forward(
                 turned.append(sum(isinstance(one, slice) for one in forward))
                 rows = rows[::-1]
             forward.append(slice(rows.start, rows.stop, rows.step) if rows else slice(0, 0))
-        elif isinstance(each, int | np.integer) and not isinstance(each, bool | np.timedelta64):
+        elif is_integer(each):
             if not -length <= each < length:
                 raise FrameError(
                     f"selection {shortened(each)} of {name}: there are {length} along this axis, from 0"

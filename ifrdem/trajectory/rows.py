@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..errors import InputError, TrajectoryError, shortened, there_are
 from ..model.state import State
 from ..quantities import EVENT, FIELDS, START
+from ..tools.checked import is_number
 from . import layout
 from .file import OutputFile, drop_staged
 from .layout import HISTORIES, TIMESERIES
@@ -406,13 +407,6 @@ def converted(
     raise InputError(
         f"{what}{where} = {given[position]:.6g}: {'single' if found.itemsize == 4 else 'this'} precision holds numbers "
         f"from {limits.tiny:.3g} to {limits.max:.3g} in size; {remedy}"
-    )
-
-
-def is_number(value: object) -> bool:
-    """True if a value is a real number, of Python's or NumPy's; truth values are none."""
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(
-        value, bool | np.timedelta64
     )
 
 

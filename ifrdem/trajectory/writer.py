@@ -21,7 +21,7 @@ from ..model.state import Disks, FrameRows, State
 from ..model.walls.wall import Wall, to_json
 from ..quantities import FIELDS
 from ..tools import checked
-from ..tools.checked import validated
+from ..tools.checked import is_integer, validated
 from ..tools.files import cause
 from ..tools.read_only import NotCopied, ReadOnlyAttributes
 from . import damage, layout
@@ -184,7 +184,7 @@ class TrajectoryWriter(NotCopied, ReadOnlyAttributes):
         """
         expected = {"frames": frames, "series_rows": series_rows, "events": events}
         for name, value in expected.items():
-            if not isinstance(value, int | np.integer) or value < 0:
+            if not is_integer(value) or value < 0:
                 raise InputError(f"{name} = {shortened(value)}: must be an integer, 0 or more")
         output, file_name = OutputFile.reopen(path), os.fspath(path)
         try:

@@ -21,7 +21,6 @@ import numpy as np
 
 from ..errors import InputError
 from ..tools import checked
-from ..tools.arguments import whole
 from ..trajectory.reader import Trajectory
 from .content import Content, pack
 from .page import blank, policy
@@ -133,7 +132,8 @@ def _json(value: Any) -> bytes:
 
 
 def _number(query: Mapping[str, str], name: str, least: int = 0) -> int:
-    return whole(name, query.get(name, str(least) if least < 0 else ""), least)
+    found: int = checked.Integer(least).of_text(name, query.get(name, str(least) if least < 0 else ""))
+    return found
 
 
 def _window(text: str | None) -> np.ndarray | None:

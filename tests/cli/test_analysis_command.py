@@ -607,7 +607,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         (("analyse", "run.h5", "--frames", "20:"), "none of the 12 frames"),
         (("analyse", "run.h5", "-o", "no/where"), "output folder no/where: no does not exist"),
         (("analyse", "run.h5", "msd", "--frames", "3"), "1 frames are too few"),
-        (("analyse", "run.h5", "profiles", "--axis", "z"), "--axis z: must be x, y or r"),
+        (("analyse", "run.h5", "profiles", "--axis", "z"), "--axis z: must be one of 'x', 'y', 'r'"),
         (("analyse", "run.h5", "profiles", "--axis", "r"), "axis = r: must have circular walls"),
         (("analyse", "run.h5", "profiles", "--bins", "0"), "--bins 0: must be an integer from 1 to 10000"),
         (("analyse", "run.h5", "fields", "--cells", "20"), "--cells 20: must be two integers from 1 to 300"),

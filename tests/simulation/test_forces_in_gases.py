@@ -187,7 +187,7 @@ def test_seed_disk_step_and_place_of_a_force_change_its_random_numbers() -> None
         (lambda: SpinKicks(0.1, power=math.nan), "power = nan"),
         (lambda: Langevin(0.1, temperature=1.0, rate=0.0), "rate, spin_rate: one of them must be above 0"),
         (lambda: Rescale(0.1), "exactly one of temperature and energy"),
-        (lambda: Rescale(0.1, energy=0.0), r"energy = 0\.0: must be a positive finite number"),
+        (lambda: Rescale(0.1, energy=0.0), r"energy = 0\.0: must be a positive number from 1e-50"),
         (lambda: Push(0.1, acceleration=math.inf), "acceleration = inf"),
         (lambda: Push(0.1, accelleration=1.0), r"Push: unknown parameter 'accelleration' .did you mean 'acceleration'"),
         (lambda: Push(0.1), "Push: parameter 'acceleration' is missing"),

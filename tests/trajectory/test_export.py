@@ -276,7 +276,10 @@ def test_the_command_writes_next_to_the_trajectory_and_keeps_existing_files(run,
     before = place.read_bytes()
     for arguments, reason in (
         (["--to", "extxyz"], "exists already; --force replaces it"),
-        (["--to", "extzyx"], "--to extzyx: must be gsd, extxyz, csv or h5 (did you mean 'extxyz'?)"),
+        (
+            ["--to", "extzyx"],
+            "--to extzyx: must be one of 'gsd', 'extxyz', 'csv', 'h5' (did you mean 'extxyz'?)",
+        ),
         (["--to", "csv", "--frames", "9"], "names none of the 6 frames"),
         (["--to", "csv", "-o", str(run)], "is the trajectory itself"),
         (["--to", "csv", "-o", str(run.parent / "absent" / "x.csv")], "does not exist"),

@@ -31,8 +31,8 @@ from ...model.state import Disks, State
 from ...model.walls.motion import Motion, Turn
 from ...model.walls.wall import Wall
 from ...simulation.engine import ORDERS, Engine
-from ...tools.arguments import script, whole
-from ...tools.checked import choice
+from ...tools.arguments import script
+from ...tools.checked import Integer, choice
 
 ROUNDING = 1e-9  # of the gap [length]: thousands of times the rounding of a place in this room
 
@@ -148,7 +148,12 @@ def escape(*, hits: str = "1e7", room: str = "kinds", order: str = "serial", see
     """
     choice("--order", order, ORDERS)
     choice("--room", room, ROOMS)
-    found = run(whole("--hits", hits, 1), order, where=room, seed=whole("--seed", seed, 0))
+    found = run(
+        Integer(1).of_text("--hits", hits),
+        order,
+        where=room,
+        seed=Integer(0, 2**63 - 1).of_text("--seed", seed),
+    )
     print(
         f"{found.hits} wall hits and {found.collisions} collisions to t = {found.time:.6g}; {found.states} states "
         f"looked at: no disk escaped, least gap {found.least_gap:.3g}"

@@ -62,7 +62,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ... import theory
-from ...errors import InputError
 from ...initial import placement
 from ...kernels.compiler import runtime
 from ...model.box import Box
@@ -72,7 +71,8 @@ from ...model.observables import measure
 from ...model.state import Disks, State
 from ...simulation import backend
 from ...simulation.simulation import Simulation
-from ...tools.arguments import script, whole
+from ...tools.arguments import script
+from ...tools.checked import Integer, Number
 from ...tools.versions import __version__
 from . import serial_events, soft_disks, spheres
 from .serial_events import SerialEvents
@@ -430,13 +430,7 @@ def _versions() -> dict[str, str]:
 
 
 def _number(option: str, text: str, least: float, most: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not least <= value <= most:
-        raise InputError(f"{option} = {text}: must be a number from {least:g} to {most:g}")
-    return value
+    return Number(least, most, f"a number from {least:g} to {most:g}").of_text(option, text)
 
 
 def peers(
@@ -485,7 +479,7 @@ def peers(
     json
         print one JSON object instead of a table
     """
-    disks = whole("--n", n, 100)
+    disks = Integer(100).of_text("--n", n)
     length, soft_length = max(10.0, 1e5 / disks), min(max(1e4 / disks, 0.1), 1.0)
     if collisions_per_disk is not None:
         length = _number("--collisions-per-disk", collisions_per_disk, 0.1, 1e4)
@@ -496,12 +490,12 @@ def peers(
         n=disks,
         phi=_number("--phi", phi, 0.01, 0.72),
         e_n=_number("--e-n", e_n, 0.5, 1.0),
-        threads=cores if threads is None else whole("--threads", threads, 1, cores),
-        runs=whole("--runs", runs, FEWEST_RUNS),
+        threads=cores if threads is None else Integer(1, cores).of_text("--threads", threads),
+        runs=Integer(FEWEST_RUNS).of_text("--runs", runs),
         collisions_per_disk=length,
         soft_collisions_per_disk=soft_length,
-        steps_per_contact=whole("--steps-per-contact", steps_per_contact, 10, 1000),
-        seed=whole("--seed", seed, 0),
+        steps_per_contact=Integer(10, 1000).of_text("--steps-per-contact", steps_per_contact),
+        seed=Integer(0, 2**63 - 1).of_text("--seed", seed),
         edmd=None if edmd is None else spheres.executable("--edmd", edmd),
         dynamo=None if dynamo is None else spheres.executable("--dynamo", dynamo),
     )
