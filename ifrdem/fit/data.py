@@ -5,16 +5,27 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, listed, nearest, option_name, refuse
-from ..tools import tables
-from ..tools.checked import LEAST, Lines, Measurements, Number, Numbers, PositivePerDisk, Seed, validated
+from ..errors import InputError, Problem, nearest, option_name, refuse, there_are
+from ..tools import checked, tables
+from ..tools.checked import (
+    LEAST,
+    MOST,
+    Fraction,
+    Lines,
+    Measurements,
+    Number,
+    Numbers,
+    PositivePerDisk,
+    Seed,
+    validated,
+)
 from ..tools.tables import TableFormat
 from .laws import LAWS
 from .model import MEASURED, AngleProblem, CollisionProblem, FitProblem, Pair, RowError
@@ -68,6 +79,11 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 UNUSED = "columns not used"
 UNUSED_OF_COLLISIONS = ("t", "id_1", "id_2")  # which `ifrdem collisions` writes for people
 LEAST_ERROR = 1e-6  # below it, chi2 is so steep that rounding hides its minimum
+_PSI = Number(0.0, math.nextafter(90.0, 0.0), "an impact angle from 0 to below 90 degrees")
+_MEASURED = replace(checked.FINITE, gaps=True)
+_ERROR = Number(LEAST_ERROR, MOST, f"a finite number of at least {LEAST_ERROR:g}", gaps=True)
+_ERROR_OR_ZERO = replace(checked.NON_NEGATIVE, gaps=True)
+_MASS = Number(LEAST, math.inf, f"a positive number from {LEAST:g}, or inf")
 EXAMPLE_LAW = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 EXAMPLE_ERROR = 0.7  # [deg]
 
@@ -99,18 +115,19 @@ class Data:
     def __post_init__(self) -> None:
         problems = _unknown(self.measured, MEASURED)
         if not self.measured:
-            problems.append(f"measured: must have at least one of {', '.join(MEASURED)}")
+            problems.append(Problem("measured", None, f"must have at least one of {', '.join(MEASURED)}"))
         values = {"psi": self.psi, **self.measured}
         refuse(problems + _name_problems(values, self.errors), self.source)
         n = np.size(self.psi)
         arrays = {name: _column(self.source, name, value, n) for name, value in values.items()}
         errors = {name: _column(self.source, name, value, n) for name, value in self.errors.items()}
-        found: list[tuple[int, str]] = []
+        found: list[RowProblem] = []
         for name in values:
-            found += _value_problems(name, arrays[name]) + _error_problems(name, errors[name], arrays[name])
+            found += _rows(name, _PSI if name == "psi" else MEASURED[name].check, arrays[name])
+            found += _rows(f"error of {name}", _ERROR, errors[name], where=~np.isnan(arrays[name]))
         empty = np.all([np.isnan(arrays[name]) for name in self.measured], axis=0)
-        found += _rows(empty, "nothing was measured after the impact")
-        _end(self.source, found, self.line)
+        found += _at(empty, "nothing was measured after the impact")
+        _refuse_rows(self.source, found, self.line)
         object.__setattr__(self, "psi", arrays.pop("psi"))
         object.__setattr__(self, "measured", arrays)
         object.__setattr__(self, "errors", {name: errors[name] for name in values})
@@ -218,18 +235,25 @@ class Collisions:
         problems = _unknown(self.measured, COLLISION_COLUMNS)
         normal, positions = (all(name in self.measured for name in names) for names in (NORMAL, CENTRES))
         if not normal and not positions:
-            problems.append("the normal is missing: give columns nx, ny or x_1, y_1, x_2, y_2")
+            text = "missing: give columns nx, ny or x_1, y_1, x_2, y_2"
+            problems.append(Problem("normal", None, text))
         if not any(name in self.measured for name in AFTER):
-            text = "measured: must have a quantity after the impact, one of"
-            problems.append(f"{text} {', '.join(AFTER)}")
+            text = f"must have a quantity after the impact, one of {', '.join(AFTER)}"
+            problems.append(Problem("measured", None, text))
         given = {name: value for name, value in self.errors.items() if name != "normal"}
         turned = [name for name in NORMAL if "normal" in self.errors and name in {*self.measured} - {*given}]
         if problems and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
             how = option_name(f"--column {MOTION[0]}='HEADER'", f"columns = {{'{MOTION[0]}': 'HEADER'}}")
-            problems.append(f"{unused[0]}; map one with {how}")
+            problems.append(
+                Problem(UNUSED, None, f"{unused[0].removeprefix(f'{UNUSED}: ')}; map one with {how}")
+            )
         problems += _name_problems(self.measured, (*given, *turned))
         problems += [
-            f"covariance: {a} and {b} must both be velocities or spins that were measured, or one the normal"
+            Problem(
+                "covariance",
+                None,
+                f"{a} and {b} must both be velocities or spins that were measured, or one the normal",
+            )
             for a, b in _pairs(self.covariance)
             if not {a, b} <= {"normal", *({*MOTION, *AFTER} & set(self.measured))} or a == b
         ]
@@ -245,25 +269,24 @@ class Collisions:
             angle = _column(self.source, "error of normal", self.errors["normal"], n)
             x, y = (arrays.get(name, np.zeros(n)) for name in NORMAL)
             errors |= dict.fromkeys(turned, angle * np.hypot(x, y))
-        found: list[tuple[int, str]] = []
+        found: list[RowProblem] = []
         for name, e in errors.items():
-            bad = ~(np.isnan(e) | (np.isfinite(e) & (e >= 0.0))) & ~np.isnan(arrays[name])
-            found += _rows(bad, f"error of {name}", e, "must be a number of 0 or more")
-            found += _rows(np.isinf(arrays[name]), name, arrays[name], "must be a finite number")
+            found += _rows(f"error of {name}", _ERROR_OR_ZERO, e, where=~np.isnan(arrays[name]))
+            found += _rows(name, _MEASURED, arrays[name])
         disks = []
         for number, disk in ((1, self.disk_1), (2, self.disk_2)):
             numbers = _per_collision(disk, n)
             for key, v in numbers.items():
-                bad = ~((v > 0.0) & (np.isfinite(v) | ((number == 2) & (key == "mass"))))
-                found += _rows(bad, f"{key}_{number}", v, "must be a positive finite number")
+                check = _MASS if (number, key) == (2, "mass") else checked.POSITIVE
+                found += _rows(f"{key}_{number}", check, v)
             disks.append(_of_columns(numbers))
         walls = np.isinf(np.asarray(disks[1].mass))
         if walls.any() and not walls.all():
-            text = "mass_2 is infinite: walls and disks cannot be combined in one table"
-            found.append((int(np.argmax(walls)), text))
+            text = "walls and disks cannot be combined in one table"
+            found.append((int(np.argmax(walls)), Problem("mass_2", "inf", text)))
         x, y = (arrays[NORMAL[i]] if normal else arrays[CENTRES[i + 2]] - arrays[CENTRES[i]] for i in (0, 1))
-        found += _rows((x == 0.0) & (y == 0.0), "the normal has no length")
-        _end(self.source, found, self.line)
+        found += _at((x == 0.0) & (y == 0.0), "the normal has no length")
+        _refuse_rows(self.source, found, self.line)
         object.__setattr__(self, "measured", arrays)
         object.__setattr__(self, "errors", {name: errors[name] for name in self.measured})
         object.__setattr__(self, "disk_1", disks[0])
@@ -276,7 +299,7 @@ class Collisions:
             "the disks separate before the impact, or rest: the normal must point from disk 1 to disk 2, and spins be "
             "counter-clockwise"
         )
-        _end(self.source, _rows(apart, text), self.line)
+        _refuse_rows(self.source, _at(apart, text), self.line)
 
     def __len__(self) -> int:
         """The number of collisions."""
@@ -369,7 +392,7 @@ def read(
     disk_1: Disk | None = None,
     disk_2: Disk | None = None,
     form: TableFormat = TableFormat(),  # noqa: B008  (frozen)
-    min_quality: Annotated[float, Number(0.0, 1.0, "a number from 0 to 1")] = 0.01,
+    min_quality: Fraction = 0.01,
 ) -> Data | Collisions:
     """Read a table of measured impacts.
 
@@ -500,11 +523,11 @@ def _given_errors(
     errors: dict[str, float],
     form: TableFormat,
     n: int,
-) -> tuple[dict[str, Array], list[str]]:
+) -> tuple[dict[str, Array], list[Problem]]:
     """The error of each quantity, and mistakes in them."""
     rest = errors.pop("rest", None)
     given: dict[str, Array] = {}
-    problems = []
+    problems: list[Problem] = []
     for name in quantities:
         groups = [group for group, names in GROUPS.items() if name in names]
         by = [each for each in (name, *(["normal"] if name in NORMAL else []), *groups) if each in errors]
@@ -512,7 +535,9 @@ def _given_errors(
             given[name] = columns[f"{name}_error"]
             gaps = np.isnan(given[name]) & ~np.isnan(columns[name])
             if gaps.any():
-                problems.append(f"{name}_error: missing for {int(gaps.sum())} values of {name}")
+                problems.append(
+                    Problem(f"{name}_error", None, f"missing for {int(gaps.sum())} values of {name}")
+                )
         elif name in form.known:
             given[name] = np.zeros(n)
         elif by:
@@ -520,9 +545,9 @@ def _given_errors(
         elif rest is not None:
             given[name] = np.full(n, rest)
         else:
-            problems.append(f"{name}: missing from errors: {_how_to_give(name)}")
+            problems.append(_missing(name))
     problems += [
-        f"errors: the file has no column {name}{nearest(name, quantities)}; there are {', '.join(quantities)}"
+        Problem("errors", None, f"the file has no column {name}{there_are(name, quantities)}")
         for name in errors
         if name not in quantities and not set(quantities) & set({**GROUPS, "normal": NORMAL}.get(name, ()))
     ]
@@ -587,18 +612,24 @@ def _per_collision(disk: Disk, n: int) -> dict[str, Array]:
     return {key: np.broadcast_to(value, (n,)) for key, value in of.items()}
 
 
-def _unknown(names: Iterable[str], known: Collection[str]) -> list[str]:
+def _unknown(names: Iterable[str], known: Collection[str]) -> list[Problem]:
     return [
-        f"{name}: no such quantity{nearest(name, known)}; there are {', '.join(known)}"
+        Problem(name, None, f"no such quantity{there_are(name, known)}")
         for name in names
         if name not in known
     ]
 
 
-def _name_problems(values: Collection[str], errors: Collection[str]) -> list[str]:
-    problems = [f"{name}: missing from errors: {_how_to_give(name)}" for name in values if name not in errors]
+def _name_problems(values: Collection[str], errors: Collection[str]) -> list[Problem]:
+    missing = [_missing(name) for name in values if name not in errors]
     others = [name for name in errors if name not in values]
-    return problems + [f"errors: {name} was not measured{nearest(name, values)}" for name in others]
+    return missing + [
+        Problem("errors", None, f"{name} was not measured{nearest(name, values)}") for name in others
+    ]
+
+
+def _missing(name: str) -> Problem:
+    return Problem(name, None, f"missing from errors: {_how_to_give(name)}")
 
 
 def _how_to_give(name: str) -> str:
@@ -617,40 +648,25 @@ def _column(source: str, name: str, value: ArrayLike, n: int) -> Array:
     return array
 
 
-def _end(source: str, found: list[tuple[int, str]], line: NDArray[np.int64] | None) -> None:
-    """Raise InputError with every mistake, in the order of the lines."""
-    if found:
-        found.sort(key=lambda each: each[0])
-        where = (lambda i: f"impact {i + 1}") if line is None else (lambda i: f"line {line[i]}")
-        raise InputError(listed([f"{source}: {where(i)}: {text}" for i, text in found], 100))
+RowProblem = tuple[int, Problem | str]
+"""A mistake with the index of its row."""
 
 
 def _rows(
-    invalid: NDArray[np.bool_], name: str, values: Array | None = None, need: str = ""
-) -> list[tuple[int, str]]:
-    """Index and message of each wrong row: `name` alone, or with its value and what it must be."""
-    text = (lambda i: name) if values is None else (lambda i: f"{name} = {values[i]:g}: {need}")
-    return [(int(i), text(i)) for i in np.flatnonzero(invalid)]
+    name: str, check: Number, values: Array, where: NDArray[np.bool_] | Literal[True] = True
+) -> list[RowProblem]:
+    """A problem for each value that a check refuses; only those that are looked at, shape (n,)."""
+    text = f"must be {check.needed}"
+    wrong = np.flatnonzero(checked.refused(check, values) & where)
+    return [(int(i), Problem(name, f"{values[i]:g}", text)) for i in wrong]
 
 
-def _value_problems(name: str, values: Array) -> list[tuple[int, str]]:
-    """Index and message of each impossible value."""
-    if name == "psi":
-        right = (values >= 0.0) & (values < 90.0)
-        need = "must be an impact angle from 0 to below 90 degrees"
-    else:
-        low, high = MEASURED[name].low, MEASURED[name].high
-        above = values > low if name == "sqrt_d2_d1" else values >= low
-        right = np.isnan(values) | (np.isfinite(values) & above & (values <= high))
-        need = "must be a finite number"
-        if name in ANGLES:
-            need = f"must be an angle from {low:g} to {high:g} degrees"
-        elif low == 0.0:
-            need = "must be a positive finite number"
-    return _rows(~right, name, values, need)
+def _at(rows: NDArray[np.bool_], text: str) -> list[RowProblem]:
+    """The same mistake in some rows, shape (n,)."""
+    return [(int(i), text) for i in np.flatnonzero(rows)]
 
 
-def _error_problems(name: str, errors: Array, values: Array) -> list[tuple[int, str]]:
-    least = f"must be a finite number of at least {LEAST_ERROR:g}"
-    invalid = ~np.isnan(errors) & ~((errors >= LEAST_ERROR) & (errors < math.inf)) & ~np.isnan(values)
-    return _rows(invalid, f"error of {name}", errors, least)
+def _refuse_rows(source: str, found: list[RowProblem], line: NDArray[np.int64] | None) -> None:
+    """Raise InputError with every mistake, in the order of the lines."""
+    place = (lambda i: f"impact {i + 1}") if line is None else (lambda i: f"line {line[i]}")
+    refuse([f"{place(i)}: {text}" for i, text in sorted(found, key=lambda each: each[0])], source)

@@ -12,7 +12,7 @@ import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.laws.ifr import Regime
-from ..tools.checked import NonNegative, Positive, validated
+from ..tools.checked import FINITE, RATIO, NonNegative, Number, Positive, validated
 from .laws import LARGEST, SMALLEST, Law
 
 Array = NDArray[np.float64]
@@ -28,21 +28,22 @@ Index = NDArray[np.int64]
 
 
 class Measurable(NamedTuple):
-    """A measured quantity: its symbol in a picture, its unit, "deg" or "1", and its lowest and highest values."""
+    """A measured quantity: its symbol in a picture, its unit, "deg" or "1", and the check of its values."""
 
     symbol: str
     unit: str
-    low: float = -math.inf
-    high: float = math.inf
+    check: Number = replace(FINITE, gaps=True, units=False)
 
 
+_ANY = Number(-180.0, 180.0, "an angle from -180 to 180 degrees", gaps=True)
+_FORWARD = Number(-90.0, 90.0, "an angle from -90 to 90 degrees", gaps=True)
 MEASURED: Mapping[str, Measurable] = {
-    "delta_1": Measurable(r"$\delta_1$", "deg", -180.0, 180.0),
-    "delta_2": Measurable(r"$\delta_2$", "deg", -90.0, 90.0),
+    "delta_1": Measurable(r"$\delta_1$", "deg", _ANY),
+    "delta_2": Measurable(r"$\delta_2$", "deg", _FORWARD),
     "Rw_2": Measurable(r"$R_2 \omega_2 / v_o$", "1"),
-    "sqrt_d2_d1": Measurable(r"$\sqrt{d_2 / d_1}$", "1", 0.0),
-    "rebound": Measurable(r"$\delta_r$", "deg", -180.0, 180.0),
-    "rebound_contact": Measurable(r"$\delta_c$", "deg", -90.0, 90.0),
+    "sqrt_d2_d1": Measurable(r"$\sqrt{d_2 / d_1}$", "1", replace(RATIO, gaps=True)),
+    "rebound": Measurable(r"$\delta_r$", "deg", _ANY),
+    "rebound_contact": Measurable(r"$\delta_c$", "deg", _FORWARD),
     "v_t_ratio": Measurable(r"$v_{1t}'/v_{1t}$", "1"),
     "Rw_1": Measurable(r"$R_1 \omega_1 / v_o$", "1"),
     "e_t_apparent": Measurable(r"$e_t^*$", "1"),

@@ -122,13 +122,11 @@ class Numbers:
             raise InputError(f"{name} has shape {found.shape}: must be {self.needed}")
         with np.errstate(over="ignore"):  # of longer types: infinite, and refused below
             found = np.asarray(found, dtype=np.float64, order="C")
-        if found.size and not (found.min() >= self.low and found.max() <= self.high):
-            invalid = ~((found >= self.low) & (found <= self.high) | (self.zero & (found == 0.0)))
-            invalid &= ~(self.gaps & np.isnan(found))
-            if invalid.any():
-                where = tuple(int(i) for i in np.argwhere(invalid)[0])
-                index = f"[{', '.join(map(str, where))}]" if where else ""
-                raise InputError(f"{name}{index} = {found[where]}: must be {self.each}")
+        within = not found.size or (found.min() >= self.low and found.max() <= self.high)
+        if not within and (invalid := refused(self, found)).any():
+            where = tuple(int(i) for i in np.argwhere(invalid)[0])
+            index = f"[{', '.join(map(str, where))}]" if where else ""
+            raise InputError(f"{name}{index} = {found[where]}: must be {self.each}")
         return found
 
     def _as_array(self, name: str, value: Any) -> NDArray[Any]:
@@ -148,6 +146,12 @@ class Numbers:
             return shape[1 - len(self.shape) :] == self.shape[1:]
         pairs = zip(self.shape, shape, strict=False)
         return len(shape) == len(self.shape) and all(isinstance(one, str) or one == n for one, n in pairs)
+
+
+def refused(check: Number | Numbers, values: Array) -> NDArray[np.bool_]:
+    """True for each value of an array that is out of the range of a check; of the shape of `values`."""
+    right = (values >= check.low) & (values <= check.high)
+    return ~(right | (check.zero & (values == 0.0)) | (check.gaps & np.isnan(values)))
 
 
 @dataclass(frozen=True)

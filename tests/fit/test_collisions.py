@@ -386,7 +386,7 @@ def test_an_error_of_the_normal_is_an_angle_whatever_its_length(tmp_path: Path) 
     assert read.errors["nx"][0] == 0.1  # its own comes first
     assert read.errors["ny"][0] == pytest.approx(0.02)
     (tmp_path / "hits.csv").write_text("nx,vx_1,vx_1_after\n2,1,-0.9\n", encoding="utf-8")
-    with pytest.raises(InputError, match="the normal is missing"):
+    with pytest.raises(InputError, match="normal: missing: give columns"):
         fit.read(tmp_path / "hits.csv", {"normal": 0.01, "velocities": 0.01}, **disks)
 
 
@@ -403,7 +403,7 @@ def test_impossible_collisions_are_refused_by_line() -> None:
     none = {name: 0.0 * value if name in ("nx", "ny") else value for name, value in data.measured.items()}
     with pytest.raises(InputError, match="impact 5: the normal has no length"):
         replace(data, measured=none)
-    with pytest.raises(InputError, match="the normal is missing"):
+    with pytest.raises(InputError, match="normal: missing: give columns"):
         replace(
             data,
             measured={n: data.measured[n] for n in (*MOTION, *AFTER)},
