@@ -18,8 +18,7 @@ from ifrdem.model.state import Disks, State
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
-from ifrdem.simulation.windows.windows import NEXT
-from ifrdem.simulation.windows.windows import State as WindowState
+from ifrdem.simulation.windows.windows import NEXT, WindowState
 from ifrdem.validation.rows import engine_of
 
 SMOOTH = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)

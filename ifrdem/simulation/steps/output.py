@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any, TypedDict, TypeVar, Unpack
+from typing import Any, TypedDict, Unpack
 
 from ...errors import InputError, shortened
 from ...mpi import Communicator
+from ...tools import checked
 from .schedule import AT_END, OUTPUTS, FrameCallback, Progress, SeriesCallback, Trigger
 
-Called = TypeVar("Called")
+_FUNCTIONS = checked.Each(checked.Instance((Callable,)), "list")  # type: ignore[arg-type]
 
 
 class OutputOptions(TypedDict, total=False):
@@ -60,33 +61,26 @@ class Output:
             raise InputError(f"progress = {shortened(progress)}: must be True, False or a function")
         return cls(
             _trigger("frames", given.get("frames", AT_END)),
-            _functions("frame_callbacks", given.get("frame_callbacks", ())),
+            _FUNCTIONS("frame_callbacks", given.get("frame_callbacks", ())),
             None if series is None else _trigger("series", series),
-            _functions("series_callbacks", given.get("series_callbacks", ())),
+            _FUNCTIONS("series_callbacks", given.get("series_callbacks", ())),
             progress,
         )
 
     def on(self, comm: Communicator) -> Output:
         """The output on a rank of several: those that call no callback take part where another one calls some."""
-        comm_frames, comm_series = comm.bcast((len(self.frame_callbacks), len(self.series_callbacks)))
+        of_frames, of_series = comm.bcast((len(self.frame_callbacks), len(self.series_callbacks)))
         if comm.is_root:
             return self
-        nothing: Callable[..., Any] = lambda *_: None  # noqa: E731
-        frames = self.frame_callbacks if comm.is_distributed else (nothing,) * comm_frames
-        return replace(self, frame_callbacks=frames, series_callbacks=(nothing,) * comm_series)
+        frames = self.frame_callbacks if comm.is_distributed else (_nothing,) * of_frames
+        return replace(self, frame_callbacks=frames, series_callbacks=(_nothing,) * of_series)
+
+
+def _nothing(*_: Any) -> None:
+    """What the other ranks call where the root calls a callback."""
 
 
 def _trigger(name: str, given: int | Trigger) -> Trigger:
     if isinstance(given, Trigger):
         return given
     return Trigger(number=OUTPUTS(name, given))
-
-
-def _functions(name: str, given: Iterable[Called]) -> tuple[Called, ...]:
-    if callable(given) or not isinstance(given, Iterable):
-        raise InputError(f"{name} = {shortened(given)}: must be a list of functions, [function] for one")
-    found = tuple(given)
-    for i, one in enumerate(found):
-        if not callable(one):
-            raise InputError(f"{name}[{i}] = {shortened(one)}: must be a function")
-    return found

@@ -33,7 +33,7 @@ NOTHING_TOLD = -1.0  # before the beginning of any window
 ROUNDING = 8  # last digits by which a window is longer than the moment that it is cut at, for collisions at that time
 
 
-class State(enum.Enum):
+class WindowState(enum.Enum):
     """Where the host stands in the present window."""
 
     BETWEEN = "at the beginning of a window that has no end yet"
@@ -44,8 +44,8 @@ class State(enum.Enum):
     CUT = "at a moment whose state has taken the place of that at the window's end (`low_memory`)"
 
 
-BETWEEN, PLANNED, AT_END, INSIDE, PAUSED, CUT = State
-NEXT: dict[State, set[State]] = {
+BETWEEN, PLANNED, AT_END, INSIDE, PAUSED, CUT = WindowState
+NEXT: dict[WindowState, set[WindowState]] = {
     BETWEEN: {BETWEEN, PLANNED},
     PLANNED: {BETWEEN, AT_END, PAUSED},
     AT_END: {BETWEEN, PLANNED, INSIDE, CUT},
@@ -106,7 +106,7 @@ class Watched:
     times: NDArray[np.float64] | None = None
 
 
-class Stored(NamedTuple):
+class StoredWindow(NamedTuple):
     """What a checkpoint holds of the present window, in this order.
 
     Its `moment` is the present time since its beginning; 0 there. `planned` is 1 if it has an end.
@@ -139,7 +139,7 @@ class Windows:
         self.now: float = time
         self._clock = arrays.clock.array
         arrays.clock.begin = arrays.clock.end = time
-        self.state: State = BETWEEN
+        self.state: WindowState = BETWEEN
         self._moment = 0.0  # the present time since the window's beginning
         self._moments: list[Moment] = []  # that have been written
         self.watched: Watched = Watched()
@@ -152,7 +152,7 @@ class Windows:
         self._requested: list[tuple[float, float]] = []
         self._burst = 1  # windows of a GPU that went well one after another
 
-    def _to(self, state: State) -> None:
+    def _to(self, state: WindowState) -> None:
         """Go on to another state: EngineError if it may not follow the present one."""
         if state not in NEXT[self.state]:
             raise EngineError(
@@ -303,7 +303,7 @@ class Windows:
 
     def snapshot(self) -> dict[str, NDArray[np.float64]]:
         """State of the windows, between two of them or within one."""
-        stored = Stored(
+        stored = StoredWindow(
             self.begin, self.end, self.now, self._moment, float(self.state is not BETWEEN), self.fastest,
             float(self.arrays.clock.square_unit),
         )  # fmt: skip
@@ -311,7 +311,7 @@ class Windows:
 
     def restore(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
         """Restore what `snapshot` gave."""
-        a, stored = self.arrays, Stored(*found["window"].tolist())
+        a, stored = self.arrays, StoredWindow(*found["window"].tolist())
         a.clock.fastest, a.clock.square_unit = stored.fastest, stored.square_unit
         self._begin_at(stored.begin)
         if self.forces is not None:
