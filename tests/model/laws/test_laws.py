@@ -105,7 +105,7 @@ def test_laws_outside_of_the_range_of_their_series_are_refused_before_any_work()
     gas = ifrdem.Simulation(disks, box, VISCOELASTIC, start)
     with pytest.raises(InputError, match=r"must be at least 0\.05"):
         gas.set_law(law)
-    assert gas._laws.table[0][0] == VISCOELASTIC
+    assert gas.setup.law[0][0] == VISCOELASTIC
     resting = ifrdem.State(start.position, np.zeros((2, 2)), start.spin)
     ifrdem.Simulation(disks, box, law, resting)  # without a speed no e_n is known
 
