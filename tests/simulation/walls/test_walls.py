@@ -20,6 +20,7 @@ from ifrdem.kernels.events.events import EVENTS_OF_A_LOOK, LONG, LONG_OF_A_DISK,
 from ifrdem.kernels.laws.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.laws.ifr import IFRLaw
+from ifrdem.model.setup import Setup
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
@@ -334,8 +335,7 @@ def viscoelastic_balls(n: int = 1, **options: Any) -> Engine:
         np.column_stack([x, 2.0 + 0.1 * (np.arange(1, n + 1) % n % 7)]), np.zeros((n, 2)), np.zeros(n)
     )
     box, disks = Box((max(10.0, 2.0 * n), 10.0), (True, False)), Disks(n, mass=1.0, radius=0.5)
-    table = np.array(law.table_row())[None, None]
-    return engine_of(disks, box, start, table, law=type(law), gravity=(0.0, -1.0), **options)
+    return Engine(Setup(box, ((law,),), gravity=(0.0, -1.0)), disks, start, **options)
 
 
 def test_a_viscoelastic_ball_that_comes_to_rest_stops_the_run_with_a_reason(
