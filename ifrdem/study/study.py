@@ -232,7 +232,8 @@ class Study:
         expected = "none: all runs are done"
         if len(self.tasks) > done:
             n = max(processes, 1)
-            expected = f"some {clock_face(START_SECONDS + self.seconds / n)} on {n} process{'es' if n > 1 else ''}"
+            face = clock_face(START_SECONDS + self.seconds / n)
+            expected = f"some {face} on {n} process{'es' if n > 1 else ''}"
             expected += ", up to a minute more where kernels must be compiled"
         return [
             *lines,

@@ -303,7 +303,7 @@ def random_case(dice: Dice, kind: str | None = None) -> tuple[dict[str, Any], st
             box["lengths"] = lengths
     elif way != "file":
         case["start"] = {"positions": way}
-    if walled and "material" not in box and seldom(dice, 0.3):  # drawn last: other cases of a seed stay as they are
+    if walled and "material" not in box and seldom(dice, 0.3):  # drawn last: others stay
         box["shear_rate"] = either(dice, 1.0)
     return case, file
 
