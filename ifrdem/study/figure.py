@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..analysis.names import ANALYSES, OVER_TIME
 from ..analysis.result import identifier
 from ..errors import InputError, nearest, option_name
 from ..plots.style import (
@@ -29,7 +30,7 @@ from ..tools.intervals import PERCENT
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
-from .results import ROWS, Results, averaged, finite_seeds, half_interval, theory_between
+from .results import ROWS, START, Results, averaged, finite_seeds, half_interval, theory_between
 from .task import AT, NOTES, WARNINGS, Variable
 
 if TYPE_CHECKING:
@@ -52,7 +53,11 @@ KEY_SYMBOLS = {
 }  # fmt: skip
 """Symbols of keys of a case, by their last part."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # Okabe and Ito's
+MARKERS = "osD^vPX"
+"""Markers of curves, by which they differ in grey."""
 MOST_PANELS = 12
+MOST_OF_ANALYSIS = 4
+"""Quantities of an analysis that a message lists."""
 MOST_REMARKS = 3
 AT_POINTS = "theory at points"
 """Mark of the markers of theory that stand at swept values only."""
@@ -98,12 +103,13 @@ def draw(
 
     swept = list(results.axes)
     name = SHORT.get(what, what)
+    whole = results
     if start is not None:
         results = _from(results, name, start)
     if f"{name}_mean" not in results.variables:
         known = drawable(results)
         near = nearest(what, [*known, *SHORT])
-        raise InputError(f"no quantity is called '{what}'{near}; there are: {', '.join(known)}")
+        raise InputError(f"no quantity is called '{what}'{near}; there are: {_listed(known)}")
     mean = results.variables[f"{name}_mean"]
     if not np.isfinite(mean.values).any():
         raise InputError(f"no run has a value of {name}{_remarks(results, name)}")
@@ -111,7 +117,7 @@ def draw(
         raise InputError(f"{name}: is one number and has no axis; `ifrdem info` prints it")
     if not _has_axis(results, name):
         text = "is a column of a table, and no other column of it rises from row to row, to be its axis"
-        raise InputError(f"{name}: {text}; what can be drawn: {', '.join(drawable(results))}")
+        raise InputError(f"{name}: {text}; what can be drawn: {_listed(drawable(results))}")
     x, curve = _x(results, over, mean.dims), None
     split = [*swept, *(dim for dim in mean.dims if dim in PARTS)]
     if left := [dim for dim in split if dim != x]:
@@ -131,9 +137,11 @@ def draw(
     figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
     table = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
     all_axes = list(table.ravel())
-    for axes, panel in itertools.zip_longest(all_axes, panels_at):
+    for i, (axes, panel) in enumerate(itertools.zip_longest(all_axes, panels_at)):
         if panel is None:
             axes.set_visible(False)
+            all_axes[i - columns].tick_params(labelbottom=True)  # the lowest of its column
+            all_axes[i - columns].set_xlabel(_label(results, x))
             continue
         fixed = dict(zip(panels, panel, strict=True))
         _panel(axes, results, name, x, curve, fixed)
@@ -148,10 +156,11 @@ def draw(
     for axes in table[-1]:
         axes.set_xlabel(_label(results, x))
     for line in table:
-        line[0].set_ylabel(_label(results, name))
+        line[0].set_ylabel(_label(results, name, _power(first)))
     fit_to_column(figure, all_axes[: len(panels_at)], taller=size is not None and len(size) == 1)
     if title:
-        figure.suptitle(plain(results.attributes.get("title", "")), fontsize="medium")
+        texts = (plain(results.attributes.get("title", "")), _window(whole, name, x, start))
+        figure.suptitle("; ".join(filter(None, texts)), fontsize="medium")
     return figure
 
 
@@ -163,6 +172,37 @@ def _from(results: Results, name: str, start: float) -> Results:
         text = f"{name} is no series; [output] analyses_from of the study sets where analyses over time begin"
         raise InputError(f"{option} {start:g}: {text}")
     return averaged(results, start, option)
+
+
+def _window(results: Results, name: str, x: str, start: float | None) -> str:
+    """Text on which part of the runs the values of a quantity belong to, where the axis does not show it."""
+    mean = results.variables[f"{name}_mean"]
+    clock, unit = results.row_axis, results.variables[results.row_axis].unit
+    clock = f"{'tau' if clock == PER_DISK else 't'} = {{:.3g}} {written(unit) if unit != REDUCED else ''}".rstrip()
+    if start is not None:
+        return f"means from {clock.format(start)} on"
+    if x in results.axes and {*ROWS} & {*mean.dims}:
+        return "at the end of the runs"
+    if x in results.axes and AT in mean.dims:
+        return f"at {clock.format(results.values(AT)[-1])}"
+    if START in results.variables and any(name.startswith(f"{identifier(each)}_") for each in OVER_TIME):
+        low, high = (clock.format(end(results.values(START))) for end in (np.nanmin, np.nanmax))
+        return f"means from {low}{f' to {high}' if high != low else ''} on"
+    return ""
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names of quantities, the first ones of each analysis."""
+    groups: dict[str, list[str]] = {}
+    prefixes = sorted((f"{identifier(each)}_" for each in ANALYSES), key=len, reverse=True)
+    for name in names:
+        groups.setdefault(next((each for each in prefixes if name.startswith(each)), ""), []).append(name)
+    found = groups.pop("", [])
+    for prefix, each in groups.items():
+        found += each[:MOST_OF_ANALYSIS]
+        if (others := len(each) - MOST_OF_ANALYSIS) > 0:
+            found.append(f"{others} more {prefix}...")
+    return ", ".join(found)
 
 
 def drawable(results: Results) -> list[str]:
@@ -299,7 +339,12 @@ def _panel(
             where = np.arange(len(where))
             axes.set_xticks(where, [plain(str(each)) for each in results.values(x)])
         rows = x not in results.axes
-        axes.plot(where, y, "-" if rows else "o", color=colour, lw=1.4, ms=4, label=label)
+        marker: Any = {"marker": MARKERS[i % len(MARKERS)], "ls": "-" if rows else ""}
+        if rows and count > 1:  # a few, not at the same places as those of the next curve
+            marker["markevery"] = ((i % len(MARKERS)) / (8 * len(MARKERS)), 0.125)
+        elif rows:
+            marker["marker"] = ""
+        axes.plot(where, y, color=colour, lw=1.4, ms=4, label=label, **marker)
         if part is not None and np.isfinite(part).any():
             if rows:
                 axes.fill_between(where, y - part, y + part, color=colour, alpha=0.25, lw=0)
@@ -320,12 +365,14 @@ def _scales(panels: Sequence[Axes]) -> None:
     """Make axes logarithmic where values of any panel span decades; all panels share their axes."""
     lines = [line for axes in panels for line in axes.lines]
     y = np.concatenate([[], *(np.asarray(line.get_ydata(), float) for line in lines)])
-    y = y[np.isfinite(y)]
+    paths = [path for axes in panels for one in axes.collections for path in one.get_paths()]
+    ends = np.concatenate([y, *(np.asarray(path.vertices)[:, 1] for path in paths)])  # of intervals too
+    y, ends = y[np.isfinite(y)], ends[np.isfinite(ends)]
     if len(y) and y.min() > 0.0 and y.max() > SEVERAL_DECADES * y.min():
         panels[0].set_yscale("log")
         few_labels(panels[0], "y")
-    elif len(y) and y.min() >= 0.0:
-        panels[0].set_ylim(0.0, 1.08 * y.max() or 1.0)
+    elif len(y) and ends.min() >= 0.0:
+        panels[0].set_ylim(0.0, 1.08 * ends.max() or 1.0)
     each_x = [np.asarray(line.get_xdata(), float) for line in lines]
     x = np.concatenate([[], *each_x])
     x, steps = x[np.isfinite(x)], np.diff(each_x[0]) if lines else np.array([])
@@ -334,6 +381,21 @@ def _scales(panels: Sequence[Axes]) -> None:
     if len(later) > 2 and not even and later.max() > SEVERAL_DECADES * later.min() and x.min() >= 0.0:
         panels[0].set_xscale("log")
         panels[0].set_xlim(left=float(later.min()))
+
+
+def _power(axes: Axes) -> int:
+    """The power of ten that is taken out of the labels of a linear vertical axis, to be written with its unit.
+
+    Matplotlib writes it above the corner of the axes, into a title or a legend.
+    """
+    from matplotlib.ticker import FuncFormatter
+
+    largest = max(map(abs, axes.get_ylim()))
+    if axes.get_yscale() == "log" or 1e-3 <= largest < 1e5 or largest == 0.0:
+        return 0
+    power = math.floor(math.log10(largest))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / 10.0**power:.4g}"))
+    return power
 
 
 def _legend(axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several: bool) -> None:
@@ -369,10 +431,13 @@ def _named(results: Results, dim: str, i: int) -> str:
     return f"{_symbol(results, dim)} = {text} {written(unit) if unit != REDUCED else ''}".rstrip()
 
 
-def _label(results: Results, name: str) -> str:
+def _label(results: Results, name: str, power: int = 0) -> str:
+    """The label of an axis whose numbers are in units of a power of ten; of places of frames, that of their clock."""
+    name = results.row_axis if name == AT else name
     key = json.loads(results.attributes["keys"]).get(name)
     one = results.variables.get(name) or results.variables.get(f"{name}_mean")
-    unit = f" ({written(one.unit)})" if one is not None and one.unit else ""
+    unit = " ".join(filter(None, (power and f"$10^{{{power}}}$", one and one.unit and written(one.unit))))
+    unit = f" ({unit})" if unit else ""
     return (_symbol(results, name) if key else _quantity(name, results.texts.get(name))) + unit
 
 

@@ -35,8 +35,9 @@ from .workers import check_jobs
 if TYPE_CHECKING:
     import xarray
 
-RATE, ROW_SECONDS, RUN_SECONDS = 2e5, 2e-3, 0.1
-"""Collisions a second and core, seconds of a row of series and of a further gas: before any run is done."""
+RATE, ROW_SECONDS, RUN_SECONDS, FILE_SECONDS, START_SECONDS = 2e5, 2e-3, 0.1, 0.4, 8.0
+"""Collisions a second and core; seconds of a row of series, of a further gas, of one with a trajectory, whose analyses
+are done, and of processes that start and load kernels: before any run is done."""
 RUN_BYTES, RESULTS_BYTES = 10_000, 60_000
 """Bytes of the files of a run and of a study beside their rows."""
 MOST_OF_DISK, MOST_WARNINGS = 0.9, 5
@@ -195,7 +196,8 @@ class Study:
         rows = (
             self._checked_cases[0][missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
         )
-        return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + RUN_SECONDS for task in missing)
+        each = FILE_SECONDS if self.plan.output.analyses or self.plan.output.trajectories else RUN_SECONDS
+        return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + each for task in missing)
 
     def _state(self, tasks: Sequence[Task]) -> tuple[list[tuple[Task, float]], list[Task], list[str]]:
         """Finished runs with the seconds that they took, missing runs, and messages on damaged results.
@@ -229,7 +231,9 @@ class Study:
         expected = "none: all runs are done"
         if len(self.tasks) > done:
             n = max(processes, 1)
-            expected = f"some {clock_face(self.seconds / n)} on {n} process{'es' if n > 1 else ''}"
+            face = clock_face(START_SECONDS + self.seconds / n)
+            expected = f"some {face} on {n} process{'es' if n > 1 else ''}"
+            expected += ", up to a minute more where kernels must be compiled"
         return [
             *lines,
             f"  done already           {done} of {len(self.tasks)}, in {self.folder}",

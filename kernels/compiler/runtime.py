@@ -158,9 +158,7 @@ def load() -> Any:
     try:
         with (
             start_patches.short_import() if is_known() else contextlib.nullcontext(),
-            warnings.catch_warnings(
-                action="ignore", category=DeprecationWarning
-            ),  # of calls inside the runtime
+            warnings.catch_warnings(action="ignore", category=DeprecationWarning),  # of its own calls
         ):
             module = importlib.import_module(name)
     except ImportError as error:

@@ -310,8 +310,19 @@ def test_a_dry_run_starts_nothing(case, tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "2 points x 5 seeds = 10 runs" in printed
     assert "disk space" in printed
-    assert "expected time" in printed
+    # Not 0:00: processes start and load kernels in some 8 s, or compile them first.
+    assert re.search(r"expected time +some 0:(08|09|1\d) on .*, up to a minute more", printed)
     assert [path.name for path in tmp_path.iterdir()] == ["gas.toml"]
+
+
+def test_analyses_of_runs_take_time(case, tmp_path):
+    """Each run with analyses took 0.5 to 1 s of two busy cores, and was counted as one without, 0.1 s."""
+    file, seconds = tmp_path / "study.toml", []
+    for analyses in ("", 'analyses = ["velocity"]'):
+        file.write_text(f'case = "gas.toml"\n[ensemble]\nseeds = 100\n[output]\nseries = 1\n{analyses}\n')
+        seconds.append(ifrdem.Study(file).seconds)
+    assert 5.0 < seconds[0] < 15.0
+    assert 25.0 < seconds[1] < 100.0
 
 
 def test_a_finished_study_expects_no_time(case, tmp_path):
@@ -408,6 +419,66 @@ def test_axes_that_panels_share_show_the_values_of_all(values: list[list[float]]
     low, high = panels[0].get_ylim()
     assert low < np.min(values)
     assert high > np.max(values)
+
+
+def test_pictures_of_studies_say_their_window_and_differ_in_grey() -> None:
+    """A value at a swept key is that of the end, of a place of frames or of a window: titles say which.
+
+    Powers of ten stand with the unit, not over the corner of the axes; intervals are inside of the axes; the places of
+    frames are times with their unit; each column of panels has its numbers below, where the last row is short.
+    """
+    keys = {"e_n": "material[0].e_n", "mu": "material[0].mu"}
+    axes = {"axes": json.dumps({name: [name] for name in keys}), "title": "gas", "keys": json.dumps(keys)}
+    variables = {
+        "e_n": Variable(("e_n",), np.array([0.7, 0.8]), ""), "mu": Variable(("mu",), np.arange(4.0), ""),
+        "time": Variable(("time",), np.array([0.0, 1.0, 2.0]), "s"), "at": Variable(("at",), np.array([1.0, 2.0]), "s"),
+        "seed": Variable(("seed",), np.arange(3), ""),
+        "analyses_from": Variable(("e_n", "mu"), np.full((2, 4), 0.5), "s"),
+    }  # fmt: skip
+    for name, dims in {"temperature": ("time",), "velocity_a20": ("at",), "stress_p": ()}.items():
+        shape = (2, 4, *(len(variables[dim].values) for dim in dims))
+        variables[name] = Variable(("e_n", "mu", "seed", *dims), np.ones((2, 4, 3, *shape[2:])), "J")
+        variables[f"{name}_mean"] = Variable(("e_n", "mu", *dims), np.full(shape, 2e-4), "J")
+        variables[f"{name}_error"] = Variable(("e_n", "mu", *dims), np.full(shape, 1e-4), "J")
+    results = Results(variables, axes)
+    for what, end in (
+        ("T", "at the end of the runs"),
+        ("velocity_a20", "at t = 2 s"),
+        ("stress_p", "means from t = 0.5 s on"),
+    ):
+        figure = draw(results, what, over="e_n")
+        assert figure.get_suptitle() == f"gas; {end}"
+        (panel,) = figure.axes
+        low, high = panel.get_ylim()
+        assert low < 2e-4 - 4.30 * 1e-4  # Student's t of two degrees of freedom
+        assert high > 2e-4 + 4.30 * 1e-4
+        assert len({line.get_marker() for line in panel.lines if str(line.get_label()).startswith("$")}) == 4
+        assert panel.get_ylabel().endswith("($10^{-4}$ J)")
+        figure.canvas.draw()
+        assert panel.yaxis.get_offset_text().get_text() == ""
+    figure = draw(results, "velocity_a20", by="e_n")
+    assert figure.get_suptitle() == "gas"
+    panels = [each for each in figure.axes if each.get_visible()]
+    assert [each.get_xlabel() for each in panels] == ["", "time $t$ (s)", "time $t$ (s)", "time $t$ (s)"]
+
+
+def test_names_of_quantities_are_listed_by_analyses(case: Path, tmp_path: Path) -> None:
+    """A list of a hundred names was no help."""
+    names = [
+        "energy",
+        *(f"velocity_correlation_{i}" for i in range(20)),
+        *(f"velocity_{i}" for i in range(5)),
+        "rdf_g",
+    ]
+    variables = {f"{name}_mean": Variable(("time",), np.ones(2), "") for name in names}
+    results = Results(
+        {"time": Variable(("time",), np.arange(2.0), ""), **variables}, {"axes": "{}", "keys": "{}"}
+    )
+    with pytest.raises(InputError) as caught:
+        draw(results, "nothing")
+    text = str(caught.value)
+    assert "velocity_correlation_3, 16 more velocity_correlation_..., velocity_0" in text
+    assert text.endswith("velocity_3, 1 more velocity_..., rdf_g")
 
 
 def test_species_of_a_quantity_are_curves_or_panels_beside_their_theory() -> None:

@@ -26,10 +26,13 @@ from typing import Any
 from ...case import file as case_file
 from ...case import report as reporting
 from ...case.file import CaseFile
+from ...case.gas import forces_of
+from ...case.objects import collapse_of, device_of, gravity_of
 from ...case.summary import REFUSED_HERE
 from ...errors import EngineError, InputError, Stopped
 from ...runs import run as running
 from ...runs.outputs import Outputs
+from ...simulation.engine import EngineOptions
 from ...simulation.start import checks
 from ..report.registry import Result
 
@@ -300,9 +303,7 @@ def random_case(dice: Dice, kind: str | None = None) -> tuple[dict[str, Any], st
             box["lengths"] = lengths
     elif way != "file":
         case["start"] = {"positions": way}
-    if (
-        walled and "material" not in box and seldom(dice, 0.3)
-    ):  # drawn last: other cases of a seed stay as they are
+    if walled and "material" not in box and seldom(dice, 0.3):  # drawn last: others stay
         box["shear_rate"] = either(dice, 1.0)
     return case, file
 
@@ -358,8 +359,12 @@ def _on_ranks(file: CaseFile) -> str | None:
     count, why = gas.usable_ranks(2)
     if count == 1 and "cannot be divided" not in why:  # too few tiles, which the engine finds later
         return None
+    options = EngineOptions(device_of(case.run), gravity=gravity_of(case.box), collapse=collapse_of(case.run))
     try:
-        checks.check_exclusions(gas.setup, n=gas.n, immovable=False, tracked=case.output.tracks, ranks=2)
+        checks.check_exclusions(
+            gas.box, gas.walls, options.gravity, forces_of(case), type(gas.law()), options,
+            n=gas.n, immovable=False, tracked=case.output.tracks, ranks=2,
+        )  # fmt: skip
     except InputError as error:
         return None if why else f"on ranks: {error}"
     return f"on ranks: {why}" if why else None
