@@ -104,7 +104,7 @@ class CompiledForce:
     `act` is its function, with `n_totals` totals and numbers of these `names`; `number` is its own among these forces,
     `first` that of its first number in `force_values`. If `alone`, it acts on single disks at random times
     (`disks/force_times.py`). `measure` is the function of one with totals. If it `draws_pair`, it takes the first pair
-    of normal random numbers of a step.
+    of normal random numbers of a step. `n_bounds` first ids of species, of all but the first, follow its parameters.
 
     Neither a dataclass nor a tuple: quadrants passes the members of those to a function one by one.
     """
@@ -120,10 +120,11 @@ class CompiledForce:
         alone: bool = False,
         measure: Any = None,
         draws_pair: bool = False,
+        n_bounds: int = 0,
     ) -> None:
         self.act, self.n_totals, self.names = act, n_totals, names
         self.number, self.first, self.alone = number, first, alone
-        self.measure, self.draws_pair = measure, draws_pair
+        self.measure, self.draws_pair, self.n_bounds = measure, draws_pair, n_bounds
 
     def values(self) -> tuple[Any, ...]:
         """The attributes, by which two forces are compared."""

@@ -213,12 +213,12 @@ def test_notebooks_run_as_cells_of_jupyter(path: Path, monkeypatch: pytest.Monke
 @pytest.mark.full
 def test_laws_and_forces_of_a_cell_are_compiled(tmp_path: Path) -> None:
     """Those of the manual, each in a cell of IPython."""
-    text = "".join(f"# %%\n{block(name)}\n" for name in ("force", "law"))
+    text = "".join(f"# %%\n{block(name)}\n" for name in ("force", "species", "law"))
     (tmp_path / "cells.py").write_text(
         text.replace("t_end=100.0", "t_end=1.0").replace("t_end=5.0", "t_end=0.5")
     )
     made = notebooks.page(tmp_path / "cells.py")
-    assert made.count("<pre>") == 2
+    assert made.count("<pre>") == 3
 
 
 def test_examples_for_notebooks_and_other_packages_run(
@@ -443,12 +443,16 @@ def test_force_example_turns_velocities_and_puts_in_no_energy(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "magnus.py"  # Taichi reads the source of a force
-    file.write_text(block("force"))
+    file.write_text(block("force") + block("species"))
     found = runpy.run_path(str(file))
     magnus, kicks = found["gas"].energy_inputs
     # 1000 disks get 0.1 x 5 each; the work on velocities of temperature 1 scatters by sqrt(1000 x 2 x 0.5) = 32.
     assert kicks == pytest.approx(500.0, abs=160.0)
     assert abs(magnus) < 1e-10  # it only turns velocities
+    # Without collisions a spin of the driven species would gain 2 x 5 = 10; the others get some of it by friction.
+    passive, driven = np.split(found["turned"].state.spin, [900])
+    assert 2.0 < driven.mean() < 10.0
+    assert abs(passive.mean()) < 0.5
     assert capsys.readouterr().out.endswith("]\n")
 
 

@@ -31,7 +31,7 @@ __all__ = [
     "SpinKicks", "TableFriction", "normals", "uniforms",
 ]  # fmt: skip
 
-OF_DISK = ("x", "y", "vx", "vy", "spin", "mass", "radius", "k", "inertia")
+OF_DISK = ("x", "y", "vx", "vy", "spin", "mass", "radius", "k", "inertia", "id", "species", "material")
 OF_STEP = ("time", "dt", "free", "random")
 """Names of what a force gets of a disk and of a step; in `act` a step has totals too, if the force has some."""
 
@@ -73,8 +73,8 @@ class Force(ReadOnlyAttributes):
     totals : int
         How many sums over all disks `act` needs; `measure` gives each disk's share of them.
     totals_ahead : bool
-        True if `measure` reads only mass, radius, k, inertia and `step.random`, so that totals do not depend on the
-        motion. A force with this, or without totals, acts within windows, which is much faster.
+        True if `measure` reads of the disk no position, velocity or spin, and of the step only `random`, so that totals
+        do not depend on the motion. A force with this, or without totals, acts within windows, which is much faster.
     draws_pair : bool
         True if `act` takes `step.pair`, the numbers of `normals(step.random, 0)`, which are drawn faster for all disks
         at once.
@@ -181,7 +181,8 @@ class Force(ReadOnlyAttributes):
         ----------
         disk : struct
             x, y [length] in the box; vx, vy [length/time]; spin [rad/time]; mass, radius, k,
-            inertia = mass radius^2 / k.
+            inertia = mass radius^2 / k; id, species and material, whole numbers from 0 on. Species are counted in the
+            order of `Disks.species`; without named ones it is 0.
         step : struct
             time of the step's middle, dt its length [time]; random, for `normals` and `uniforms`; totals, a vector, and
             share, what `measure` gave of this disk; pair, with `draws_pair`; free, a vector: 1 for x and y where the

@@ -212,7 +212,7 @@ class Engine:
         )
         self._load(start.state)
         self.force_steps: ForceSteps = ForceSteps(
-            setup.forces, self.arrays, self.disks, setup.seed, self.time
+            setup.forces, self.arrays, self.disks, setup.seed, self.time, self.kinds.species
         )
         self._install_forces()
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
@@ -444,7 +444,9 @@ class Engine:
         def changed() -> tuple[Setup, ForceSteps]:
             setup = replace(self.setup, forces=forces)  # type: ignore[arg-type]  # checked there
             checks.check_exclusions(setup, **self._facts)
-            steps = ForceSteps(setup.forces, self.arrays, self.disks, setup.seed, self.time)
+            steps = ForceSteps(
+                setup.forces, self.arrays, self.disks, setup.seed, self.time, self.kinds.species
+            )
             hottest = checks.hottest(self.walls, setup.forces)
             checks.check_magnitudes(self.disks_here, self.box, 0.0, self.precision, hottest)
             return setup, steps

@@ -165,13 +165,14 @@ class _SplitRow:
 
 
 class NamedNumbers:
-    """Numbers of an array from a `first` one on by name, in the precision of the run."""
+    """Numbers of an array from a `first` one on by name, in the precision of the run. `n_more` follow (`more_of`)."""
 
     _data_oriented = True
-    __slots__ = ("_array", "_first", "_names")
+    __slots__ = ("_array", "_first", "_more", "_names")
 
-    def __init__(self, array: Any, names: Sequence[str], first: int = 0) -> None:
+    def __init__(self, array: Any, names: Sequence[str], first: int = 0, n_more: int = 0) -> None:
         self._array, self._names, self._first = array, names, first
+        self._more = range(first + len(names), first + len(names) + n_more)
 
     def __getattr__(self, name: str) -> Any:
         if name not in self._names:
@@ -180,6 +181,11 @@ class NamedNumbers:
 
     def __getitem__(self, index: Any) -> Any:
         raise KeyError(index)
+
+
+def more_of(numbers: NamedNumbers) -> list[Any]:
+    """The numbers without a name that follow those of `numbers`, in the precision of their array, for `ti.static`."""
+    return [_at(numbers._array, index) for index in numbers._more]
 
 
 class _Group:

@@ -17,7 +17,7 @@ from ..tiles.grid import place_of
 from ..layout import BY_LAW, KICKED, NOT_FINITE, NOT_FINITE_ALONE
 from ..disks.particle import add, fly_to, kind_of, note_speed, void_latest_partner, watched_row, write_motion
 from ..random import DRAWS, normals
-from ..compiler.records import NamedNumbers
+from ..compiler.records import NamedNumbers, more_of
 from ..disks.shear import flow_at
 from ..disks.force_times import action_stream, interval, next_action
 
@@ -179,16 +179,31 @@ def stream_of_row(i, row, gas: ti.template()):
     ], ti.u32)  # fmt: skip
 
 
+def parameters_of(force: Any, values: Any) -> tuple[Any]:
+    """The parameters of a force within windows, by name, for `ti.static`."""
+    return (NamedNumbers(values, force.names, FORCE_VALUES.width + force.first_parameter, force.n_bounds),)
+
+
 @ti.func
-def motionless(kind, gas: ti.template()):
-    """Quantities of a disk of a kind, without its motion: NaN, so that a force that reads it is seen."""
+def disk_of(kind, number, x, y, vx, vy, spin, given, gas: ti.template()):
+    """A disk as forces get it, of a kind and with an id `number`. `given` has the first ids of species."""
     mass = 1.0 / gas.kinds[kind].inverse_mass
     radius = gas.kinds[kind].radius
-    nan = ti.sqrt(-mass)
+    species = 0
+    for bound in ti.static(more_of(given)):
+        species += ti.cast(ti.cast(number, ti.f64) >= bound, ti.i32)
     return ti.Struct(
-        x=nan, y=nan, vx=nan, vy=nan, spin=nan, mass=mass, radius=radius, k=gas.kinds[kind].k,
+        x=x, y=y, vx=vx, vy=vy, spin=spin, mass=mass, radius=radius, k=gas.kinds[kind].k,
         inertia=mass * radius * radius / gas.kinds[kind].k,
+        id=ti.cast(number, ti.i32), species=species, material=ti.cast(gas.kinds[kind].material, ti.i32),
     )  # fmt: skip
+
+
+@ti.func
+def motionless(kind, number, given, gas: ti.template()):
+    """A disk without its motion: NaN, so that a force that reads it is seen."""
+    nan = ti.sqrt(-(1.0 / gas.kinds[kind].inverse_mass))
+    return disk_of(kind, number, nan, nan, nan, nan, nan, given, gas)
 
 
 @ti.func
@@ -254,15 +269,11 @@ def act_on(i, row, t, tile, gains: ti.template(), gas: ti.template()):
                         for j in ti.static(range(force.n_totals)):
                             share[j] = gas.shares[stored + gas.event_info[i].id * force.n_totals + j]
                     else:
-                        given = ti.static(
-                            (
-                                NamedNumbers(
-                                    gas.force_values, force.names, FORCE_VALUES.width + force.first_parameter
-                                ),
-                            )
-                        )[0]
+                        given = ti.static(parameters_of(force, gas.force_values))[0]
                         first = ti.static(step_of(time, dt, free, random, []))[0]
-                        terms = force.measure(motionless(kind_of(i, gas), gas), first, given)
+                        terms = force.measure(
+                            motionless(kind_of(i, gas), gas.event_info[i].id, given, gas), first, given
+                        )
                         for j in ti.static(range(force.n_totals)):
                             share[j] = ti.cast(terms[j], float)
                 pair = ti.Vector([gas.motion[i].t_hit, gas.motion[i].t_leave])
@@ -281,28 +292,32 @@ def change(i, t, step, mark, tile, force: ti.template(), gains: ti.template(), g
     """
     motion = gas.motion[i]
     kind = kind_of(i, gas)
-    mass, radius = 1.0 / gas.kinds[kind].inverse_mass, gas.kinds[kind].radius
     x, y = position_in_box(i, t, tile, gas)
     fall_x, fall_y = gas.scale.gx * t, gas.scale.gy * t
     flow = flow_in_frame(i, gas)
-    body = ti.Struct(
-        x=x, y=y, vx=motion.vx + fall_x - flow, vy=motion.vy + fall_y, spin=motion.spin, mass=mass, radius=radius,
-        k=gas.kinds[kind].k, inertia=mass * radius * radius / gas.kinds[kind].k,
-    )  # fmt: skip
-    given = ti.static(
-        (NamedNumbers(gas.force_values, force.names, FORCE_VALUES.width + force.first_parameter),)
-    )[0]
+    given = ti.static(parameters_of(force, gas.force_values))[0]
+    body = disk_of(
+        kind,
+        gas.event_info[i].id,
+        x,
+        y,
+        motion.vx + fall_x - flow,
+        motion.vy + fall_y,
+        motion.spin,
+        given,
+        gas,
+    )
     new_vx, new_vy, new_spin = force.act(body, step, given)
     motion.vx = ti.cast(new_vx, float) + flow - fall_x
     motion.vy, motion.spin = ti.cast(new_vy, float) - fall_y, ti.cast(new_spin, float)
     if gas.event_info[i].own_rank > 0:
         # What was stored may be rounded, to single precision or with the fall.
         stored_x, stored_y = motion.vx + fall_x - flow, motion.vy + fall_y
-        gain = energy(mass, body.inertia, stored_x, stored_y, motion.spin)
-        gain -= energy(mass, body.inertia, body.vx, body.vy, body.spin)
+        gain = energy(body.mass, body.inertia, stored_x, stored_y, motion.spin)
+        gain -= energy(body.mass, body.inertia, body.vx, body.vy, body.spin)
         add_gain(gains, force.number, gain, gas)
         if not gain - gain == 0.0:
             ti.atomic_max(gas.counter.stalled, mark)
         if ti.static(gas.uses.sheared):
             # What the frame of the row sees of it beyond that is not the flow's doing (`disks/shear.py`).
-            add(tile, TALLY.flow_work, ti.cast(mass * flow * (stored_x - body.vx), ti.f64), gas)
+            add(tile, TALLY.flow_work, ti.cast(body.mass * flow * (stored_x - body.vx), ti.f64), gas)

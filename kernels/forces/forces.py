@@ -6,12 +6,12 @@
 from typing import Any, NamedTuple
 
 from ..columns import LEVELS
-from .force_events import energy, motionless, step_of
+from .force_events import disk_of, energy, motionless, step_of
 from ..compiler.language import Cube, Rows, Table, declared, spread_of_loops, ti
 from ..disks.particle import listed_kind, round_products
 from ..random import DRAWS, normals
 from ..tiles.readout import placed
-from ..compiler.records import NamedNumbers
+from ..compiler.records import NamedNumbers, more_of
 from ..disks.shear import flow_at
 from ..compiler.signature import Arrays, kernel
 from ..tiles.sums import is_owned
@@ -21,25 +21,15 @@ OF_DISKS = "uses grid scale clock disk kind kinds meta tile edge_x edge_y when c
 
 
 @ti.func
-def particle_view(s, tile, time, gas: ti.template()):
-    """Quantities of a listed disk at `time`, as forces get them; velocities are relative to the mean flow."""
+def particle_view(s, tile, time, given, gas: ti.template()):
+    """A listed disk at `time`, as forces get it; velocities are relative to the mean flow."""
     disk = gas.disk[s]
     here = placed(s, tile, time, gas)
     x, y, flow = here.x, here.y, here.flow
-    kind = listed_kind(s, gas)
-    mass = 1.0 / gas.kinds[kind].inverse_mass
-    radius = gas.kinds[kind].radius
-    return ti.Struct(
-        x=ti.cast(x, float),
-        y=ti.cast(y, float),
-        vx=disk.vx - ti.cast(flow, float),
-        vy=disk.vy,
-        spin=disk.spin,
-        mass=mass,
-        radius=radius,
-        k=gas.kinds[kind].k,
-        inertia=mass * radius * radius / gas.kinds[kind].k,
-    )
+    return disk_of(
+        listed_kind(s, gas), gas.meta[s].id, ti.cast(x, float), ti.cast(y, float),
+        disk.vx - ti.cast(flow, float), disk.vy, disk.spin, given, gas,
+    )  # fmt: skip
 
 
 @ti.func
@@ -68,16 +58,23 @@ class ForceKernels(NamedTuple):
     kick_from_rest: Any
 
 
-def kernels_of(force: Any) -> ForceKernels:
-    """Kernels of a class of forces; for sums they are compiled only if it has totals."""
+def kernels_of(force: Any, n_bounds: int = 0) -> ForceKernels:
+    """Kernels of a class of forces; for sums they are compiled only if it has totals.
+
+    `n_bounds` first ids of species follow its parameters.
+    """
     act, measure = declared(force.act), declared(force.measure)
     names = (*force.parameters, *force.constants)
+
+    def given_of(parameters: Any) -> tuple[Any]:
+        return (NamedNumbers(parameters, names, 0, n_bounds),)
+
     return ForceKernels(
-        _sum_totals_of(measure, force.totals, names),
-        _sum_ahead_of(measure, force.totals, names),
-        _apply_force_of(act, measure, force.totals, names, force.draws_pair),
-        _sample_force_of(act, measure, force.totals, names, force.draws_pair),
-        _kick_from_rest_of(act, names, force.draws_pair),
+        _sum_totals_of(measure, force.totals, given_of),
+        _sum_ahead_of(measure, force.totals, given_of),
+        _apply_force_of(act, measure, force.totals, given_of, force.draws_pair),
+        _sample_force_of(act, measure, force.totals, given_of, force.draws_pair),
+        _kick_from_rest_of(act, given_of, force.draws_pair),
     )
 
 
@@ -93,7 +90,7 @@ def add_term(found: ti.template(), terms: ti.template(), rounders: ti.template()
             rest -= part
 
 
-def _sum_ahead_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+def _sum_ahead_of(measure: Any, n_totals: int, given_of: Any) -> Any:
     """Kernel that sums the terms of a force in many steps, which do not depend on the motion.
 
     `tile_sums` gets for each tile and step what that of `_sum_totals_of` gets for a tile. `shares` gets the terms, in
@@ -107,7 +104,7 @@ def _sum_ahead_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
         parameters: Rows, steps: Rows, tile_sums: Cube, rounders: Table,
     ):  # fmt: skip
         """Sum the force's terms over the disks of each tile, in steps with these numbers."""
-        given = ti.static((NamedNumbers(parameters, names),))[0]
+        given = ti.static(given_of(parameters))[0]
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y * steps.shape[0]):
             round_products(gas)
@@ -127,7 +124,7 @@ def _sum_ahead_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
                         ti.cast((steps[m] + 0.5) * gas.when.dt, float), ti.cast(gas.when.dt, float), free_of(gas),
                         stream, [],
                     ))[0]  # fmt: skip
-                    terms = measure(motionless(listed_kind(s, gas), gas), step, given)
+                    terms = measure(motionless(listed_kind(s, gas), gas.meta[s].id, given, gas), step, given)
                     add_term(found, terms, rounder, n_totals)
                     if stored >= 0:
                         row = stored + (m * gas.grid.n + gas.meta[s].id) * n_totals
@@ -139,7 +136,7 @@ def _sum_ahead_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
     return sum_ahead
 
 
-def _sum_totals_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+def _sum_totals_of(measure: Any, n_totals: int, given_of: Any) -> Any:
     """Kernel that sums the terms of a force.
 
     Totals change the motion, so their bits may not depend on the order of the disks. `tile_sums` gets for each tile,
@@ -156,7 +153,7 @@ def _sum_totals_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
         parameters: Rows, tile_sums: Table, rounders: Table,
     ):  # fmt: skip
         """Sum the force's terms over the disks of each tile."""
-        given = ti.static((NamedNumbers(parameters, names),))[0]
+        given = ti.static(given_of(parameters))[0]
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
             round_products(gas)
@@ -171,7 +168,7 @@ def _sum_totals_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
                     step = ti.static(step_of(
                         ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float), free_of(gas), stream_of(s, gas), [],
                     ))[0]  # fmt: skip
-                    terms = measure(particle_view(s, b, gas.when.time, gas), step, given)
+                    terms = measure(particle_view(s, b, gas.when.time, given, gas), step, given)
                     add_term(found, terms, rounder, n_totals)
                 for j in ti.static(range(n_totals * (1 + LEVELS))):
                     tile_sums[b, j] = found[j]
@@ -179,7 +176,7 @@ def _sum_totals_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
     return sum_totals
 
 
-def _apply_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...], draws_pair: bool) -> Any:
+def _apply_force_of(act: Any, measure: Any, n_totals: int, given_of: Any, draws_pair: bool) -> Any:
     """Kernel that applies a force.
 
     `tile_sums` gets for each tile the energy gained, and what frames of rows see of that beyond it (`disks/shear.py`).
@@ -191,7 +188,7 @@ def _apply_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...
         parameters: Rows, tile_sums: Table, totals: Rows,
     ):  # fmt: skip
         """Apply the force to every disk; sum what each tile gains."""
-        given = ti.static((NamedNumbers(parameters, names),))[0]
+        given = ti.static(given_of(parameters))[0]
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
             round_products(gas)
@@ -202,7 +199,7 @@ def _apply_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...
                 for s in range(first, first + gas.tile[b].count[gas.grid.part]):
                     listed_disk = gas.disk[s]
                     time, dt = ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float)
-                    body = particle_view(s, b, gas.when.time, gas)
+                    body = particle_view(s, b, gas.when.time, given, gas)
                     share = ti.Vector([0.0 * dt for _ in ti.static(range(max(n_totals, 1)))])
                     if ti.static(n_totals > 0):
                         summed = ti.static(step_of(time, dt, free_of(gas), stream_of(s, gas), []))[0]
@@ -235,17 +232,17 @@ def _apply_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...
     return apply_force
 
 
-def _sample_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...], draws_pair: bool) -> Any:
+def _sample_force_of(act: Any, measure: Any, n_totals: int, given_of: Any, draws_pair: bool) -> Any:
     """Kernel that calls a force once."""
 
     @ti.kernel
     def sample_force(numbers: Rows, parameters: Rows):
         """Compile the force for one disk with placeholder numbers."""
-        given = ti.static((NamedNumbers(parameters, names),))[0]
+        given = ti.static(given_of(parameters))[0]
         for s in range(1):
             body = ti.Struct(
                 x=numbers[s], y=numbers[s], vx=numbers[s], vy=numbers[s], spin=numbers[s], mass=numbers[s],
-                radius=numbers[s], k=numbers[s], inertia=numbers[s],
+                radius=numbers[s], k=numbers[s], inertia=numbers[s], id=s, species=s, material=s,
             )  # fmt: skip
             random = ti.Vector([ti.cast(s, ti.u32) for _ in ti.static(range(6))], ti.u32)
             free = ti.Vector([numbers[s], numbers[s]])
@@ -266,22 +263,22 @@ def _sample_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ..
     return sample_force
 
 
-def _kick_from_rest_of(act: Any, names: tuple[str, ...], draws_pair: bool) -> Any:
+def _kick_from_rest_of(act: Any, given_of: Any, draws_pair: bool) -> Any:
     """Kernel that finds how fast a force without totals makes disks at rest."""
 
     @kernel
     def kick_from_rest(dt: ti.f64, gas: Arrays("uses kinds"), parameters: Rows, found: Rows):
-        """Set the largest square of a speed that a disk of any kind has got in a few draws."""
-        given = ti.static((NamedNumbers(parameters, names),))[0]
+        """Set the largest square of a speed that a disk of any kind and species has got in a few draws."""
+        given = ti.static(given_of(parameters))[0]
         ti.loop_config(serialize=True)
-        for draw in range(8 * gas.kinds.shape[0]):
+        many = gas.kinds.shape[0]
+        for draw in range(8 * many * ti.static(1 + len(more_of(given)))):
             zero = ti.cast(0.0, float)
-            kind = draw // 8
-            mass, radius = 1.0 / gas.kinds[kind].inverse_mass, gas.kinds[kind].radius
-            body = ti.Struct(
-                x=zero, y=zero, vx=zero, vy=zero, spin=zero, mass=mass, radius=radius, k=gas.kinds[kind].k,
-                inertia=mass * radius * radius / gas.kinds[kind].k,
-            )  # fmt: skip
+            number = 0
+            for j in ti.static(range(len(more_of(given)))):
+                if draw // (8 * many) == j + 1:
+                    number = ti.cast(ti.static(more_of(given))[j], ti.i32)
+            body = disk_of(draw // 8 % many, number, zero, zero, zero, zero, zero, given, gas)
             random = ti.Vector([ti.cast(draw, ti.u32)] + [ti.u32(0) for _ in ti.static(range(5))], ti.u32)
             pair = normals(random, 0)
             step = ti.static(step_of(

@@ -19,7 +19,8 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from ...errors import EngineError, InputError
 from ...kernels import layout as k
 from ...kernels.columns import KICK, LEVELS
 from ...kernels.compiler.language import CompilationError, declared
-from ...kernels.forces.forces import kernels_of
+from ...kernels.forces.forces import ForceKernels, kernels_of
 from ...model.custom_code import check_constants, check_signature, why_not_compiled
 from ...model.forces import OF_DISK, OF_STEP, Force, PoissonForce
 from ...model.state import Disks
@@ -48,8 +49,12 @@ HEADROOM = 24
 _kernels = functools.cache(kernels_of)  # compiled once for all objects of a class
 
 
+def _is_ours(kind: type[Force]) -> bool:
+    return kind.__module__ == Force.__module__
+
+
 @functools.cache
-def _compiled(kind: Any, number: int, first: int) -> k.CompiledForce:
+def _compiled(kind: Any, number: int, first: int, n_bounds: int) -> k.CompiledForce:
     """The part of a class of forces that acts within windows."""
     alone = issubclass(kind, PoissonForce)
     measure = declared(kind.measure) if kind.totals else None
@@ -63,6 +68,7 @@ def _compiled(kind: Any, number: int, first: int) -> k.CompiledForce:
         alone=alone,
         measure=measure,
         draws_pair=kind.draws_pair,
+        n_bounds=n_bounds,
     )
 
 
@@ -71,20 +77,22 @@ def acts_within(force: Force, arrays: DeviceArrays) -> bool:
 
     In a sheared box positions depend on the tile, to rounding, which a custom force may see.
     """
-    ours = type(force).__module__ == Force.__module__
-    return (not force.totals or force.totals_ahead) and (ours or not arrays.uses.sheared)
+    return (not force.totals or force.totals_ahead) and (_is_ours(type(force)) or not arrays.uses.sheared)
 
 
 class ForceSteps:
     """The forces of one engine, in the order in which they act at a time at which several do.
 
-    Steps until the present `time` [time] count as done. InputError if a force cannot act on these disks.
+    Steps until the present `time` [time] count as done; `species` has their numbers of disks, in the order of ids.
+    InputError if a force cannot act on these disks.
     """
 
     def __init__(
-        self, forces: Sequence[Force], arrays: DeviceArrays, disks: Disks, seed: int, time: float
-    ) -> None:
+        self, forces: Sequence[Force], arrays: DeviceArrays, disks: Disks, seed: int, time: float,
+        species: Mapping[str, int],
+    ) -> None:  # fmt: skip
         self.forces: tuple[Force, ...] = tuple(forces)
+        self._bounds = [float(first) for first in accumulate(species.values())][:-1]
         for i, force in enumerate(self.forces):
             if force.totals and type(force).measure is Force.measure:
                 raise InputError(
@@ -117,7 +125,7 @@ class ForceSteps:
         arrays, first, compiled = self.arrays, 0, []
         for number, i in enumerate(self._within):
             kind: Any = type(self.forces[i])
-            compiled.append(_compiled(kind, number, first))
+            compiled.append(_compiled(kind, number, first, len(self._bounds_for(i))))
             first += len(self._numbers_of(i))
         windows.set_forces(self, tuple(compiled))
         self._windows = windows
@@ -227,7 +235,20 @@ class ForceSteps:
         """Values of a force within windows, in the order of `columns.FORCE_VALUES`."""
         force = self.forces[index]
         alone = [force.step, float(index)] if isinstance(force, PoissonForce) else []
-        return [*alone, *force.values.values(), *force.derived()]
+        return [*alone, *force.values.values(), *force.derived(), *self._bounds_for(index)]
+
+    def _bounds_for(self, index: int) -> list[float]:
+        """First ids of all species but the first, for a custom force; those of the program take all disks alike."""
+        return [] if _is_ours(type(self.forces[index])) else self._bounds
+
+    def _kernels_of(self, index: int) -> ForceKernels:
+        kind: Any = type(self.forces[index])  # mypy does not take a class for hashable
+        return _kernels(kind, len(self._bounds_for(index)))
+
+    def _parameters_of(self, index: int) -> NDArray[np.float64]:
+        """Parameters of a force and first ids for its kernels, with one entry at least."""
+        force = self.forces[index]
+        return np.array([*force.values.values(), *force.derived(), *self._bounds_for(index), 0.0])
 
     @property
     def n_kernels(self) -> int:
@@ -314,11 +335,13 @@ class ForceSteps:
         It sets a scale of speeds for a gas at rest, and for kicks that are strong.
         """
         found = np.zeros(1)
-        for force in self.forces:
-            kind: Any = type(force)
+        for i, force in enumerate(self.forces):
             if isinstance(force, PoissonForce):
                 self.arrays.launch(
-                    _kernels(kind).kick_from_rest, force.step, parameters=_values_of(force), found=found
+                    self._kernels_of(i).kick_from_rest,
+                    force.step,
+                    parameters=self._parameters_of(i),
+                    found=found,
                 )
         return self.arrays.domain.comm.largest(float(found[0]))
 
@@ -344,13 +367,12 @@ class ForceSteps:
         force, n, steps = self.forces[index], self.forces[index].totals, len(numbers)
         if not steps:
             return np.zeros((0, n))
-        kind: Any = type(force)
         found = np.zeros((self.arrays.tiles, steps, n * (1 + LEVELS)))
 
         def launch(rounders: NDArray[np.float64]) -> NDArray[np.float64]:
             self.arrays.launch(
-                _kernels(kind).sum_ahead, stored, when=np.array([math.nan, force.step, *self._free]),
-                counter_words=_words(0, index, self._seed), parameters=_values_of(force), steps=numbers,
+                self._kernels_of(index).sum_ahead, stored, when=np.array([math.nan, force.step, *self._free]),
+                counter_words=_words(0, index, self._seed), parameters=self._parameters_of(index), steps=numbers,
                 tile_sums=found, rounders=rounders,
             )  # fmt: skip
             return found.reshape(self.arrays.tiles, -1)
@@ -362,7 +384,7 @@ class ForceSteps:
         sums = np.array([[math.fsum(parts[m, :, j]) for j in range(n)] for m in range(steps)])
         if not np.isfinite(sums).all():
             raise EngineError(
-                f"forces[{index}] = {kind.__name__}: measure must read mass, radius, k, inertia and random only, and "
+                f"forces[{index}] = {type(force).__name__}: measure must read no position, velocity or spin, and "
                 "give finite numbers, as totals_ahead = True"
             )
         return sums
@@ -400,12 +422,11 @@ class ForceSteps:
         EngineError if it makes a velocity or spin that is not finite.
         """
         force, step, number = self.forces[index], self._steps[index], self._next[index]
-        kind: Any = type(force)  # mypy does not take a class for hashable
-        kernels = _kernels(kind)
+        kernels = self._kernels_of(index)
         given: dict[str, Any] = {
             "when": np.array([time_of(number, step), step, *free]),
             "counter_words": _words(number, index, self._seed),
-            "parameters": _values_of(force),
+            "parameters": self._parameters_of(index),
         }
 
         def sums_by_tile(kernel: Any, columns: int, **more: Any) -> NDArray[np.float64]:
@@ -460,15 +481,10 @@ class ForceSteps:
                 self.plan(until)
 
 
-def _values_of(force: Force) -> NDArray[np.float64]:
-    """Parameters of a force for its kernels, with one entry at least."""
-    return np.array([*force.values.values(), *force.derived(), 0.0])
-
-
 def _check_compiles(i: int, force: Force) -> None:
     """Compile a custom force by itself; InputError if the runtime cannot, such as for a parameter that it lacks."""
     kind: Any = type(force)
-    if kind.__module__ == Force.__module__:
+    if _is_ours(kind):
         return
     owner, functions = f"forces[{i}] = {kind.__name__}", [kind.act] + [kind.measure] * (force.totals > 0)
     for function in functions:

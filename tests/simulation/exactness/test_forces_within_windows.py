@@ -15,7 +15,16 @@ from ifrdem import Device
 from ifrdem.errors import EngineError
 from ifrdem.kernels.compiler.language import ti
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
+from ifrdem.model.forces import (
+    Drag,
+    Force,
+    Langevin,
+    PoissonForce,
+    RandomKicks,
+    Rescale,
+    SpinKicks,
+    TableFriction,
+)
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Piston
@@ -288,5 +297,101 @@ class Lying(Force):
 
 def test_totals_that_do_depend_on_the_motion_are_seen() -> None:
     gas = gas_of(equal_disks(300), 0.3, IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2), forces=[Lying(0.05)])
-    with pytest.raises(EngineError, match="measure must read mass, radius, k, inertia and random only"):
+    with pytest.raises(EngineError, match="measure must read no position, velocity or spin"):
         gas.run(t_end=1.0)
+
+
+@ti.func
+def chosen(disk, p):  # type: ignore[no-untyped-def]
+    """Rate of change of the spin of a disk: of species 1, disk 7, and material 1."""
+    rate = 0.0 * disk.spin
+    if disk.species == 1:
+        rate += p.of_species
+    if disk.id == 7:
+        rate += p.of_disk
+    if disk.material == 1:
+        rate += p.of_material
+    return rate
+
+
+class Selective(Force):
+    """Torques on disks that are chosen."""
+
+    parameters = ("of_species", "of_disk", "of_material")
+
+    @staticmethod
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
+        return disk.vx, disk.vy, disk.spin + chosen(disk, p) * step.dt
+
+
+class Shared(Force):
+    """The same divided by a total, the number of disks of species 1 and one for disk 7: between windows."""
+
+    parameters = Selective.parameters
+    totals = 1
+
+    @staticmethod
+    def measure(disk: Any, step: Any, p: Any) -> Any:
+        return ti.Vector([1.0 * (disk.species == 1) + 1.0 * (disk.id == 7)])
+
+    @staticmethod
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
+        return disk.vx, disk.vy, disk.spin + chosen(disk, p) * step.dt / step.totals[0]
+
+
+class SharedAhead(Shared):
+    """The same within windows."""
+
+    totals_ahead = True
+
+
+class Sudden(PoissonForce):
+    """The same torques at random times."""
+
+    parameters = Selective.parameters
+    act = Selective.act
+
+
+@pytest.mark.parametrize("order", ["serial", "tiled"])
+def test_forces_may_choose_disks_by_species_id_and_material(order: str) -> None:
+    """Ids of species are 0 to 99, 100 to 259 and 260 to 299; every second disk has material 1.
+
+    Smooth disks keep their spins in collisions. Until the time 2.1 forces in steps change them by 2.1 times the rates,
+    those with a total by a 161st part of that. At random times, with a mean interval of 0.05, a spin of the second
+    species jumps by 1024 x 0.05, on average 42 times, with a standard error of sqrt(42 / 160) = 0.51 over 160 disks.
+    """
+    n, ids = 300, np.arange(300)
+    disks = Disks(
+        n, mass=1.0, radius=0.5, material=ids % 2, species={"light": 100, "driven": 160, "rest": 40}
+    )
+    box, state = start(disks, 0.3)
+    forces = [
+        Selective(0.05, of_species=0.5, of_disk=4.0, of_material=0.0625),
+        Shared(0.07, of_species=1.5, of_disk=0.0, of_material=0.25),
+        SharedAhead(0.05, of_species=0.0, of_disk=2.0, of_material=0.75),
+        Sudden(20.0, of_species=1024.0, of_disk=1024.0, of_material=0.0),
+    ]
+    smooth = np.broadcast_to((0.9, -1.0, 0.0, 0.0, 0.0), (2, 2, 5)).copy()
+    engine = Engine(disks, box, state, smooth, forces=forces, device=ONE, seed=3, order=order, tile_disks=60)
+    run_to(engine, 2.1)
+    assert engine.collisions > 100
+    species = (ids >= 100) & (ids < 260)
+    rates = [
+        each["of_species"] * species + each["of_disk"] * (ids == 7) + each["of_material"] * (ids % 2)
+        for each in (force.values for force in forces[:3])
+    ]
+    gained = engine.state().spin - state.spin - 2.1 * (rates[0] + (rates[1] + rates[2]) / 161.0)
+    jumps = np.rint(gained / 51.2)
+    np.testing.assert_allclose(gained, 51.2 * jumps, atol=1e-9)
+    assert not jumps[~species & (ids != 7)].any()
+    assert jumps[7] > 0
+    assert jumps[species].mean() == pytest.approx(42.0, abs=4.0 * 0.51)
+
+
+def test_without_named_species_all_disks_are_of_number_0() -> None:
+    disks = equal_disks(60)
+    box, state = start(disks, 0.2)
+    force = Shared(0.05, of_species=1.0, of_disk=2.0, of_material=0.0)
+    engine = Engine(disks, box, state, np.array([[(0.9, -1.0, 0.0, 0.0, 0.0)]]), forces=[force], device=ONE)
+    run_to(engine, 1.0)
+    np.testing.assert_allclose(engine.state().spin - state.spin, 2.0 * (np.arange(60) == 7), atol=1e-12)
