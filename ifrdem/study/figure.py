@@ -436,7 +436,8 @@ def _label(results: Results, name: str, power: int = 0) -> str:
     name = results.row_axis if name == AT else name
     key = json.loads(results.attributes["keys"]).get(name)
     one = results.variables.get(name) or results.variables.get(f"{name}_mean")
-    unit = " ".join(filter(None, (power and f"$10^{{{power}}}$", one and one.unit and written(one.unit))))
+    parts = [f"$10^{{{power}}}$"] if power else []
+    unit = " ".join([*parts, written(one.unit)] if one and one.unit else parts)
     unit = f" ({unit})" if unit else ""
     return (_symbol(results, name) if key else _quantity(name, results.texts.get(name))) + unit
 

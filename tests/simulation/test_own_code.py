@@ -115,7 +115,8 @@ WRONG_FORCES: dict[str, tuple[Any, dict[str, float], str]] = {
     ),
     "misspelt quantity of a disk": (
         force(misspelt_spin), {},
-        r"there is no 'spn' \(did you mean 'spin'\?\); disk has x, y, vx, vy, spin, mass, radius, k, inertia, id, species, material$",
+        r"there is no 'spn' \(did you mean 'spin'\?\); disk has x, y, vx, vy, spin, mass, radius, k, inertia, id, "
+        r"species, material$",
     ),
     "misspelt quantity of a step": (
         force(any_total, misspelt_time, 1), {},

@@ -26,13 +26,10 @@ from typing import Any
 from ...case import file as case_file
 from ...case import report as reporting
 from ...case.file import CaseFile
-from ...case.gas import forces_of
-from ...case.objects import collapse_of, device_of, gravity_of
 from ...case.summary import REFUSED_HERE
 from ...errors import EngineError, InputError, Stopped
 from ...runs import run as running
 from ...runs.outputs import Outputs
-from ...simulation.engine import EngineOptions
 from ...simulation.start import checks
 from ..report.registry import Result
 
@@ -359,12 +356,8 @@ def _on_ranks(file: CaseFile) -> str | None:
     count, why = gas.usable_ranks(2)
     if count == 1 and "cannot be divided" not in why:  # too few tiles, which the engine finds later
         return None
-    options = EngineOptions(device_of(case.run), gravity=gravity_of(case.box), collapse=collapse_of(case.run))
     try:
-        checks.check_exclusions(
-            gas.box, gas.walls, options.gravity, forces_of(case), type(gas.law()), options,
-            n=gas.n, immovable=False, tracked=case.output.tracks, ranks=2,
-        )  # fmt: skip
+        checks.check_exclusions(gas.setup, n=gas.n, immovable=False, tracked=case.output.tracks, ranks=2)
     except InputError as error:
         return None if why else f"on ranks: {error}"
     return f"on ranks: {why}" if why else None
