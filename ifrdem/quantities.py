@@ -92,17 +92,17 @@ IMAGE = Q("image", "box lengths travelled through periodic sides", along="axis",
 FRAME = _by_name(
     Q("position", "positions of the centres, inside the box", "length", "axis"),
     Q("velocity", "velocities of the centres", "velocity", "axis"),
-    Q("angle", "angles turned since the start, full turns included, counter-clockwise", "angle", feature="turned"),
+    Q("angle", "angles turned since the start, full turns included, counter-clockwise", "angle", feature="angle"),
     Q("spin", "angular velocities, counter-clockwise", "angular_velocity", file="angular_velocity"),
     Q("dissipated", "energy dissipated by the collisions of each disk so far, half of each collision, by mechanism: "
       "normal restitution, tangential restitution, sliding, sticking, rolling friction, walls, falling asleep",
-      "energy", "mechanism", feature="itemised"),
-    Q("latest_collision", "times of the latest collision", "time", file=None, feature="remembers"),
+      "energy", "mechanism", feature="dissipated"),
+    Q("latest_collision", "times of the latest collision", "time", file=None, feature="contact_time"),
     Q("collisions", "collisions of each disk so far", type="i4"),
     IMAGE,
-    Q("last_partner", "partner of the latest collision; -1 none yet, -2 - w wall w", type="i4", feature="partnered"),
-    Q("asleep", "1 for disks that sleep", type="i4", feature="rests"),
-    Q("wall_collisions", "collisions with walls", type="i4", file=None, feature="walled"),
+    Q("last_partner", "partner of the latest collision; -1 none yet, -2 - w wall w", type="i4", feature="last_partner"),
+    Q("asleep", "1 for disks that sleep", type="i4", feature="rest"),
+    Q("wall_collisions", "collisions with walls", type="i4", file=None, feature="walls"),
 )  # fmt: skip
 """Quantities of each disk, in the order of its row in memory."""
 FIELDS = {each.stored: each for each in FRAME.values() if each.stored}

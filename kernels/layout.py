@@ -148,27 +148,27 @@ class Uses:
     It is constant, and equal to one with the same features.
     """
 
-    walled: bool = False
-    thermal: bool = False  # some walls are
-    pieced: bool = False  # some consist of several rows of `walls`
-    arched: bool = False  # some are arcs
-    turning: bool = False  # some turn
-    timed: bool = False  # some open, or move for a time only
-    summed: bool = False  # what each gives is added up
+    walls: bool = False
+    thermal_walls: bool = False  # some walls are
+    wall_pieces: bool = False  # some consist of several rows of `walls`
+    arcs: bool = False  # some are arcs
+    turning_walls: bool = False  # some turn
+    timed_walls: bool = False  # some open, or move for a time only
+    wall_sums: bool = False  # what each gives is added up
     pistons: bool = False  # some have a mass and move freely
-    remembers: bool = False  # a contact time: disks know when their latest collision was
-    sheared: bool = False  # a mean flow
-    tallied: bool = False  # a ledger of what dissipates energy
-    stressed: bool = False  # momentum that collisions transfer is added up
-    partnered: bool = False  # disks know their latest partner
-    turned: bool = False  # disks know how far they have turned
-    itemised: bool = False  # disks know what their collisions took; only with a ledger
-    mixed: bool = False  # more than one kind of disk
-    watched: bool = False  # collisions of some disks are written down
-    layered: bool = False  # large disks lie in large cells, small ones in small cells
-    rests: bool = False  # disks fall asleep
-    shared: bool = False  # several ranks have a part of the tiles each
-    cut: bool = False  # a window may be run to a moment in it only, for want of room (low_memory)
+    contact_time: bool = False  # a contact time: disks know when their latest collision was
+    shear: bool = False  # a mean flow
+    ledger: bool = False  # a ledger of what dissipates energy
+    stress: bool = False  # momentum that collisions transfer is added up
+    last_partner: bool = False  # disks know their latest partner
+    angle: bool = False  # disks know how far they have turned
+    dissipated: bool = False  # disks know what their collisions took; only with a ledger
+    several_kinds: bool = False  # more than one kind of disk
+    histories: bool = False  # collisions of some disks are written down
+    layers: bool = False  # large disks lie in large cells, small ones in small cells
+    rest: bool = False  # disks fall asleep
+    ranks: bool = False  # several ranks have a part of the tiles each
+    low_memory: bool = False  # a window may be run to a moment in it only, for want of room (low_memory)
     collision_law: Any = None  # a `CompiledLaw`
     forces: tuple[CompiledForce, ...] = ()  # that act within windows
 
@@ -180,7 +180,7 @@ class Uses:
     @property
     def blockwise(self) -> bool:
         """True if blocks of threads of a GPU run the tiles of a gas with these features (`windows/blocks.py`)."""
-        return not (self.pistons or self.rests or self.layered)
+        return not (self.pistons or self.rest or self.layers)
 
     @property
     def forced(self) -> bool:

@@ -282,7 +282,7 @@ class Engine:
     def wall_heats(self) -> NDArray[np.float64]:
         """Heat that each wall, those at sides of the box last, gave so far [energy]."""
         heat = np.zeros(len(self.walls))
-        if self.arrays.uses.thermal:
+        if self.arrays.uses.thermal_walls:
             tally = self.arrays.extra_tally
             heat[tally.thermal] = tally.heats(self.windows.sums)
         return heat
@@ -319,7 +319,7 @@ class Engine:
     def _next_change(self, force: float) -> float:
         """Time of the next event that ends a window [time], if a force acts at the time `force`."""
         kick, now = min(force, self.turning.next_time), self.time
-        if self.arrays.uses.timed:
+        if self.arrays.uses.timed_walls:
             times = [time for wall in self.walls for time in wall.moving_times]
             times += [wall.opens_at for wall in self.walls if wall.opens_at is not None]
             kick = min((time for time in times if now < time < kick), default=kick)
@@ -328,12 +328,12 @@ class Engine:
     def set_gates(self, opened: NDArray[np.bool_]) -> None:
         """Set which walls are open gates, shape (walls,)."""
         self.open_gates: NDArray[np.bool_] = np.asarray(opened, dtype=bool)
-        if self.arrays.uses.timed or self.arrays.uses.pistons:
+        if self.arrays.uses.timed_walls or self.arrays.uses.pistons:
             self.arrays.open_walls(self.open_gates)
 
     def _open_gates(self) -> None:
         """Open the gates whose time or number of collisions has come, which ends the window."""
-        if not self.arrays.uses.timed:
+        if not self.arrays.uses.timed_walls:
             return
         opened = np.array(
             [not wall.is_present(self.time, self.collisions) for wall in self.walls], dtype=bool
@@ -376,7 +376,7 @@ class Engine:
     def switch_ledger(self, on: bool) -> None:
         """Switch the sums of the energy ledger off or on: to time what the ledger costs."""
         with self.exclusive_update():
-            self.windows.switch(self.arrays.uses.replace(tallied=on))
+            self.windows.switch(self.arrays.uses.replace(ledger=on))
 
     # ------------------------------------------------------------------ changes between runs
 
@@ -637,7 +637,7 @@ class Engine:
         """Approximate number of kernels that a first window, its forces and its output need."""
         a = self.arrays
         # Two of the readout, for rows and for sums; a survey, a plan and the window; then its verification.
-        found = 5 + (not a.single_tile) + a.uses.shared + bool(self.kinds.species)
+        found = 5 + (not a.single_tile) + a.uses.ranks + bool(self.kinds.species)
         return found + self.force_steps.n_kernels
 
     @property
@@ -649,7 +649,7 @@ class Engine:
 
     def _next_gate(self) -> float:
         """Number of collisions at which the next gate opens; infinite without one."""
-        if not self.arrays.uses.timed:
+        if not self.arrays.uses.timed_walls:
             return math.inf
         waiting = zip(self.walls, self.open_gates.tolist(), strict=True)
         return min(

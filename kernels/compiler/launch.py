@@ -161,7 +161,7 @@ def _is_long(held: Any) -> bool:
     The time for that goes with the square of the length: 20 of 23 s for a gas with pistons. LLVM finds nearly as many;
     kernels have some 2 % more instructions then, and the same bits.
     """
-    return isinstance(held, Uses) and (held.pistons or held.rests)
+    return isinstance(held, Uses) and (held.pistons or held.rest)
 
 
 def _compiled(primal: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:

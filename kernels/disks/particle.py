@@ -19,9 +19,9 @@ def round_products(gas: ti.template()):
 def listed_kind(s, gas: ti.template()):
     """Kind of the disk at a slot. On several ranks it goes with the disk."""
     kind = 0
-    if ti.static(gas.uses.mixed and gas.uses.shared):
+    if ti.static(gas.uses.several_kinds and gas.uses.ranks):
         kind = gas.kind[s]
-    elif ti.static(gas.uses.mixed):
+    elif ti.static(gas.uses.several_kinds):
         kind = gas.kind[gas.meta[s].id]
     return kind
 
@@ -30,7 +30,7 @@ def listed_kind(s, gas: ti.template()):
 def kind_of(i, gas: ti.template()):
     """Row of `kinds` of the disk in slot i; 0, without reading it, if there is only one."""
     kind = 0
-    if ti.static(gas.uses.mixed):
+    if ti.static(gas.uses.several_kinds):
         kind = gas.event_info[i].kind
     return kind
 
@@ -118,7 +118,7 @@ def just_collided(i, t, gas: ti.template()):
 def void_latest_partner(i, gas: ti.template()):
     """Note that the disk in slot i may meet its latest partner at once: a force has acted."""
     info = gas.event_info[i]
-    if ti.static(gas.uses.partnered):  # who it was is still asked for
+    if ti.static(gas.uses.last_partner):  # who it was is still asked for
         if info.last >= 0:
             info.last = VOID_DISK - info.last
         elif info.last <= FIRST_WALL and info.last > VOID_WALL:
@@ -159,7 +159,7 @@ def position_at(i, t, gas: ti.template()):
 @ti.func
 def turn(i, t, gas: ti.template()):
     """Turn the disk in slot i until time t, if angles are recorded."""
-    if ti.static(gas.uses.turned):
+    if ti.static(gas.uses.angle):
         motion = gas.motion[i]
         dt = t - motion.tau
         gas.turn[i] = gas.turn[i] + ti.cast(motion.spin, ti.f64) * ti.cast(dt, ti.f64)

@@ -120,7 +120,7 @@ def leaving(i, region: ti.template(), gas: ti.template()):
     nx, ny, factor = scale_of(layer_of(i, gas), region, gas)
     side_x, side_y = factor * region.side_x, factor * region.side_y
     x, y, vx, vy = motion.x, motion.y, motion.vx, motion.vy
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         row = info.shear_row
         if row != 0:  # in the frame of the region
             vx += row * gas.scale.drift
@@ -145,7 +145,7 @@ def stays(i, horizon, region: ti.template(), gas: ti.template()):
     _nx, _ny, factor = scale_of(layer_of(i, gas), region, gas)
     dt = horizon - motion.tau
     x, y = motion.x + motion.vx * dt - region.x, motion.y + motion.vy * dt - region.y
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         x += info.shear_row * (gas.scale.aside + gas.scale.drift * horizon)
     cx, cy = (
         x - (info.cell >> 16) * (factor * region.side_x),
@@ -182,13 +182,13 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
         cx -= step_x * nx
         motion.x = motion.x - step_x * gas.scale.length_x
         image.lap_x = image.lap_x + step_x
-        if ti.static(gas.uses.walled):
+        if ti.static(gas.uses.walls):
             other_image(i, step_x, 0, gas)
     if cy < 0 or cy >= ny:
         cy -= step_y * ny
         motion.y = motion.y - step_y * gas.scale.length_y
         image.lap_y = image.lap_y + step_y
-        if ti.static(gas.uses.walled):
+        if ti.static(gas.uses.walls):
             other_image(i, 0, step_y, gas)
     info.cell = (cx << 16) + cy
     cell = head_at(cx, cy, layer, region, gas)
@@ -313,9 +313,9 @@ def count_collision(
     add(tile, TALLY.collisions, 1.0, gas)
     if regime >= ELASTIC:
         add(tile, TALLY.elastics, 1.0, gas)
-    if ti.static(gas.uses.tallied):
+    if ti.static(gas.uses.ledger):
         enter_losses(tile, regime, lost, gas)
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         if rows != 0:
             # a got the momentum m dv, and b, in a frame that is faster, the opposite.
             gained = ti.cast((new_vx_a - vx_a) * faster, ti.f64)
@@ -348,10 +348,10 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     inverse_a, inverse_b = one.inverse_mass, other.inverse_mass
     radius_a, k_a, radius_b, k_b = one.radius, one.k, other.radius, other.k
     persistent = 0
-    if ti.static(gas.uses.remembers):
+    if ti.static(gas.uses.contact_time):
         persistent = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
     asleep_a, asleep_b = sleeps(a, gas), sleeps(b, gas)
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         if asleep_a:
             x_a, y_a, vx_a, vy_a = in_falling_frame(x_a, y_a, t, gas)
         if asleep_b:
@@ -360,7 +360,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     ry = y_b - y_a
     faster = 0.0 * t
     rows = 0
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         # In the frame of a's row, where b is faster.
         rows = info_b.shear_row - info_a.shear_row
         faster = rows * gas.scale.drift
@@ -369,14 +369,14 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     rx += nearest(rx, gas.scale.length_x, region.wrap_x)
     ry += nearest(ry, gas.scale.length_y, region.wrap_y)
     r = ti.sqrt(rx * rx + ry * ry)
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         slow = ((vx_a - vx_b) * rx + (vy_a - vy_b) * ry) / r < gas.scale.resting_speed
         hit_sleepers(a, b, t, since_a, since_b, asleep_a, asleep_b, slow, inverse_a, inverse_b, tile, gas)
     new, regime, lost = collided(
         p, q, rx / r, ry / r, inverse_a, radius_a, k_a, vx_a, vy_a, w_a, inverse_b, radius_b, k_b, vx_b, vy_b, w_b,
         reduced_radius(radius_a, radius_b), persistent, gas,
     )  # fmt: skip
-    if ti.static(gas.uses.remembers):
+    if ti.static(gas.uses.contact_time):
         gas.since[a], gas.since[b] = t, t
     turn(a, t, gas)
     turn(b, t, gas)
@@ -387,7 +387,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     info_a.number, info_b.number = number_a + 1, number_b + 1
     info_a.hash_1, info_a.hash_2, info_b.hash_1, info_b.hash_2 = hash_1_a, hash_2_a, hash_1_b, hash_2_b
     info_a.last, info_b.last = b, a
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         rest_after_hit(a, b, t, tile, gas)
         note_speed(a, gas)
         note_speed(b, gas)
@@ -396,16 +396,16 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         info_b.max_speed_sq = ti.max(fastest_b, speed_square(new.vx_j - faster, new.vy_j))
     if writes > 0:
         write_pair(a, b, t, tile, gas)
-    if ti.static(gas.uses.watched):
+    if ti.static(gas.uses.histories):
         before = ti.Vector([vx_a, vy_a, w_a, vx_b, vy_b, w_b])
         after = ti.Vector([new.vx_i, new.vy_i, new.w_i, new.vx_j, new.vy_j, new.w_j])
         write_collision(a, b, t, rx, ry, r, before, after, regime, tile, region, gas)
-    if ti.static(gas.uses.itemised):
+    if ti.static(gas.uses.dissipated):
         charge_half(a, regime, lost, gas)
         charge_half(b, regime, lost, gas)
     if owned:
         count_collision(kind_a, regime, lost, rows, faster, vx_a, new.vx_i, tile, gas)
-    if ti.static(gas.uses.stressed):
+    if ti.static(gas.uses.stress):
         add_virial_of_pair(
             tile, a, b, kind_a, kind_b, new.vx_i - vx_a, new.vy_i - vy_a, new.vx_j - vx_b, new.vy_j - vy_b, rx, ry, gas
         )  # fmt: skip
@@ -441,13 +441,13 @@ def separation(
     rx = ((other.x - x) + shift_x) + (vx_j * from_j - vx * from_i)
     ry = ((other.y - y) + shift_y) + (vy_j * from_j - vy * from_i)
     ux, uy = vx_j - vx, vy_j - vy
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         rows = gas.event_info[j].shear_row - info.shear_row
         if rows != 0:
             rx += rows * (gas.scale.aside + gas.scale.drift * start)
             ux += rows * gas.scale.drift
     sigma = gas.scale.widest
-    if ti.static(gas.uses.mixed):
+    if ti.static(gas.uses.several_kinds):
         sigma = radius + radius_of(j, gas)
     return start, rx, ry, ux, uy, sigma
 
@@ -468,7 +468,7 @@ def compare(
         # They separate since this start; but across a narrow box another image may come.
         if rx * rx + ry * ry < SEPARATING * sigma * sigma:
             t = FAR
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         asleep_i, asleep_j = sleeps(i, gas), sleeps(j, gas)
         if asleep_i and asleep_j:
             t = FAR
@@ -552,7 +552,7 @@ def search_candidates(
             first_y, last_y = ti.max(low_y - box_y * ny, 0), ti.min(high_y - box_y * ny, ny - 1)
             half_x -= box_x * nx
             half_y -= box_y * ny
-        if ti.static(gas.uses.layered):
+        if ti.static(gas.uses.layers):
             for across in range((last_x - first_x + 3) // 3):
                 for along in range((last_y - first_y + 3) // 3):
                     block_x, block_y = first_x + 3 * across, first_y + 3 * along
@@ -608,7 +608,7 @@ def search_block(
         # Of a disk and itself b = 0.
         start, rx, ry, ux, uy, sigma = separation(j, x, y, vx, vy, tau, radius, shift_x, shift_y, info, gas)
         signs = contact_signs(rx, ry, ux, uy, sigma, best - start)
-        if ti.static(gas.uses.rests):
+        if ti.static(gas.uses.rest):
             if sleeps(i, gas) or sleeps(j, gas):
                 signs = -1
         if signs < 0:
@@ -629,18 +629,18 @@ def find(
     own_x, own_y = info.cell >> 16, info.cell & 0xFFFF
     last = info.last
     radius = gas.scale.widest * 0.5
-    if ti.static(gas.uses.mixed):
+    if ti.static(gas.uses.several_kinds):
         radius = radius_of(i, gas)
     size = ti.abs(motion.vx) + ti.abs(motion.vy)
     mine = layer_of(i, gas)
-    for other in range(ti.static(2 if gas.uses.layered else 1)):
+    for other in range(ti.static(2 if gas.uses.layers else 1)):
         layer = other
-        if ti.static(not gas.uses.layered):
+        if ti.static(not gas.uses.layers):
             layer = mine
         nx, ny, _factor = scale_of(layer, region, gas)
         low_x, high_x, low_y, high_y = own_x + x_low, own_x + x_high, own_y + y_low, own_y + y_high
         halved = half
-        if ti.static(gas.uses.layered):
+        if ti.static(gas.uses.layers):
             if mine == 0 and layer == 1:
                 low_x, high_x, low_y, high_y = around(
                     own_x, own_y, x_low, x_high, y_low, y_high, half, region
@@ -705,9 +705,9 @@ def predict(
             best, partner = motion.t_hit, info.partner
     before = partner
     best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
-    if ti.static(gas.uses.walled and not gas.uses.rests):
+    if ti.static(gas.uses.walls and not gas.uses.rest):
         best, partner = first_wall(i, best, partner, region, gas)
-    elif ti.static(gas.uses.walled):
+    elif ti.static(gas.uses.walls):
         if not sleeps(i, gas):
             best, partner = first_wall(i, best, partner, region, gas)
     if partner == NO_PARTNER:
@@ -722,7 +722,7 @@ def predict(
             leaves, side = leaving(i, region, gas)
     else:
         leaves, side = leaving(i, region, gas)
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         if sleeps(i, gas):
             leaves = FAR
     motion.t_leave, info.direction = leaves, side
@@ -809,7 +809,7 @@ def meet_wall(
         if meets_piston(turn.i, gas) == 1:
             turn.n_searching, turn.all_search = run.n, 1
     regime = hit_wall(turn.i, turn.t, run.tile, region, gas)
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         if regime >= ELASTIC and is_support(wall_of(from_partner(partner)), gas):
             count_hit(turn.i, turn.t, since, gas)
             fall_asleep(turn.i, turn.t, run.tile, gas)
@@ -945,7 +945,7 @@ def run_event(turn: ti.template(), run: ti.template(), region: ti.template(), ga
             is_action = partner == OWN_ACTION
             if is_action:
                 act_alone(turn.i, turn.t, run.tile, region, gas)
-        if ti.static(gas.uses.walled):
+        if ti.static(gas.uses.walls):
             if not is_action:
                 meet_wall(turn, run, partner, region, gas)
 
@@ -997,7 +997,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             run.fresh += 1
         else:
             earliest_event(turn, run, gas)
-            if ti.static(gas.uses.cut):
+            if ti.static(gas.uses.low_memory):
                 if turn.t > gas.scale.stored_at:
                     turn.i = EMPTY
             if ti.static(gas.uses.pistons):

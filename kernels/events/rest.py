@@ -75,7 +75,7 @@ NEAR_ENOUGH = 1e-4  # g: what steps still change of accelerations when forces ar
 def sleeps(i, gas: ti.template()):
     """1 if the disk in slot i sleeps, else 0."""
     found = 0
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         found = ti.cast(gas.rest[i].asleep == ASLEEP, ti.i32)
     return found
 
@@ -146,7 +146,7 @@ def fall_asleep(i, t, tile, gas: ti.template()):
         lost = vx * vx + vy * vy + radius * radius * spin * spin / gas.kinds[kind].k
         energy = ti.cast(0.5 * lost / gas.kinds[kind].inverse_mass, ti.f64)
         add(tile, TALLY.losses.rest, energy, gas)
-        if ti.static(gas.uses.itemised):
+        if ti.static(gas.uses.dissipated):
             charge(i, MECHANISM.rest, energy, gas)
         add(tile, TALLY.sleepers, 1.0, gas)
         rest.asleep = ASLEEP
@@ -267,7 +267,7 @@ def from_wall(i, image, region: ti.template(), gas: ti.template()):
     w = wall_of(image)
     s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale.resting_speed, gas)
     x, y = position_at(i, image, region, gas)
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         angle, _spin, _most, _turn_bound = wall_turn(w, 0.0 * s, gas)
         x, y = turned_back(w, x, y, s, angle, gas)
     nx, ny, distance = wall_vector(w, x, y, s, gas)
@@ -321,7 +321,7 @@ def find_contacts(n, region: ti.template(), gas: ti.template()):
                                 i, j, dx / r, dy / r, gas.law[p, q].mu, gas.law[p, q].rho, count, gas
                             )
                     j = gas.event_info[j].next_in_cell
-            if ti.static(gas.uses.walled):
+            if ti.static(gas.uses.walls):
                 cell = cell_of(i, region, gas)
                 for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
                     image = gas.wall_item[region.lane * gas.grid.items + item]
@@ -607,7 +607,7 @@ def update_resting(n, tile, region: ti.template(), gas: ti.template()):
             rest.asleep = ASLEEP
             changed = 1
         rest.may_rest = ti.max(sleeps(i, gas), is_slow(i, gas.motion[i].vx, gas.motion[i].vy, gas))
-        if ti.static(gas.uses.walled):
+        if ti.static(gas.uses.walls):
             if rest.may_rest == 1:
                 if meets_moving_wall(i, region, gas):
                     rest.may_rest = 0

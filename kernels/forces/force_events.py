@@ -94,7 +94,7 @@ def position_in_box(i, t, tile, gas: ti.template()):
 def flow_in_frame(i, gas: ti.template()):
     """Velocity of the flow at the disk in slot i, in the frame that its velocity is measured in."""
     flow = 0.0 * gas.scale.window
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         height = ti.cast(gas.edge_y[1], float)
         flow = ti.cast(flow_at(gas.motion[i].y - gas.event_info[i].shear_row * height, gas), float)
     return flow
@@ -148,7 +148,7 @@ def act_on_all(n, first, end, t, thread, team, tile, region: ti.template(), gas:
             vx, vy, spin = motion.vx, motion.vy, motion.spin
             act_on(i, row, t, tile, gains, gas)
             note_speed(i, gas)
-            if ti.static(gas.uses.watched):
+            if ti.static(gas.uses.histories):
                 write_kick(i, t, vx, vy, spin, tile, region, gas)
     add_gains(gains, tile, gas)
 
@@ -231,7 +231,7 @@ def act_alone(i, t, tile, region: ti.template(), gas: ti.template()):
                 ))[0]  # fmt: skip
                 change(i, t, step, NOT_FINITE_ALONE + force.number, tile, force, gains, gas)
     note_speed(i, gas)
-    if ti.static(gas.uses.watched):
+    if ti.static(gas.uses.histories):
         write_kick(i, t, vx, vy, spin, tile, region, gas)
     next_action(i, gas)
     add_gains(gains, tile, gas)
@@ -318,6 +318,6 @@ def change(i, t, step, mark, tile, force: ti.template(), gains: ti.template(), g
         add_gain(gains, force.number, gain, gas)
         if not gain - gain == 0.0:
             ti.atomic_max(gas.counter.stalled, mark)
-        if ti.static(gas.uses.sheared):
+        if ti.static(gas.uses.shear):
             # What the frame of the row sees of it beyond that is not the flow's doing (`disks/shear.py`).
             add(tile, TALLY.flow_work, ti.cast(body.mass * flow * (stored_x - body.vx), ti.f64), gas)

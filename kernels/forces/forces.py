@@ -217,13 +217,13 @@ def _apply_force_of(act: Any, measure: Any, n_totals: int, given_of: Any, draws_
                     new_vx, new_vy, new_spin = act(body, step, given)
                     vx, vy, spin = ti.cast(new_vx, float), ti.cast(new_vy, float), ti.cast(new_spin, float)
                     flow = 0.0 * vx
-                    if ti.static(gas.uses.sheared):
+                    if ti.static(gas.uses.shear):
                         flow = ti.cast(flow_at(listed_disk.y, gas), float)
                     listed_disk.vx, listed_disk.vy, listed_disk.spin = vx + flow, vy, spin
                     # What was stored may be rounded to single precision.
                     stored = listed_disk.vx - flow
                     gain += energy(body.mass, body.inertia, stored, listed_disk.vy, listed_disk.spin) - before
-                    if ti.static(gas.uses.sheared):
+                    if ti.static(gas.uses.shear):
                         # What the frame of the row sees of it beyond that is not the flow's doing (`disks/shear.py`).
                         excess += ti.cast(body.mass * flow * (stored - body.vx), ti.f64)
                 tile_sums[b, 1] = excess

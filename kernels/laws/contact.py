@@ -81,14 +81,14 @@ def impulses_between(
     )  # fmt: skip
     names = ti.static(gas.uses.collision_law.names)
     law = ti.Struct({names[j]: gas.law[p, q][j] for j in ti.static(range(len(names)))})
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         # A contact that lasts (`events/rest.py`): e_n = 1 except for the least rebound.
         if g_n < gas.scale.resting_speed:
             pair.g_n = ti.max(g_n, LEAST_REBOUND * gas.scale.resting_speed)
             law.e_n, law.e_t, law.contact_point = g_n / pair.g_n, -1.0, 1.0
     # One of the two, so that a law is compiled once.
     impulses = ti.Vector([0.0 * g_n] * 6)
-    if ti.static(gas.uses.tallied and gas.uses.collision_law.parts):
+    if ti.static(gas.uses.ledger and gas.uses.collision_law.parts):
         P_n, P_t, T, P_et, sticking, rolling = gas.uses.collision_law.parts(pair, law)
         impulses = ti.Vector([P_n, P_t, T, P_et, sticking, rolling])
     else:
@@ -116,23 +116,23 @@ def collided(
         p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, reduced_radius, gas
     )
     elastic = pair.g_n < gas.scale.velocity_cutoff
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         elastic = pair.g_n < gas.scale.resting_speed
-    if ti.static(gas.uses.remembers):
+    if ti.static(gas.uses.contact_time):
         elastic = elastic or persistent > 0
     regime = 0
     lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     approaching = 1.0 * (pair.g_n > 0.0)
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         approaching = 1.0 * (given.P_n > 0.0)  # also a pair that separates too slowly
         if elastic and given.P_n > 0.0:
-            if ti.static(gas.uses.tallied):
+            if ti.static(gas.uses.ledger):
                 lost = losses_of(given, pair)
                 regime = STICKS * ti.cast(given.sticks, ti.i32)
             regime += ELASTIC
             elastic = False
         elif pair.g_n > 0.0:
-            if ti.static(gas.uses.tallied):
+            if ti.static(gas.uses.ledger):
                 lost = losses_of(given, pair)
                 regime = STICKS * ti.cast(given.sticks, ti.i32) + ROLLS * ti.cast(given.rolls, ti.i32)
     elif elastic:
@@ -141,7 +141,7 @@ def collided(
         given.T = 0.0
         regime = ELASTIC
     elif pair.g_n > 0.0:
-        if ti.static(gas.uses.tallied):
+        if ti.static(gas.uses.ledger):
             lost = losses_of(given, pair)
             regime = STICKS * ti.cast(given.sticks, ti.i32) + ROLLS * ti.cast(given.rolls, ti.i32)
     vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new = after_impulses(

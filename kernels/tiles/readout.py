@@ -22,7 +22,7 @@ def own_slots(tile, part, gas: ti.template()):
         lists = 1 - gas.grid.part  # the lists at a moment are those at the end
     first = part * gas.grid.room + gas.tile[tile].start[lists]
     last = first + gas.tile[tile].count[lists]
-    if ti.static(gas.uses.shared):
+    if ti.static(gas.uses.ranks):
         if gas.tile[tile].owned == 0:
             last = first
     return first, last
@@ -43,7 +43,7 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     spin = ti.cast(disk.spin, ti.f64)
     sums = NamedVector(total, READOUT)
     sums.all_events += gas.meta[s].events
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         sums.excess += flow * (vx - 0.5 * flow) * mass
         vx -= flow
     sums.momentum_x += mass * vx
@@ -65,7 +65,7 @@ def placed(s, tile, time, gas: ti.template()):
     y = gas.edge_y[ty] + ti.cast(disk.y, ti.f64)
     boxes_x, boxes_y = 0, 0
     frame, flow = 0.0 * x, 0.0 * x
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         frame = frame_speed(ty, gas)
         flow = flow_at(disk.y, gas)
         x += frame * time
@@ -74,7 +74,7 @@ def placed(s, tile, time, gas: ti.template()):
         if y < 0.0 or y >= length:
             boxes_y = ti.floor(y / length, ti.i32)
             y -= boxes_y * length
-            if ti.static(gas.uses.sheared):
+            if ti.static(gas.uses.shear):
                 # The image in the box is in a row whose frame is slower by so many rows.
                 slower = boxes_y * gas.grid.tiles_y * ti.cast(gas.scale.drift, ti.f64)
                 x -= slower * time
@@ -138,7 +138,7 @@ def read_out(
                 count_in(s, x, y, here.flow, total, gas)
                 if filled == 1:
                     i = meta_row.id
-                    if ti.static(gas.uses.shared):
+                    if ti.static(gas.uses.ranks):
                         i = s - part * gas.grid.room
                     store_number(i, "position", 0, x, gas)
                     store_number(i, "position", 1, y, gas)
@@ -148,22 +148,22 @@ def read_out(
                     store_number(i, "image", 0, meta_row.image_x + boxes_x, gas)
                     store_number(i, "image", 1, meta_row.image_y + boxes_y, gas)
                     events = meta_row.events
-                    if ti.static(gas.uses.walled):
+                    if ti.static(gas.uses.walls):
                         events -= gas.hits[s].wall_collisions
                     store_number(i, "collisions", 0, events, gas)
-                    if ti.static(gas.uses.turned):
+                    if ti.static(gas.uses.angle):
                         store_number(i, "angle", 0, gas.past[s].angle, gas)
-                    if ti.static(gas.uses.itemised):
+                    if ti.static(gas.uses.dissipated):
                         for column in ti.static(range(MECHANISM.width)):
                             store_number(i, "dissipated", column, gas.dissipated[s][column], gas)
-                    if ti.static(gas.uses.partnered):
+                    if ti.static(gas.uses.last_partner):
                         store_number(i, "last_partner", 0, gas.hits[s].last_partner, gas)
-                    if ti.static(gas.uses.rests):
+                    if ti.static(gas.uses.rest):
                         sleeps = gas.asleep[s] == ASLEEP or gas.asleep[s] == ASLEEP_UNVERIFIED
                         store_number(i, "asleep", 0, sleeps, gas)
-                    if ti.static(gas.uses.remembers and not is_single(gas.frame_out)):
+                    if ti.static(gas.uses.contact_time and not is_single(gas.frame_out)):
                         store_number(i, "latest_collision", 0, gas.past[s].latest, gas)
-                    if ti.static(gas.uses.walled and not is_single(gas.frame_out)):
+                    if ti.static(gas.uses.walls and not is_single(gas.frame_out)):
                         store_number(i, "wall_collisions", 0, gas.hits[s].wall_collisions, gas)
             for c in ti.static(range(READOUT.width)):
                 gas.totals[k][c] = total[c]
@@ -190,7 +190,7 @@ def read_species(
                 listed_disk, kind_row, id_of_disk = gas.disk[s], listed_kind(s, gas), gas.meta[s].id
                 mass = ti.cast(gas.kinds[kind_row].mass, ti.f64)
                 vx, vy = ti.cast(listed_disk.vx, ti.f64), ti.cast(listed_disk.vy, ti.f64)
-                if ti.static(gas.uses.sheared):
+                if ti.static(gas.uses.shear):
                     vx -= flow_at(listed_disk.y, gas)
                 spin = ti.cast(listed_disk.spin, ti.f64)
                 species = -1
@@ -198,7 +198,7 @@ def read_species(
                     if id_of_disk >= gas.first_of_species[j]:
                         species += 1
                 events = gas.meta[s].events
-                if ti.static(gas.uses.walled):
+                if ti.static(gas.uses.walls):
                     events -= gas.hits[s].wall_collisions
                 inertia = ti.cast(gas.kinds[kind_row].inertia, ti.f64)
                 sums = gas.species_totals[k, species]

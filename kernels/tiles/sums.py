@@ -11,7 +11,7 @@ from ..compiler.signature import Arrays, kernel
 def is_owned(tile, gas: ti.template()):
     """1 if a tile is one of this rank's; all are where there is but one."""
     found = 1
-    if ti.static(gas.uses.shared):
+    if ti.static(gas.uses.ranks):
         found = gas.tile[tile].owned
     return found
 
@@ -38,7 +38,7 @@ def max_speed_sq(gas: ti.template()):
 def is_summed_here(gas: ti.template()):
     """1 if a launch adds up the sums of tiles; several ranks exchange them first (`sum_shared`)."""
     found = 1
-    if ti.static(gas.uses.shared):
+    if ti.static(gas.uses.ranks):
         found = gas.grid.single_tile
     return found
 

@@ -113,7 +113,7 @@ def cell_at(x, y, region: ti.template()):
 def cells_of(region: ti.template(), gas: ti.template()):
     """Number of cells of a region; small ones first, then large ones, where there are two layers."""
     cells = region.nx * region.ny
-    if ti.static(gas.uses.layered):
+    if ti.static(gas.uses.layers):
         cells += (region.nx // region.coarse) * (region.ny // region.coarse)
     return cells
 
@@ -122,7 +122,7 @@ def cells_of(region: ti.template(), gas: ti.template()):
 def layer_of(i, gas: ti.template()):
     """1 if the disk in slot i lies in a large cell, else 0."""
     layer = 0
-    if ti.static(gas.uses.layered):
+    if ti.static(gas.uses.layers):
         layer = ti.cast(radius_of(i, gas) > gas.scale.split, ti.i32)
     return layer
 
@@ -132,7 +132,7 @@ def scale_of(layer, region: ti.template(), gas: ti.template()):
     """Cells of a layer along the region in x and y; small cells along one of them."""
     factor = 1
     nx, ny = region.nx, region.ny
-    if ti.static(gas.uses.layered):
+    if ti.static(gas.uses.layers):
         if layer == 1:
             factor = region.coarse
             nx, ny = nx // factor, ny // factor
@@ -143,7 +143,7 @@ def scale_of(layer, region: ti.template(), gas: ti.template()):
 def head_at(cx, cy, layer, region: ti.template(), gas: ti.template()):
     """Index in `head` of the first disk in a cell of a layer."""
     cell = region.cells + cx * region.ny + cy
-    if ti.static(gas.uses.layered):
+    if ti.static(gas.uses.layers):
         if layer == 1:
             cell = region.cells + region.nx * region.ny + cx * (region.ny // region.coarse) + cy
     return cell
@@ -162,7 +162,7 @@ def region_of(tile, lane, gas: ti.template()):
     width += 2.0 * halo
     height += 2.0 * halo
     coarse = 1
-    if ti.static(gas.uses.layered):
+    if ti.static(gas.uses.layers):
         coarse = gas.grid.coarse
     nx = coarse * ti.max(ti.cast(width / (coarse * gas.scale.cell_side), ti.i32), 1)
     ny = coarse * ti.max(ti.cast(height / (coarse * gas.scale.cell_side), ti.i32), 1)
@@ -183,7 +183,7 @@ def neighbor_tile(tile, step_x, step_y, gas: ti.template()):
     """
     tx, ty = place_of(tile, gas)
     ax = tx + step_x
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         ax -= step_y * gas.grid.tiles_aside
     bx, boxes_x = wrap_index(ax, gas.grid.tiles_x, gas.grid.periodic_x)
     by, boxes_y = wrap_index(ty + step_y, gas.grid.tiles_y, gas.grid.periodic_y)
@@ -193,10 +193,10 @@ def neighbor_tile(tile, step_x, step_y, gas: ti.template()):
         other = bx * gas.grid.tiles_y + by
         far_x = gas.edge_x[bx] - gas.edge_x[tx] + boxes_x * gas.edge_x[gas.grid.tiles_x]
         far_y = gas.edge_y[by] - gas.edge_y[ty] + boxes_y * gas.edge_y[gas.grid.tiles_y]
-        if ti.static(gas.uses.sheared):
+        if ti.static(gas.uses.shear):
             far_x += step_y * gas.grid.tiles_aside * gas.edge_x[1]
         shift_x, shift_y = ti.cast(far_x, float), ti.cast(far_y, float)
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         boxes_x -= step_y * gas.grid.boxes_aside
     return ti.Struct(
         tile=other, step_y=step_y, shift_x=shift_x, shift_y=shift_y, boxes_x=boxes_x, boxes_y=boxes_y
@@ -225,7 +225,7 @@ def position_from(s, near, gas: ti.template()):
     disk = gas.disk[s]
     x, y = disk.x + near.shift_x, disk.y + near.shift_y
     row = 0
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         x += near.step_y * gas.scale.aside
         height = ti.cast(gas.edge_y[1], float)
         row = near.step_y + ti.cast(ti.floor((disk.y) / height), ti.i32)
@@ -257,7 +257,7 @@ def position_in_tile(s, near, region: ti.template(), gas: ti.template()):
 
 def team_of(uses: Uses) -> int:
     """Threads that share the work on a tile on a GPU; its events are run in order by one of them."""
-    return TEAM if on_gpu() and not (uses.sheared or uses.layered) else 1
+    return TEAM if on_gpu() and not (uses.shear or uses.layers) else 1
 
 
 @ti.func
@@ -441,20 +441,20 @@ def load_from(near, m, i, tile, region: ti.template(), gas: ti.template()):
     info.id, info.own_rank, info.shear_row = disk_id, rank, row
     image.lap_x, image.lap_y = here.lap_x - near.boxes_x, here.lap_y - near.boxes_y
     image.wall_collisions, image.events_before = 0, events
-    if ti.static(gas.uses.mixed):
+    if ti.static(gas.uses.several_kinds):
         info.kind = kind
-    if ti.static(gas.uses.remembers):
+    if ti.static(gas.uses.contact_time):
         gas.since[i] = ti.cast(gas.past[s].latest, float)
-    if ti.static(gas.uses.turned):
+    if ti.static(gas.uses.angle):
         gas.turn[i] = 0.0
-    if ti.static(gas.uses.itemised):
+    if ti.static(gas.uses.dissipated):
         for column in ti.static(range(MECHANISM.width)):
             gas.loss[i][column] = 0.0
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         gas.rest[i].asleep, gas.rest[i].may_rest, gas.rest[i].hits = gas.asleep[s], 0, 0
         for column in ti.static(range(HELD.width)):
             gas.cached_force[i][column] = gas.held[s][column]
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         # Into the frame of the row that it is in now.
         crossed = row - near.step_y
         if crossed != 0:
@@ -550,23 +550,23 @@ def store(i, row, dt, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
     image_x, image_y = gas.meta[s].image_x + lap_x, gas.meta[s].image_y + lap_y
     disk_row.x, disk_row.y, disk_row.vx, disk_row.vy, disk_row.spin = x, y, vx, vy, spin
     meta_row.id, meta_row.events, meta_row.image_x, meta_row.image_y = disk_id, events, image_x, image_y
-    if ti.static(gas.uses.mixed and gas.uses.shared):
+    if ti.static(gas.uses.several_kinds and gas.uses.ranks):
         gas.kind[row] = info.kind
-    if ti.static(gas.uses.remembers):
+    if ti.static(gas.uses.contact_time):
         gas.past[row].latest = ti.cast(gas.since[i], ti.f64)
-    if ti.static(gas.uses.rests):
+    if ti.static(gas.uses.rest):
         gas.asleep[row] = gas.rest[i].asleep
         for column in ti.static(range(HELD.width)):
             gas.held[row][column] = gas.cached_force[i][column]
-    if ti.static(gas.uses.turned):
+    if ti.static(gas.uses.angle):
         angle = gas.past[s].angle + gas.turn[i]
         gas.past[row].angle = angle + ti.cast(spin, ti.f64) * ti.cast(dt, ti.f64)
-    if ti.static(gas.uses.itemised):
+    if ti.static(gas.uses.dissipated):
         for column in ti.static(range(MECHANISM.width)):
             gas.dissipated[row][column] = gas.dissipated[s][column] + gas.loss[i][column]
-    if ti.static(gas.uses.walled):
+    if ti.static(gas.uses.walls):
         gas.hits[row].wall_collisions = gas.hits[s].wall_collisions + gas.image_info[i].wall_collisions
-    if ti.static(gas.uses.partnered):
+    if ti.static(gas.uses.last_partner):
         partner = gas.hits[s].last_partner
         last = latest_partner(i, gas)
         if last >= 0:
@@ -622,7 +622,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
             slot = hit.slot
             if not in_place:
                 slot += base
-            if ti.static(gas.uses.rests):
+            if ti.static(gas.uses.rest):
                 fall_x, fall_y = gas.scale.gx * time, gas.scale.gy * time
                 if gas.rest[i].asleep == ASLEEP:
                     fall_x, fall_y = 0.0 * time, 0.0 * time
@@ -648,7 +648,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock.square_unit)
                 events = ti.cast(collisions_in_window(i, gas), ti.f64)
                 event_squares += events * events
-                if ti.static(gas.uses.remembers):
+                if ti.static(gas.uses.contact_time):
                     gas.past[row].latest = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
         elif when == AT_END:
             g = gas.tile[tile].ghosts - rank - 1
@@ -695,10 +695,10 @@ def may_touch(g, tile, gas: ti.template()):
     slot, step = slot_of_ghost(g, gas), gas.ghost[g].place >> GHOST_STEP
     x, y, row = position_from(gas.grid.part * gas.grid.room + slot, gather_tile(tile, step, gas), gas)
     speed = ti.cast(ti.sqrt(square_of(gas.ghost[g].max_speed_sq)), float)
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         speed += ti.abs(row * gas.scale.drift)
     displacement = ti.max(speed * gas.scale.window, displacement_bound(slot, gas)) + gas.scale.widest
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         displacement += ti.abs(gas.scale.drift) * gas.scale.window
     found = 0
     if -inside(x, y, tile, gas) <= displacement + gas.reach[tile].excursion:
@@ -725,7 +725,7 @@ def is_too_narrow(tile, gas: ti.template()):
             other = neighbor_tile(tile, step_x, step_y, gas).tile
             if other >= 0 and (step_x != 0 or step_y != 0):
                 max_displacement = ti.max(max_displacement, gas.reach[other].max_displacement)
-    if ti.static(gas.uses.sheared):
+    if ti.static(gas.uses.shear):
         max_displacement += ti.abs(gas.scale.drift) * gas.scale.window
     needed = gas.scale.widest + ti.max(gas.reach[tile].excursion, 0.0) + max_displacement
     return ti.cast(gas.reach[tile].halo < needed, ti.i32)

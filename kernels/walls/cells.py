@@ -64,7 +64,7 @@ def wall_position(w, gas: ti.template()):
     begin = 0.0 * gas.scale.window
     s, _speed, _bound, _until = wall_motion(w, begin, gas)
     angle = begin
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         angle, _spin, _most, _turn_bound = wall_turn(w, begin, gas)
     return s, angle
 
@@ -75,7 +75,7 @@ def boxes_around(w, gas: ti.template()):
     boxes_x, boxes_y = gas.grid.periodic_x, gas.grid.periodic_y
     if repeats(w, gas) == 0:
         boxes_x, boxes_y = 0, 0
-    if ti.static(gas.uses.timed):
+    if ti.static(gas.uses.timed_walls):
         if ti.cast(gas.walls[w].kind, ti.i32) == GONE:
             boxes_x = -1
     return boxes_x, boxes_y
@@ -84,7 +84,7 @@ def boxes_around(w, gas: ti.template()):
 @ti.func
 def distance_from(w, x, y, s, angle, gas: ti.template()):
     """Distance of a position from the face of wall w, which is displaced by s and turned by an angle."""
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         x, y = turned_back(w, x, y, s, angle, gas)
     nx, ny, distance = wall_vector(w, x, y, s, gas)
     return face_distance(w, nx, ny, distance, gas)
@@ -119,7 +119,7 @@ def place_image(w, box_x, box_y, s, angle, reach, entering, region: ti.template(
     px = wall.x + wall.motion.x * s + off_x
     py = wall.y + wall.motion.y * s + off_y
     qx, qy = wall.towards_x, wall.towards_y
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         px, py = turned_back(w, px - off_x, py - off_y, s, -angle, gas)
         px += off_x
         py += off_y

@@ -31,15 +31,15 @@ def contact_at(i, image, t, region: ti.template(), gas: ti.template()):
     x += 0.5 * gas.scale.gx * t * t
     y += 0.5 * gas.scale.gy * t * t
     spin, at_x, at_y, angle = 0.0 * t, x, y, 0.0 * t
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         angle, spin, _most, _turn_bound = wall_turn(w, t, gas)
         at_x, at_y = turned_back(w, x, y, s, angle, gas)
     nx, ny, _distance = wall_vector(w, at_x, at_y, s, gas)
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         nx, ny = ti.cos(angle) * nx - ti.sin(angle) * ny, ti.sin(angle) * nx + ti.cos(angle) * ny
     ux = wall.motion.x * speed - ny * wall.surface_speed
     uy = wall.motion.y * speed + nx * wall.surface_speed
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         if wall.turn.kind != STILL:
             x -= wall.turn.x + wall.motion.x * s
             y -= wall.turn.y + wall.motion.y * s
@@ -60,21 +60,21 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     image = from_partner(info.partner)
     w = wall_of(image)
     persistent = 0
-    if ti.static(gas.uses.remembers):
+    if ti.static(gas.uses.contact_time):
         persistent = just_collided(i, t, gas)
         gas.since[i] = t
     advance_to(i, t, gas)
     gx, gy = gas.scale.gx, gas.scale.gy
     contact = contact_at(i, image, t, region, gas)
     owner = w
-    if ti.static(gas.uses.pieced):
+    if ti.static(gas.uses.wall_pieces):
         owner = ti.cast(gas.walls[w].owner, ti.i32)
     before = ti.Struct(vx=motion.vx + gx * t, vy=motion.vy + gy * t, spin=motion.spin)
     after, gained, regime, lost = after_collision(i, w, t, before, persistent, contact, gas)
     motion.vx, motion.vy, motion.spin = after.vx - gx * t, after.vy - gy * t, after.spin
-    if ti.static(gas.uses.watched):
+    if ti.static(gas.uses.histories):
         write_collision(i, w, owner, t, tile, before, after, gained, regime, contact, region, gas)
-    if ti.static(gas.uses.itemised):
+    if ti.static(gas.uses.dissipated):
         charge(i, MECHANISM.walls, lost.sum(), gas)
     update_history_hash(i, t, -1 - w, gas)
     note_speed(i, gas)
@@ -84,10 +84,10 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
         add(tile, TALLY.wall_collisions, 1.0, gas)
         if regime >= ELASTIC:
             add(tile, TALLY.elastics, 1.0, gas)
-        if ti.static(gas.uses.tallied):
+        if ti.static(gas.uses.ledger):
             add(tile, TALLY.losses.walls, lost.sum(), gas)
         add_to_sums(i, w, tile, before, after, gained, contact, gas)
-        if ti.static(gas.uses.stressed):
+        if ti.static(gas.uses.stress):
             kind = kind_of(i, gas)
             radius = gas.kinds[kind].radius
             add_virial(
@@ -105,7 +105,7 @@ def after_collision(i, w, t, before: ti.template(), persistent, contact: ti.temp
     p, q = ti.cast(gas.kinds[kind].material, ti.i32), ti.cast(wall.material, ti.i32)
     radius = gas.kinds[kind].radius
     relative_spin = before.spin
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         relative_spin -= contact.spin
     inverse_w, k_w = 0.0 * t, 1.0 + 0.0 * t
     if ti.static(gas.uses.pistons):
@@ -122,14 +122,14 @@ def after_collision(i, w, t, before: ti.template(), persistent, contact: ti.temp
         if wall.motion.kind == FREE:
             gained = (new.vx_j - contact.ux) * wall.motion.x + (new.vy_j - contact.uy) * wall.motion.y
             set_piston(w, t, contact.s, contact.speed + gained, gas)
-    if ti.static(gas.uses.thermal):
+    if ti.static(gas.uses.thermal_walls):
         if wall.temperature > 0.0:
             after.vx, after.vy, after.spin = thermal_velocity(
                 i, wall.temperature, contact.nx, contact.ny, contact.ux, contact.uy, gas
             )
             regime = 0
             lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)  # what it took or gave is heat
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         after.spin += contact.spin
     return after, gained, regime, lost
 
@@ -148,7 +148,7 @@ def write_collision(
         fall_x, fall_y = gas.scale.gx * t, gas.scale.gy * t
         gas.event[row].normal[0], gas.event[row].normal[1] = -nx, -ny
         wx, wy = contact.ux - fall_x, contact.uy - fall_y
-        if ti.static(gas.uses.turning):  # at the contact
+        if ti.static(gas.uses.turning_walls):  # at the contact
             wx += contact.spin * radius * ny
             wy -= contact.spin * radius * nx
         one = ti.Vector([before.vx - fall_x, before.vy - fall_y, before.spin, wx, wy, 0.0 * t])
@@ -159,7 +159,7 @@ def write_collision(
         write_motion(row, t, 0, one, other, gas)
         gas.event_int[row].partner = -2 - owner
         gas.event_int[row].regime = ti.select(regime >= ELASTIC, BY_REMEDY, BY_LAW)
-        if ti.static(gas.uses.thermal):
+        if ti.static(gas.uses.thermal_walls):
             if wall.temperature > 0.0:
                 gas.event_int[row].regime = BY_HEAT
 
@@ -184,11 +184,11 @@ def add_to_sums(
         ux += 0.5 * wall.motion.x * gained
         uy += 0.5 * wall.motion.y * gained
     work = ti.cast(((after.vx - before.vx) * ux + (after.vy - before.vy) * uy) / inverse_mass, ti.f64)
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         work += turning_impulse(kind, after.spin - before.spin, gas) * contact.spin
     add(tile, TALLY.wall_work, work, gas)
     heat = ti.cast(0.0, ti.f64)
-    if ti.static(gas.uses.thermal):
+    if ti.static(gas.uses.thermal_walls):
         column = ti.cast(wall.heat, ti.i32)
         if column >= 0:
             heat = heat_given(
@@ -196,7 +196,7 @@ def add_to_sums(
                 before.vx - ux, before.vy - uy, before.spin - contact.spin, gas,
             )  # fmt: skip
             add(tile, TALLY.width + column, heat, gas)
-    if ti.static(gas.uses.summed):
+    if ti.static(gas.uses.wall_sums):
         gained_x = ti.cast((after.vx - before.vx) / inverse_mass, ti.f64)
         gained_y = ti.cast((after.vy - before.vy) / inverse_mass, ti.f64)
         turned = turning_impulse(kind, after.spin - before.spin, gas)

@@ -29,7 +29,7 @@ def wall_phases(gas: ti.template()):
         wall = gas.walls[w]
         motion, turn = wall.motion, wall.turn
         now = ti.cast(gas.clock.begin, ti.f64)
-        if ti.static(gas.uses.timed):
+        if ti.static(gas.uses.timed_walls):
             begins, ends = ti.cast(wall.moving.begin, ti.f64), ti.cast(wall.moving.end, ti.f64)
             wall.moving.now = ti.cast(now >= begins and now < ends, float)
             now = ti.min(ti.max(now, begins), ends)
@@ -45,7 +45,7 @@ def wall_phases(gas: ti.template()):
             turns = rate * now + phase
             at = turns - ti.floor(turns)
         motion.now = ti.cast(at, float)
-        if ti.static(gas.uses.turning):
+        if ti.static(gas.uses.turning_walls):
             turned = ti.cast(turn.amplitude, ti.f64) * now + ti.cast(turn.phase, ti.f64)
             if ti.cast(turn.kind, ti.i32) == SINE:
                 turned = ti.cast(turn.rate, ti.f64) * now + ti.cast(turn.phase, ti.f64)
@@ -66,7 +66,7 @@ def wall_motion(w, time, gas: ti.template()):
     acceleration, and the time until which all three hold."""
     wall = gas.walls[w]
     t = time
-    if ti.static(gas.uses.timed):
+    if ti.static(gas.uses.timed_walls):
         t = time * wall.moving.now
     kind = ti.cast(wall.motion.kind, ti.i32)
     amplitude, rate, at = wall.motion.amplitude, wall.motion.rate, wall.motion.now
@@ -84,7 +84,7 @@ def wall_motion(w, time, gas: ti.template()):
     if ti.static(gas.uses.pistons):
         if kind == FREE:
             s, speed, bound, _pull = piston_motion(w, time, gas)
-    if ti.static(gas.uses.timed):
+    if ti.static(gas.uses.timed_walls):
         speed *= wall.moving.now
         bound *= wall.moving.now
         if wall.moving.now == 0.0:
@@ -123,7 +123,7 @@ def wall_turn(w, time, gas: ti.template()):
     angular acceleration."""
     wall = gas.walls[w]
     t = time
-    if ti.static(gas.uses.timed):
+    if ti.static(gas.uses.timed_walls):
         t = time * wall.moving.now
     kind = ti.cast(wall.turn.kind, ti.i32)
     amplitude, at = wall.turn.amplitude, wall.turn.now
@@ -138,7 +138,7 @@ def wall_turn(w, time, gas: ti.template()):
         spin = amplitude * rate * ti.cos(at + rate * t)
         most = ti.abs(amplitude * rate)
         bound = most * rate
-    if ti.static(gas.uses.timed):
+    if ti.static(gas.uses.timed_walls):
         moves = wall.moving.now
         spin, most, bound = spin * moves, most * moves, bound * moves
     return angle, spin, most, bound
@@ -165,7 +165,7 @@ def wall_reach(w, gas: ti.template()):
         distance = 2.0 * ti.abs(wall.motion.amplitude)
     if ti.cast(wall.motion.kind, ti.i32) == FREE:  # where collisions may drive it
         distance = FAR + 0.0 * window
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         _angle, _spin, most_spin, _bound = wall_turn(w, 0.0 * window, gas)
         distance += ti.min(most_spin * window, 2.0) * wall.turn.lever
     fall = 0.5 * ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2) * window * window

@@ -38,7 +38,7 @@ def relative_motion(w, x, y, vx, vy, tau, t, gas: ti.template()):
     rel_y = vy + gy * t - uy * speed
     push = pull + bound
     noise = ti.static(rounding()) * (ti.abs(vx) + ti.abs(vy) + pull * t + ti.abs(speed))
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         if wall.turn.kind != STILL:
             angle, spin, most_spin, spin_bound = wall_turn(w, t, gas)
             lever_x = at_x - wall.turn.x - ux * s
@@ -94,7 +94,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
     most = MOST_STEPS
     if wall.motion.kind == SINE or wall.motion.kind == SAWTOOTH:
         most = MOST_STEPS_OSCILLATING
-    if ti.static(gas.uses.turning):
+    if ti.static(gas.uses.turning_walls):
         if wall.turn.kind == SINE:
             most = MOST_STEPS_OSCILLATING
     while active == 1:
@@ -113,7 +113,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                 # Without speed, and pulled together. A container pulls by its curvature alone: a disk slides along it.
                 resting = 1
                 active = 0
-                if ti.static(gas.uses.rests):  # it bounces (`rest.py`)
+                if ti.static(gas.uses.rest):  # it bounces (`rest.py`)
                     found, resting = t, 0
             f = 0.0
         if active == 1:
@@ -131,7 +131,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                 if steps >= most:
                     resting = 1
                     if ti.static(
-                        gas.uses.rests
+                        gas.uses.rest
                     ):  # along a wall as near as g (horizon / MOST_STEPS)^2 / 2: it touches
                         found, resting = t, 0
     return found, resting

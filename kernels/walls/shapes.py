@@ -300,7 +300,7 @@ SHAPES = (
 
 def shapes_of(uses: Any) -> tuple[ShapeFunctions, ...]:
     """Shapes that a gas with these features may have."""
-    return tuple(shape for shape in SHAPES if uses.arched or shape.distance is None)
+    return tuple(shape for shape in SHAPES if uses.arcs or shape.distance is None)
 
 
 def arcs_of(uses: Any) -> tuple[ShapeFunctions, ...]:

@@ -300,11 +300,11 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
         while k < end:
             rx, ry = block.motion[k].x - x, block.motion[k].y - y
             faster = 0.0 * x
-            if ti.static(block.uses.sheared):
+            if ti.static(block.uses.shear):
                 rows = block.event_info[k].shear_row - block.event_info[i].shear_row
                 rx += rows * block.scale.aside
                 faster = rows * block.scale.drift
-            if ti.static(block.uses.mixed):
+            if ti.static(block.uses.several_kinds):
                 sigma = radius_of(i, block) + radius_of(k, block)
                 reach = sigma + margin
                 square = reach * reach
@@ -346,7 +346,7 @@ def first_meeting(i, n_meet, meet, best, partner, region: ti.template(), block: 
     info, motion = block.event_info[i], block.motion[i]
     x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
     radius = block.scale.widest * 0.5
-    if ti.static(block.uses.mixed):
+    if ti.static(block.uses.several_kinds):
         radius = radius_of(i, block)
     size, last = ti.abs(vx) + ti.abs(vy), info.last
     m, end = 0, n_meet
@@ -436,7 +436,7 @@ def look_around(i, first, t, best, partner, mask, region: ti.template(), block: 
     x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
     last = info.last
     radius = block.scale.widest * 0.5
-    if ti.static(block.uses.mixed):
+    if ti.static(block.uses.several_kinds):
         radius = radius_of(i, block)
     size = ti.abs(vx) + ti.abs(vy)
     m, end, j = first, entry_of(i, 0, block), entry_of(i, ti.min(first, MOST_NEAR), block)
@@ -448,7 +448,7 @@ def look_around(i, first, t, best, partner, mask, region: ti.template(), block: 
             dx = block.motion[j].x - (x + vx * (t - tau))
             dy = block.motion[j].y - (y + vy * (t - tau))
             square = ti.cast(largest_square(j, block), float)
-            if ti.static(block.uses.sheared):  # in the frame of the disk that looks
+            if ti.static(block.uses.shear):  # in the frame of the disk that looks
                 rows = block.event_info[j].shear_row - info.shear_row
                 dx += rows * (block.scale.aside + block.scale.drift * block.motion[j].tau)
                 top = ti.sqrt(square) + ti.abs(rows * block.scale.drift)
@@ -476,7 +476,7 @@ def key_of(t, limit, block: ti.template()):
     """Key of an event at time t, which has the order of times; NONE if it is later than `limit`."""
     key = NONE
     within = t <= limit and t < block.scale.window
-    if ti.static(block.uses.cut):
+    if ti.static(block.uses.low_memory):
         within = within and t <= block.scale.stored_at
     if within:
         key = ti.cast(t * (ti.cast(TICKS, float) / block.scale.window), ti.i32)
@@ -513,7 +513,7 @@ def predict_first(i, n_meet, meet, horizon, limit, region: ti.template(), block:
     """
     best, partner = nothing_before(i, horizon, block)
     best, partner = first_meeting(i, n_meet, meet, best, partner, region, block)
-    if ti.static(block.uses.walled):
+    if ti.static(block.uses.walls):
         best, partner = first_wall(i, best, partner, region, block)
     block.motion[i].t_leave = FAR
     keep_event(i, best, partner, limit, block)
@@ -541,12 +541,12 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     bound = block.clock.fastest * ti.max(faster / FASTER * FASTEST_OF_ALL, FASTEST_OF_ALL)
     square = ti.min(square, bound * bound)
     way = 2.0 * ti.cast(ti.sqrt(square), float) * block.scale.window
-    if ti.static(block.uses.sheared):  # rows of tiles move against each other
+    if ti.static(block.uses.shear):  # rows of tiles move against each other
         drift = ti.abs(ti.cast(block.scale.drift, ti.f64))
         speed = ti.sqrt(square) + drift
         square = speed * speed
         way = 2.0 * ti.cast(speed + drift, float) * block.scale.window
-    if ti.static(block.uses.walled):  # walls make disks faster, gravity too in the lab frame
+    if ti.static(block.uses.walls):  # walls make disks faster, gravity too in the lab frame
         push = block.clock.wall_speed + pull_of(block) * ti.cast(block.scale.window, ti.f64)
         speed = ti.sqrt(square) + 2.0 * push * (faster / FASTER)
         square = speed * speed
@@ -573,13 +573,13 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     while i < n:
         m = block.order[i]
         load_from(noted_tile(block.candidates[m].step, block), m, i, tile, region, block)
-        if ti.static(block.uses.walled):
+        if ti.static(block.uses.walls):
             x = block.motion[i].x - (region.x + 0.5 * region.nx * region.side_x)
             y = block.motion[i].y - (region.y + 0.5 * region.ny * region.side_y)
             ti.atomic_max(block.note.extent, upper_half(1.000001 * ti.cast(x * x + y * y, ti.f64)))
         i += THREADS
     ti.simt.block.sync()
-    if ti.static(block.uses.walled):
+    if ti.static(block.uses.walls):
         list_images(me, 0.5 * way, region, block)
         ti.simt.block.sync()
     i = me
@@ -587,7 +587,7 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
         full, n_meet, meet = list_neighbors(i, margin, region, block)
         if full == 1:
             ti.atomic_or(block.note.mark, LIST_FULL)
-        if ti.static(block.uses.walled):
+        if ti.static(block.uses.walls):
             list_walls(i, 0.5 * way, region, block)
         predict_first(i, n_meet, meet, first_horizon(block), FAR + 0.0 * margin, region, block)
         i += THREADS
@@ -703,7 +703,7 @@ def collide_queue(tile, me, region: ti.template(), block: ti.template()):
                 is_action = p == OWN_ACTION
                 if is_action:
                     act_alone(i, block.motion[i].t_hit, tile, region, block)
-            if ti.static(block.uses.walled):
+            if ti.static(block.uses.walls):
                 if not is_action:
                     hit_wall(i, block.motion[i].t_hit, tile, region, block)
         elif ti.cast(block.event_info[p].number, ti.i16) == ti.cast(
@@ -744,7 +744,7 @@ def predict_queue(me, horizon, limit, fastest, region: ti.template(), block: ti.
         if wrong == 1:
             ti.atomic_or(block.note.mark, UNCERTAIN)
         if place % ABREAST == 0 and looks:
-            if ti.static(block.uses.walled):
+            if ti.static(block.uses.walls):
                 best, partner = first_wall(a, best, partner, region, block)
             if square > fastest:
                 ti.atomic_or(block.note.mark, TOO_FAST)
@@ -1001,7 +1001,7 @@ BLOCKS = Arrays(
 def end_window(ends: ti.template(), gas: ti.template()):
     """Add up the sums of all tiles and verify them, if the window `ends`; on ranks it does later."""
     sum_tiles(gas)
-    if ti.static(not gas.uses.shared):
+    if ti.static(not gas.uses.ranks):
         verify_tiles(ends, gas)
 
 
@@ -1015,7 +1015,7 @@ def run_windows_by_blocks(n_listed: ti.i32, ends: ti.i32, gas: BLOCKS):
     for _ in range(1):
         round_products(gas)
         begin_window(gas)
-        if ti.static(gas.uses.walled):
+        if ti.static(gas.uses.walls):
             wall_phases(gas)
         gas.counter.next_tile = 0
         if gas.counter.halted == 0:

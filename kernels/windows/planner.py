@@ -122,7 +122,7 @@ def plan(gas: ti.template()):
     if ti.static(gas.uses.actions):
         least = ti.max(least, gas.clock.action_square)
     gas.clock.square_unit = square_unit(ti.max(fastest2, least))
-    if ti.static(gas.uses.sheared):  # rows of tiles move against each other
+    if ti.static(gas.uses.shear):  # rows of tiles move against each other
         most = gas.clock.fastest + 2.0 * ti.abs(ti.cast(gas.scale.drift, ti.f64))
         length = ti.min(length, ti.f64(MAX_TRAVEL) * gas.clock.tile_side / most)
     gas.clock.end = ti.min(gas.clock.begin + length, gas.clock.kick)
@@ -141,7 +141,7 @@ def set_window(gas: ti.template()):
     gas.scale.stored_at = gas.scale.window
     if gas.grid.single_tile == 0:
         halo = usual_halo(gas.scale.chain, gas.clock.fastest, pull_of(gas), gas.clock.wall_speed, window)
-        if ti.static(gas.uses.sheared):
+        if ti.static(gas.uses.shear):
             halo += ti.abs(ti.cast(gas.scale.drift, ti.f64)) * window
         gas.scale.usual_halo = ti.cast(halo, float)
         gas.scale.most_halo = ti.cast(gas.scale.least_side - gas.clock.overhang, float)

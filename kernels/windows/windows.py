@@ -25,7 +25,7 @@ LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have b
 def tile_of(k, gas: ti.template()):
     """Tile number k of those that are run."""
     found = k
-    if ti.static(gas.uses.shared or not on_gpu()):
+    if ti.static(gas.uses.ranks or not on_gpu()):
         found = gas.listed[k]
     elif gas.counter.again == 1:
         found = gas.listed[k]
@@ -83,14 +83,14 @@ def prepare(tile, lane, gas: ti.template()):
         n = gas.tile[tile].gathered
         for m in range(n):
             load(m, slot_of(m, region, gas), tile, region, gas)
-        if ti.static(gas.uses.layered):
+        if ti.static(gas.uses.layers):
             link_cells_of_layers(n, region, gas)
         else:
             for i in range(region.lane * gas.grid.lane_slots, region.lane * gas.grid.lane_slots + n):
                 link_cells(i, n, region, gas)
-        if ti.static(gas.uses.walled):
+        if ti.static(gas.uses.walls):
             place_walls(region, gas)
-        if ti.static(gas.uses.rests):
+        if ti.static(gas.uses.rest):
             update_resting(n, tile, region, gas)
 
 
@@ -162,7 +162,7 @@ def run_lane(lane: ti.template(), n_listed: ti.template(), most_windows: ti.temp
                     active = 1
                     commit(gas)
                     plan(gas)
-                    if ti.static(gas.uses.walled):
+                    if ti.static(gas.uses.walls):
                         wall_phases(gas)
         k = ti.atomic_add(gas.counter.next_tile, 1)
 
@@ -189,7 +189,7 @@ def gather_tiles(first: ti.template(), n_listed: ti.template(), gas: ti.template
         k, region, thread, _n = share_of(item, first, gas)
         if is_active(gas):
             order(k, thread, region, gas)
-            if ti.static(gas.uses.walled):
+            if ti.static(gas.uses.walls):
                 if thread == 0:
                     place_walls(region, gas)
 
@@ -205,7 +205,7 @@ def load_tiles(first: ti.template(), n_listed: ti.template(), gas: ti.template()
             m += team
     for item in range((n_listed - first) * team):
         _k, region, m, n = share_of(item, first, gas)
-        if ti.static(gas.uses.layered):
+        if ti.static(gas.uses.layers):
             if n > 0:
                 link_cells_of_layers(n, region, gas)
         else:
@@ -238,7 +238,7 @@ def run_windows(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, gas: WIND
         round_products(gas)
         if gas.grid.single_tile == 0 and first == 0:
             begin_window(gas)
-        if ti.static(gas.uses.walled):
+        if ti.static(gas.uses.walls):
             wall_phases(gas)
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid.lanes):
@@ -257,7 +257,7 @@ def run_windows_on_gpu(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, ga
         round_products(gas)
         if first == 0:
             begin_window(gas)
-        if ti.static(gas.uses.walled):
+        if ti.static(gas.uses.walls):
             wall_phases(gas)
     team = ti.static(team_of(gas.uses))
     gather_tiles(first, n_listed, gas)

@@ -15,7 +15,7 @@ from ifrdem.kernels.layout import NO_PARTNER, Uses
 from ifrdem.simulation import backend
 
 Array = NDArray[np.float64]
-PLAIN, SHEARED = Uses(), Uses(sheared=True)
+PLAIN, SHEARED = Uses(), Uses(shear=True)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -205,14 +205,14 @@ def test_all_that_a_disk_is_goes_from_window_to_window() -> None:
         "event_info image_info candidates rest cached_force since turn loss"
     )
     uses = Uses(
-        walled=True,
-        remembers=True,
-        turned=True,
-        partnered=True,
-        tallied=True,
-        itemised=True,
-        mixed=True,
-        rests=True,
+        walls=True,
+        contact_time=True,
+        angle=True,
+        last_partner=True,
+        ledger=True,
+        dissipated=True,
+        several_kinds=True,
+        rest=True,
     )
     scene = Scene(3)
     scene.grid.tiles_x = scene.grid.tiles_y = scene.grid.single_tile = 1

@@ -94,7 +94,7 @@ def of_kernel(name: str, wall: Wall, disks: Array, times: Array) -> tuple[Array,
     grid, scale, clock, counter = (columns.blank(each) for each in ("grid", "scale", "clock", "counter"))
     grid.walls, scale.window, scale.gx, scale.gy = 1, WINDOW, *GRAVITY
     out, root = np.zeros((len(disks), len(times), 6)), np.zeros(len(disks))
-    uses = Uses(walled=True, arched=True, turning=True)
+    uses = Uses(walls=True, arcs=True, turning_walls=True)
     gaps(
         disks, times, out, root, uses, grid.array.astype(np.int32), scale.array, clock.array,
         counter.array.astype(np.int32), walls,

@@ -77,7 +77,7 @@ def acts_within(force: Force, arrays: DeviceArrays) -> bool:
 
     In a sheared box positions depend on the tile, to rounding, which a custom force may see.
     """
-    return (not force.totals or force.totals_ahead) and (_is_ours(type(force)) or not arrays.uses.sheared)
+    return (not force.totals or force.totals_ahead) and (_is_ours(type(force)) or not arrays.uses.shear)
 
 
 class ForceSteps:
@@ -326,7 +326,7 @@ class ForceSteps:
         needed = a.n * sum(
             int(count) * self.forces[i].totals for count, i in zip(counts, self._within, strict=True)
         )
-        if needed <= MOST_SHARES and needed > a.shares.shape[0] and not a.uses.shared:
+        if needed <= MOST_SHARES and needed > a.shares.shape[0] and not a.uses.ranks:
             a.make("shares", needed)
 
     def _action_square(self) -> float:

@@ -138,7 +138,7 @@ class DeviceArrays:
         from_numpy(self.law, setup.law_rows.astype(self.real))
         self.wall_rows: NDArray[np.float64] = walls.reshape(-1, WALL.width)
         self.extra_tally: ExtraTally = ExtraTally.of(
-            self.wall_rows, summed=uses.summed, stressed=uses.stressed
+            self.wall_rows, summed=uses.wall_sums, stressed=uses.stress
         )
         self.columns: int = self.extra_tally.width
         self.walls: Any
@@ -150,7 +150,7 @@ class DeviceArrays:
         self.batch: int = 0
         self.make_parts(2, self.domain.first_slots(n))
         self.watched: Any
-        self.make("watched", n if uses.watched else 1)
+        self.make("watched", n if uses.histories else 1)
         self.scratch(0, 0, 0)
         self.make_ghosts(0)
         self.events(0)
@@ -171,10 +171,10 @@ class DeviceArrays:
             from_numpy(self.kinds, kinds.astype(self.real))
         split = split_of(disks.radius)
         # Walls are noted in one layer of cells.
-        layered = split is not None and not (self.uses.walled or self.uses.rests)
+        layered = split is not None and not (self.uses.walls or self.uses.rest)
         self._split = split if layered else None
-        self.uses = self.uses.replace(mixed=len(kinds) > 1, layered=layered)
-        by_id = self.uses.mixed and not self.uses.shared
+        self.uses = self.uses.replace(several_kinds=len(kinds) > 1, layers=layered)
+        by_id = self.uses.several_kinds and not self.uses.ranks
         self.kind: Any
         self.make("kind", self.n if by_id else 1)
         if by_id:
@@ -242,7 +242,7 @@ class DeviceArrays:
             self.replace(name, None)
         for name in ("disk", "meta", "past", "hits", "dissipated", "held", "asleep"):
             self.make(name, rows if kept[name] else 1)
-        if self.uses.shared:
+        if self.uses.ranks:
             self.make("kind", rows if kept["kind"] else 1)
         same = min(self.room, room)
         for name, old in before.items():
@@ -290,18 +290,18 @@ class DeviceArrays:
         for name in ("motion", "event_info", "image_info"):
             self.make(name, rows)
         self.make("action", rows if uses.actions else 1)
-        self.make("rest", rows if uses.rests else 1)
-        self.make("residual_acceleration", rows if uses.rests else 1)
-        self.make("contact", CONTACTS_PER_DISK * rows if uses.rests else 1)
-        self.make("cached_force", rows if uses.rests else 1)
+        self.make("rest", rows if uses.rest else 1)
+        self.make("residual_acceleration", rows if uses.rest else 1)
+        self.make("contact", CONTACTS_PER_DISK * rows if uses.rest else 1)
+        self.make("cached_force", rows if uses.rest else 1)
         self.make("candidates", rows)
-        self.make("since", rows if uses.remembers else 1)
-        self.make("turn", rows if uses.turned else 1)
-        self.make("loss", rows if uses.itemised else 1)
+        self.make("since", rows if uses.contact_time else 1)
+        self.make("turn", rows if uses.angle else 1)
+        self.make("loss", rows if uses.dissipated else 1)
         self.make("head", lanes * cells)
         self.make("bin", lanes * bins)
-        self.make("wall_start", lanes * (cells + 1) if uses.walled else 1)
-        self.make("wall_item", lanes * items if uses.walled else 1)
+        self.make("wall_start", lanes * (cells + 1) if uses.walls else 1)
+        self.make("wall_item", lanes * items if uses.walls else 1)
 
     def make_ghosts(self, most: int) -> None:
         """Allocate so many ghost records."""
@@ -337,14 +337,14 @@ class DeviceArrays:
         edges = []
         for axis in range(2):
             q = self.spacing
-            if self.uses.sheared:  # all alike
+            if self.uses.shear:  # all alike
                 side = round((high[axis] - low[axis]) / tiles[axis] / q) * q
                 edges.append(low[axis] + side * np.arange(tiles[axis] + 1))
             else:
                 edges.append(np.round(np.linspace(low[axis], high[axis], tiles[axis] + 1) / q) * q)
         self.edges: list[NDArray[np.float64]] = edges
         self.grid.tiles_x, self.grid.tiles_y = tiles
-        if self.uses.sheared:
+        if self.uses.shear:
             self.scale.drift = self.box.shear_rate * edges[1][1]
         total: int = tiles[0] * tiles[1]
         self.tiles: int = total
@@ -385,7 +385,7 @@ class DeviceArrays:
     def least_side(self) -> float:
         """Largest distance around a tile within which the eight tiles around it have all disks [length]."""
         sides = [float(np.diff(edge).min()) for edge in self.edges]
-        if self.uses.sheared:
+        if self.uses.shear:
             sides[0] /= 2.0  # rows above and below lie askew by up to half a tile
         return min(sides)
 
@@ -421,7 +421,7 @@ class DeviceArrays:
         self.scale.chain = tiling.chain_halo
         self.divide(tiling.tiles, low, high)
         window_side, shorter = tiling.window_side, 1.0
-        if self.uses.sheared:  # no last resort: windows are short enough for the tiles
+        if self.uses.shear:  # no last resort: windows are short enough for the tiles
             side = min(float(np.diff(edge).min()) for edge in self.edges)
             window_side, shorter = min(window_side, side / 3.0), min(1.0, side / (30.0 * self.widest))
         self.clock.tile_side = window_side
@@ -448,7 +448,7 @@ class DeviceArrays:
         self.burst = BURST if self.single_tile else 1
         if self.on_gpu:
             followed = (
-                self.uses.sheared or self.single_tile or self.uses.shared
+                self.uses.shear or self.single_tile or self.uses.ranks
             )  # by something that the host does
             self.burst = 1 if followed else min(BURST, 1 + GPU_BURST // max(self.n, 1))
 
@@ -463,13 +463,13 @@ class DeviceArrays:
         self.make("block_reals", rows * BLOCK_REALS.width)
         self._make_block_sums()
         self.make("near", rows * k.NEAR_WORDS)
-        self.make("near_image", rows if self.uses.walled else 1)
-        self.make("image_list", rows if self.uses.walled else 1)
+        self.make("near_image", rows if self.uses.walls else 1)
+        self.make("image_list", rows if self.uses.walls else 1)
 
     def _make_block_sums(self) -> None:
         """Make the part of the scratch space of blocks that only some gases have."""
         uses, rows = self.uses, int(self.grid.blocks) * k.BLOCK_SLOTS
-        needed = uses.turned or uses.itemised or uses.actions
+        needed = uses.angle or uses.dissipated or uses.actions
         self.make("block_sums", rows * BLOCK_SUMS.width if needed else 1)
 
     def _make_lanes(self, cells_of_all: float) -> None:
@@ -481,7 +481,7 @@ class DeviceArrays:
             lane_slots, cells = min(2 * n // self.tiles + 64, 9 * n), 64
         if lane_slots > self.grid.lane_slots or cells > self.grid.cells or lanes != self._lanes:
             self._lanes = lanes
-            self.scratch(lane_slots, cells, 256 if self.uses.walled else 0)
+            self.scratch(lane_slots, cells, 256 if self.uses.walls else 0)
 
     def open_walls(self, opened: NDArray[np.bool_]) -> None:
         """Take those walls, by their number, out of the gas: gates that are open."""
@@ -567,14 +567,14 @@ class DeviceArrays:
     def load_state(self, state: State) -> None:
         """Write a state into the lists of the tiles, as the beginning of a window."""
         self.grid.part = 0
-        if self.uses.sheared:
+        if self.uses.shear:
             self.displace_rows(state.time)
         self.domain.load(*self._rows_from(state))
 
     def _rows_from(self, state: State) -> tuple[dict[str, NDArray[Any]], NDArray[np.integer]]:
         """Rows of the arrays for a state, by the arrays' names; and the tile of each."""
         velocity, crossed = state.velocity, np.zeros((state.n, 2))
-        if self.uses.sheared:
+        if self.uses.shear:
             position, velocity, crossed = self._in_frames(state)
         else:
             position = self.box.wrap(state.position)
@@ -670,10 +670,10 @@ class DeviceArrays:
     def state_arrays(self) -> dict[str, bool]:
         """Names of the arrays that hold a state, and whether this gas keeps them."""
         uses = self.uses
-        dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
+        dated, counted = uses.contact_time or uses.angle, uses.walls or uses.last_partner
         return {
-            "disk": True, "meta": True, "past": dated, "hits": counted, "dissipated": uses.itemised,
-            "asleep": uses.rests, "held": uses.rests, "kind": uses.mixed and uses.shared,
+            "disk": True, "meta": True, "past": dated, "hits": counted, "dissipated": uses.dissipated,
+            "asleep": uses.rest, "held": uses.rest, "kind": uses.several_kinds and uses.ranks,
         }  # fmt: skip
 
     # ------------------------------------------------------------------ kernels

@@ -197,7 +197,7 @@ class RankDomain(Domain):
         """The eight tiles around each, shape (8, tiles); -1 beyond an end of the box."""
         wide, high = int(self.arrays.grid.tiles_x), int(self.arrays.grid.tiles_y)
         x, y = np.divmod(np.arange(self.arrays.tiles), high)
-        aside = int(self.arrays.grid.tiles_aside) if self.arrays.uses.sheared else 0
+        aside = int(self.arrays.grid.tiles_aside) if self.arrays.uses.shear else 0
         found = []
         for step_x, step_y in STEPS:
             to_x, to_y = x + step_x - step_y * aside, y + step_y
@@ -343,7 +343,7 @@ class RankDomain(Domain):
         part, names = int(self.arrays.grid.part), self.arrays.state_names()
         lists = named(self.arrays.values("tile"), "tile")
         first, count = lists.start[:, part], lists.count[:, part]
-        whole = whole or self.arrays.uses.sheared
+        whole = whole or self.arrays.uses.shear
         self.band: NDArray[np.float64] = np.full(self.arrays.tiles, np.inf)
         if not whole:  # owners say how wide the halos of their tiles are
             self.band[self.arrays.own] = self.bands()
@@ -609,7 +609,7 @@ class RankDomain(Domain):
         count = np.bincount(tile, minlength=self.arrays.tiles)
         self.comm.mpi.Allreduce(count.copy(), count)
         self.assign(count)
-        if self.arrays.uses.mixed:
+        if self.arrays.uses.several_kinds:
             of = self._disks
             rows = rows | {
                 "kind": kind_rows(of.mass, of.radius, of.k, of.material) if self._of_here else self._kind

@@ -83,7 +83,7 @@ class TileRunner:
             if again:
                 self.clear()
                 self._n_ghosts = 0
-            if again or a.uses.shared or not (a.on_gpu or a.single_tile):
+            if again or a.uses.ranks or not (a.on_gpu or a.single_tile):
                 self.select(a.costliest_first)
             try:
                 return self.launch(len(a.own), most, again=again, pausing=pausing, resuming=resuming)
@@ -111,7 +111,7 @@ class TileRunner:
         while True:
             count = int(a.counter.n_bad)
             reach = a.widest + float(a.total[TOTAL.excursion]) + float(a.total[TOTAL.max_displacement])
-            if a.uses.sheared:
+            if a.uses.shear:
                 reach += abs(float(a.scale.drift)) * (float(a.clock.end) - float(a.clock.begin))
             if count == 0 and reach <= most:
                 break
@@ -127,7 +127,7 @@ class TileRunner:
     def _run_whole_box(self) -> None:
         """Run the window by one thread, in order: what no halo is wide enough for."""
         a = self.arrays
-        if a.uses.sheared:
+        if a.uses.shear:
             raise WindowTooLong
         self.statistics.in_order += 1
         a.grid.single_tile = 1
@@ -235,7 +235,7 @@ class TileRunner:
                     continue
                 for first in range(0, tiles, a.batch):
                     launch(kernel, first, min(first + a.batch, tiles), most)
-                if not (alone or a.uses.shared):
+                if not (alone or a.uses.ranks):
                     launch(verify)
         if by_blocks and not a.counter.again:
             self._dense = a.counter.n_dense > 0

@@ -162,7 +162,7 @@ class Tiling:
             collisions, in_tile = min(collisions, GPU_COLLISIONS), GPU_TILE
             if uses.blockwise:  # so that lists have some ten disks
                 collisions = min(collisions, float(np.interp(phi, [0.1, 0.3], [0.2, 0.4])))
-        elif few and not uses.sheared:
+        elif few and not uses.shear:
             collisions *= FEWER_WINDOWS
         if given is not None:  # whatever the device: windows decide the bits
             collisions = given
@@ -173,15 +173,15 @@ class Tiling:
         window_side = float(sides.min())
         if given is not None:
             window_side = min(window_side, math.sqrt(GPU_TILE * free))
-        elif uses.sheared or not few or on_gpu:
+        elif uses.shear or not few or on_gpu:
             window_side = min(window_side, math.sqrt(in_tile * free))
         # Columns and rows of cells are counted in 16 bits; of more disks no region is the whole box.
         least = float(sides.max()) / 3e4 if n <= most_disks(device.low_memory) else 0.0
-        cell = (RESTING_CELL if uses.rests else CELL) * widest if split is None else CELL * 2.0 * split
+        cell = (RESTING_CELL if uses.rest else CELL) * widest if split is None else CELL * 2.0 * split
         cell_side = max(cell, math.sqrt(disks_per_cell(phi) * free), least)
         coarse = 1 if split is None else math.ceil(CELL * widest / cell_side)
         single_tile = order == "serial" or (order is None and few and not on_gpu)
-        single_tile = single_tile and not uses.sheared
+        single_tile = single_tile and not uses.shear
         tiles = (1, 1)
         chain_halo = widest * ((GPU_CHAINS if on_gpu else CHAINS) + 3.0 * phi)
         if not single_tile:

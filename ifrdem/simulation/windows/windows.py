@@ -349,7 +349,7 @@ class Windows:
         if ended:
             self._sums.last_collisions = float(self._sums.at_end[TALLY.collisions])
             self._forget()
-        narrow = a.least_side - overhang < LEAST_HALO * a.least_side and not (a.single_tile or a.uses.sheared)
+        narrow = a.least_side - overhang < LEAST_HALO * a.least_side and not (a.single_tile or a.uses.shear)
         if narrow:  # halos would be
             self._plan(commits=ended, plans=False)
             a.relist()
@@ -576,7 +576,7 @@ class Windows:
         runner.clear()
         self.watched.fresh |= bool(watching & k.TRACKED)
         alone = a.grid.single_tile = int(a.single_tile)
-        if a.uses.sheared:
+        if a.uses.shear:
             a.displace_rows(begin)
         runner.rests = runner.rests and resuming
         a.sums[:] = self._sums.before

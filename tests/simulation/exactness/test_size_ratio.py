@@ -69,7 +69,7 @@ def expected(name: str) -> tuple[Disks, Box, State, np.ndarray, np.ndarray]:
 def test_collisions_of_very_unequal_disks_are_those_of_the_serial_code(name: str, order: str) -> None:
     disks, box, state, pairs, times = expected(name)
     engine = engine_of(disks, box, state, np.array([[GASES[name][2]]]), order=order, tile_disks=100)
-    assert engine.arrays.uses.layered == (name != "all sizes")
+    assert engine.arrays.uses.layers == (name != "all sizes")
     assert (engine.arrays.grid.coarse == 1) == (name in ("all sizes", "thin"))
     found = run(engine, len(times))  # two collisions per disk on average: many more of the large ones
     np.testing.assert_array_equal(partners(found.pair), partners(pairs))
