@@ -754,7 +754,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Simulation.save_checkpoint": (made.save_checkpoint, {"path": "saved.npz", "extra": None, "arrays": None}),
         "Simulation.set_piston_force": (lambda **given: driven().set_piston_force(**given),
                                         {"wall": 0, "force": 1.0}),
-        "Simulation.switch_ledger": (gas(record=["energy"]).switch_ledger, {"on": True}),
+        "Simulation.switch_ledger": (gas(record=["ledger"]).switch_ledger, {"on": True}),
         "Simulation.run_for": (lambda **given: gas().run_for(**given), {
             "time": 1e-9, "frames": 1, "frame_callbacks": (), "series": None, "series_callbacks": (),
         }),

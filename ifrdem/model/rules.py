@@ -146,7 +146,7 @@ RULES: tuple[Rule, ...] = (
     Rule("disks.mass", "box.shear_rate", lambda g: g.shear_rate != 0.0 and g.immovable,
          "the flow carries everything along"),
     # What is recorded.
-    Rule("record.wall", "walls", lambda g: "wall" in g.record and not g.walled, "there are no walls"),
+    Rule("record.wall", "walls", lambda g: "wall_sums" in g.record and not g.walled, "there are no walls"),
     Rule("record.stress", "collapse.Rest", lambda g: "stress" in g.record and g.rests,
          "forces between resting disks, which are no collisions, carry a part of it"),
     Rule("record.stress", "walls.piston", lambda g: "stress" in g.record and g.pistons > 0,

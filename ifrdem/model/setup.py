@@ -134,9 +134,9 @@ class Setup:
         """Those quantities of a state (`state.RECORDED`) that the engine keeps up to date."""
         kept = {
             "latest_collision": isinstance(self.collapse, ContactTime),
-            "last_partner": "partner" in self.record,
+            "last_partner": "last_partner" in self.record,
             "angle": "angle" in self.record,
-            "dissipated": "disk_energy" in self.record,
+            "dissipated": "dissipated" in self.record,
         }
         return [name for name, there in kept.items() if there]
 
@@ -163,7 +163,7 @@ class Setup:
     @property
     def has_ledger(self) -> bool:
         """True if dissipated energy is added up, by mechanism."""
-        return "energy" in self.record
+        return "ledger" in self.record
 
     def facts(self, **others: Any) -> Facts:
         """The facts that rules ask for; `others` are those of no setup: n, immovable, tracked, ranks, order."""

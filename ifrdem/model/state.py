@@ -245,9 +245,9 @@ def extremes(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
 
 RECORDED = {
     "latest_collision": "collapse=ContactTime(...)",
-    "last_partner": 'record=["partner"]',
+    "last_partner": 'record=["last_partner"]',
     "angle": 'record=["angle"]',
-    "dissipated": 'record=["disk_energy"]',
+    "dissipated": 'record=["dissipated"]',
 }
 """Quantities of a state that only some simulations record, and what to give `Simulation` for each."""
 
@@ -283,13 +283,13 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
         When each disk last collided with a disk or wall [time], -inf if never. Recorded by runs with a `ContactTime`.
     last_partner : array (n,) of int32
         Latest partner of each disk: an id, -1 if there is none yet, -2 - w for wall w. Recorded by runs with
-        `record=["partner"]`.
+        `record=["last_partner"]`.
     angle : array (n,)
         How far each disk has turned since the start, counter-clockwise, full turns included [rad]. Recorded by runs
         with `record=["angle"]`.
     dissipated : array (n, 7)
         Energy that each disk's collisions have taken, by mechanism (`quantities.MECHANISMS`), half of what one took
-        for either disk [energy]. Recorded by runs with `record=["disk_energy"]`.
+        for either disk [energy]. Recorded by runs with `record=["dissipated"]`.
     asleep : array (n,) of int32
         1 for disks that sleep where they are at rest, else 0 (`collapse=Rest(speed)`).
     flow : array (n, 2) or None

@@ -43,7 +43,7 @@ def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> Dissipati
     if "dissipated" not in trajectory.fields:
         raise InputError(
             f"{trajectory.path} does not hold what each disk lost: output.fields must have 'dissipated' (in Python "
-            'record=["disk_energy"], and the field in TrajectoryWriter)'
+            'record=["dissipated"], and the field in TrajectoryWriter)'
         )
     every = range(len(trajectory))
     used = sorted({every[i] for i in (every if frames is None else frames)})

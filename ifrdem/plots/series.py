@@ -147,7 +147,7 @@ def _wall_names(trajectory: Trajectory) -> list[str]:
     if "walls_hits" not in sums:
         raise InputError(
             f"{trajectory.path} does not hold what walls give to the disks: it requires output.wall_sums = true, "
-            'as by `ifrdem run CASE --set output.wall_sums=true` (in Python record=["wall"])'
+            'as by `ifrdem run CASE --set output.wall_sums=true` (in Python record=["wall_sums"])'
         )
     if len(sums.time) < 2:
         raise InputError(f"{trajectory.path}: must have two rows of the series or more for forces on walls")

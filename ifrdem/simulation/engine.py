@@ -369,7 +369,7 @@ class Engine:
         if not np.isfinite(losses).all():
             raise EngineError(
                 "energy taken by a collision is infinite or not a number: the law does not conserve energy; "
-                'output.ledger = false (no "energy" in record) switches the check off'
+                'output.ledger = false (no "ledger" in record) switches the check off'
             )
         return losses.copy(), sums.regimes.astype(np.int64)
 

@@ -512,8 +512,8 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         InputError
             If this simulation was made without them.
         """
-        if "wall" not in self.setup.record:
-            raise InputError('wall_sums: not recorded; make the simulation with record=["wall"]')
+        if "wall_sums" not in self.setup.record:
+            raise InputError('wall_sums: not recorded; make the simulation with record=["wall_sums"]')
         return WallSums(self._engine.walls, self._engine.wall_sums)
 
     @property
@@ -910,8 +910,8 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             If the simulation was made without a ledger, or records what each disk loses, which needs it.
         """
         if not self.has_ledger:
-            raise InputError('the ledger is not recorded; make the simulation with record=["energy"]')
-        if "disk_energy" in self.setup.record:
+            raise InputError('the ledger is not recorded; make the simulation with record=["ledger"]')
+        if "dissipated" in self.setup.record:
             raise InputError('record: "disk_energy" needs "energy", which must stay on')
         self._engine.switch_ledger(on)
 
@@ -1111,7 +1111,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
-        if "wall" in self.setup.record:
+        if "wall_sums" in self.setup.record:
             ledger["walls"] = self._engine.wall_sums
         ledger["species"] = self._engine.species_totals()
         return measure_of_totals(

@@ -116,7 +116,7 @@ def test_a_run_has_the_bits_of_the_same_law_from_python(case: Path) -> None:
     assert executed(case, "run", "-o", out) == 0
     gas = ifrdem.Case.read(case).simulation()
     same = ifrdem.Simulation(
-        gas.disks, gas.box, law_examples.Viscoelastic(**VALUES), gas.state, record=["energy"], seed=2
+        gas.disks, gas.box, law_examples.Viscoelastic(**VALUES), gas.state, record=["ledger"], seed=2
     )
     same.run(collisions_per_disk=4.0)
     with ifrdem.Trajectory(out, run_law_files=True) as trajectory:

@@ -54,7 +54,7 @@ position = ifrdem.initial.random_positions(box, disks.radius, seed=1)
 velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
 start = ifrdem.State(position, velocity, np.zeros(n))
 one = Own(e=0.9) if changed == "law" else ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15)
-record = ["energy"] if changed == "features" else []
+record = ["ledger"] if changed == "features" else []
 gas = ifrdem.Simulation(disks, box, one, start, device=ifrdem.Device(threads=1), record=record)
 gas.run(t_end=0.5)
 found = hashlib.sha256(gas.state.position.tobytes() + gas.state.velocity.tobytes()).hexdigest()

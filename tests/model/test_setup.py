@@ -31,7 +31,7 @@ WALLED = json.loads(
     '"values": {"power": 0.5, "diffusion": 0.0}}, {"kind": "Langevin", "step": 0.2, "values": {"temperature": 1.0, '
     '"rate": 0.3, "spin_temperature": 1.0, "spin_rate": 0.0}}], "collapse": ["ContactTime", {"time": 0.001}], '
     '"device": {"name": "cpu", "threads": 1, "precision": "f64", "window_collisions": null, "low_memory": false}, '
-    '"record": ["disk_energy", "energy", "wall"], "seed": 7}'
+    '"record": ["dissipated", "ledger", "wall_sums"], "seed": 7}'
 )
 TURNING = json.loads(
     '{"box": {"lengths": [9.0, 9.0], "periodic": [false, false], "shear_rate": 0.0}, "law": [[{"law": "walton", '
@@ -49,7 +49,7 @@ SETUPS: dict[str, tuple[Setup, dict[str, Any]]] = {
             forces=(RandomKicks(0.1, power=0.5), Langevin(0.2, temperature=1.0, rate=0.3)),
             collapse=ContactTime(1e-3),
             device=Device(threads=1),
-            record=frozenset(["disk_energy", "wall"]),
+            record=frozenset(["dissipated", "wall_sums"]),
             seed=7,
         ),
         WALLED,

@@ -47,7 +47,7 @@ def setting(kind: str, n: int = 60) -> tuple[Box, State, dict[str, Any]]:
 
 
 def made(box: Box, state: State, **options: Any) -> Simulation:
-    return Simulation(gases.equal_disks(60), box, LAW, state, record=["energy"], **options)
+    return Simulation(gases.equal_disks(60), box, LAW, state, record=["ledger"], **options)
 
 
 def assert_same_motion(one: State, other: State) -> None:
@@ -90,11 +90,11 @@ def test_a_changed_gas_continues_as_a_new_one_from_its_state_and_the_ledger_clos
 ) -> None:
     box, state, options = setting(kind)
     disks = gases.equal_disks(60)
-    gas = Simulation(disks, box, LAW, state, record=["energy"], seed=5, **options)
+    gas = Simulation(disks, box, LAW, state, record=["ledger"], seed=5, **options)
     gas.run(t_end=1.0)
     act, given = CHANGES[change]
     act(gas)
-    fresh = {"law": LAW, "record": ["energy"], "seed": 5, **options, **given}
+    fresh = {"law": LAW, "record": ["ledger"], "seed": 5, **options, **given}
     other = Simulation(disks, box, state=gas.state, **fresh)
     assert gas.setup.to_record() == other.setup.to_record()
     assert repr(gas).splitlines()[0] == repr(other).splitlines()[0]
@@ -140,7 +140,7 @@ def test_energy_that_former_forces_put_in_still_counts() -> None:
 def test_a_gas_that_has_flown_apart_or_rests_moves_again_with_other_velocities() -> None:
     disks = gases.equal_disks(2)
     apart = State([[0.0, 0.0], [2.0, 0.0]], [[-1.0, 0.0], [1.0, 0.0]], [0.0, 0.0])
-    gas = Simulation(disks, Box.open(), IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), apart, record=["energy"])
+    gas = Simulation(disks, Box.open(), IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), apart, record=["ledger"])
     gas.run(t_end=10.0)
     assert gas.collisions == 0
     gas.set_velocities([[1.0, 0.0], [-1.0, 0.0]])  # 22 apart, they touch after 10.5

@@ -47,7 +47,7 @@ STATE = (
 )  # fmt: skip
 
 
-RECORD = ["energy", "partner", "angle"]
+RECORD = ["ledger", "last_partner", "angle"]
 OPENS = 200
 
 
@@ -99,7 +99,7 @@ def walled(threads: int | None = None) -> Simulation:
     return Simulation(
         disks, box, COIN, State(grid, rng.normal(size=(60, 2)), rng.normal(size=60)), walls=walls,
         device=Device(threads=threads), gravity=(0.0, -1.0), collapse=ContactTime(0.01), seed=3,
-        record=[*RECORD, "wall"],
+        record=[*RECORD, "wall_sums"],
     )  # fmt: skip
 
 
@@ -116,7 +116,7 @@ def pushed(threads: int | None = None) -> Simulation:
         disks, box, [[COIN, hoops], [hoops, COIN]], State(grid, rng.normal(size=(60, 2)), rng.normal(size=60)),
         walls=[Wall.line((0.0, 11.0), (0.0, -1.0), material=1, group="lid", piston=Piston(20.0, force=9.0, low=-0.5))],
         device=Device(threads=threads), forces=[force], collapse=VelocityCutoff(0.05), seed=2**63,
-        record=["energy", "partner", "angle", "disk_energy", "wall"], tracked=[3, 7],
+        record=["ledger", "last_partner", "angle", "dissipated", "wall_sums"], tracked=[3, 7],
     )  # fmt: skip
 
 
@@ -128,7 +128,7 @@ def heap(threads: int | None = None) -> Simulation:
     return Simulation(
         disks, box, IFRLaw(e_n=0.3, e_t=-0.5, mu=0.4), State(grid, velocity, np.zeros(20)), collapse=Rest(0.05),
         gravity=RotatingGravity((0.0, -1.0), rate=0.05, step=0.01), device=Device(threads=threads),
-        record=["energy", "partner", "angle"],
+        record=["ledger", "last_partner", "angle"],
     )  # fmt: skip
 
 
@@ -289,7 +289,7 @@ def test_custom_laws_and_forces_are_given_again(tmp_path):
     path, disks = tmp_path / "a.h5", equal_disks(60)
     box, state = gases.start(disks, 0.3)
     law, forces = Smooth(e_n=0.9), [Uniform(0.05, acceleration=0.3), Drag(0.08, rate=0.1)]
-    whole = Simulation(disks, box, law, state, forces=forces, record=["energy", "partner", "angle"])
+    whole = Simulation(disks, box, law, state, forces=forces, record=["ledger", "last_partner", "angle"])
     whole.run(t_end=0.7)
     whole.save_checkpoint(path)
     whole.run(t_end=1.5)

@@ -23,7 +23,7 @@ def gas(n=1500, *, walls=(), law=LAW, **options):
     position = ifrdem.initial.random_positions(box, disks.radius, seed=1, walls=walls)
     velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=2)
     start = ifrdem.State(position, velocity, np.zeros(n))
-    return ifrdem.Simulation(disks, box, law, start, walls=walls, record=["disk_energy"], **options)
+    return ifrdem.Simulation(disks, box, law, start, walls=walls, record=["dissipated"], **options)
 
 
 def test_half_of_what_a_head_on_collision_takes_belongs_to_either_disk():
@@ -32,7 +32,7 @@ def test_half_of_what_a_head_on_collision_takes_belongs_to_either_disk():
     box = ifrdem.Box((20.0, 20.0))
     start = ifrdem.State([[5.0, 10.0], [9.0, 10.0]], [[2.0, 0.0], [0.0, 0.0]], np.zeros(2))
     law = ifrdem.IFRLaw(e_n=0.8, e_t=-0.5, mu=0.2)
-    run = ifrdem.Simulation(disks, box, law, start, record=["disk_energy"])
+    run = ifrdem.Simulation(disks, box, law, start, record=["dissipated"])
     run.run(t_end=3.0)
     assert run.collisions == 1
     np.testing.assert_allclose(run.state.dissipated, [[0.27, 0, 0, 0, 0, 0, 0]] * 2, rtol=1e-14)
@@ -47,7 +47,7 @@ def test_a_wall_leaves_all_of_it_to_the_disk():
     box = ifrdem.Box((20.0, 10.0), periodic=(True, False))
     start = ifrdem.State([[5.0, 5.0], [15.0, 5.0]], [[0.0, -2.0], [0.0, 0.0]], [0.0, 0.0])
     run = ifrdem.Simulation(
-        disks, box, ifrdem.IFRLaw(e_n=0.8, e_t=-0.5, mu=0.2), start, record=["disk_energy"]
+        disks, box, ifrdem.IFRLaw(e_n=0.8, e_t=-0.5, mu=0.2), start, record=["dissipated"]
     )
     run.run(t_end=3.0)
     np.testing.assert_allclose(run.state.dissipated, [[0, 0, 0, 0, 0, 0.72, 0], [0] * 7], rtol=1e-14)
@@ -89,7 +89,7 @@ def test_tiles_know_what_one_tile_knows():
             order=order,
             tile_disks=200,
             device=Device(threads=2),
-            record=["energy", "disk_energy"],
+            record=["ledger", "dissipated"],
         )
         found.append(run_to(engine, 2.0).dissipated)
     assert found[0].any()
@@ -100,7 +100,7 @@ def test_a_run_that_continues_from_a_state_continues_its_sums():
     whole, first = gas(), gas()
     whole.run(t_end=0.6)
     first.run(t_end=0.3)
-    second = ifrdem.Simulation(first.disks, first.box, LAW, first.state, record=["disk_energy"])
+    second = ifrdem.Simulation(first.disks, first.box, LAW, first.state, record=["dissipated"])
     second.run(t_end=0.6)
     assert second.collisions > 1.5 * first.collisions
     np.testing.assert_allclose(second.state.dissipated, whole.state.dissipated, rtol=1e-9, atol=1e-10)

@@ -74,8 +74,8 @@ def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
     From there on it must be the uninterrupted gas: the same frames to the last bit, and the same collisions.
     """
     whole, part = (
-        gas(record=["energy"], tracked=[3], **options),
-        gas(record=["energy"], tracked=[3], **options),
+        gas(record=["ledger"], tracked=[3], **options),
+        gas(record=["ledger"], tracked=[3], **options),
     )
     frames: list[State] = []
     whole.run(**end, frames=50, frame_callbacks=[lambda state, measure: frames.append(state)])
@@ -350,7 +350,7 @@ def test_run_for_nothing_is_refused(more: dict[str, Any], message: str) -> None:
 
 
 def test_a_simulation_prints_what_it_is_and_its_progress() -> None:
-    made = gas(16, record=["energy"])
+    made = gas(16, record=["ledger"])
     made.run(t_end=0.5)
     what, where = str(made).splitlines()
     assert what.startswith("Simulation: 16 disks, box ")

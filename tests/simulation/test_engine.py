@@ -297,7 +297,7 @@ def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     disks = equal_disks(60_000)
     box, state = start(disks, 0.3)
     engine = engine_of(
-        disks, box, state, np.array([[ELASTIC]]), record=["energy"] * ledger, device=Device(threads=1)
+        disks, box, state, np.array([[ELASTIC]]), record=["ledger"] * ledger, device=Device(threads=1)
     )
     engine.advance(t_end=1e-3)
     arrays = engine.arrays

@@ -44,7 +44,7 @@ def test_each_mechanism_takes_what_one_collision_shows(device):
     v, w = np.array([[1.0, 0.3], [-0.5, 0.0]]), np.array([0.8, -0.1])
     position = np.array([[4.0, 5.0], [6.0, 5.3 - 0.3]])
     simulation = Simulation(
-        disks, Box((10.0, 10.0)), ROLLING, State(position, v, w), device=device, record=["energy"]
+        disks, Box((10.0, 10.0)), ROLLING, State(position, v, w), device=device, record=["ledger"]
     )
     simulation.run(t_end=2.0)
     assert simulation.collisions == 1
@@ -98,7 +98,7 @@ def test_collisions_are_counted_by_their_regime(device):
     expected["elastic"] += 1
     assert all(expected.values())
     simulation = Simulation(
-        disks, Box((10.0, 20.0)), laws, State(place, velocity, np.repeat(spins, 2)), device=device, record=["energy"],
+        disks, Box((10.0, 20.0)), laws, State(place, velocity, np.repeat(spins, 2)), device=device, record=["ledger"],
         collapse=VelocityCutoff(0.01),
     )  # fmt: skip
     simulation.collide(6)
@@ -111,7 +111,7 @@ def test_the_ledger_closes_where_spins_hold_nearly_all_energy(device):
     box, state = start(disks, 0.3)
     state.spin[::2] *= 1e6
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, COIN, state, device=device, record=["energy"])
+    simulation = Simulation(disks, box, COIN, state, device=device, record=["ledger"])
     simulation.run(collisions_per_disk=2.0, series=2, series_callbacks=[measures.append])
     assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
     assert abs(residual(measures[0], measures[-1])) < 1e-13
@@ -128,7 +128,7 @@ def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(device, m
     box, state = start(disks, 0.3)
     state.spin[:] = 0.0
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, law, state, device=device, record=["energy"])
+    simulation = Simulation(disks, box, law, state, device=device, record=["ledger"])
     simulation.run(collisions_per_disk=5.0, series=3, series_callbacks=[measures.append])
     assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
     assert max(abs(residual(measures[0], each)) for each in measures) < 1e-12
@@ -143,7 +143,7 @@ def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(device, 
         np.array([[4.0, 5.0], [6.0, 5.0]]), speed * np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2)
     )
     simulation = Simulation(
-        disks, Box((10.0, 10.0)), Weak(part=part), state, device=device, record=["energy"]
+        disks, Box((10.0, 10.0)), Weak(part=part), state, device=device, record=["ledger"]
     )
     simulation.collide(1)
     lost = part * (2.0 - part) * speed**2
@@ -157,7 +157,7 @@ def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(device, 
 def test_the_ledger_closes_where_a_law_drives_spins(device):
     """A negative T gives spins energy: a loss below 0."""
     measures: list[Measure] = []
-    simulation = gas_of(equal_disks(300), 0.3, Driving(), device=device, record=["energy"])
+    simulation = gas_of(equal_disks(300), 0.3, Driving(), device=device, record=["ledger"])
     simulation.run(collisions_per_disk=3.0, series=3, series_callbacks=[measures.append])
     assert measures[-1].dissipated[MECHANISMS.index("rolling")] < -1e-3
     assert abs(residual(measures[0], measures[-1])) < 1e-13
@@ -167,7 +167,7 @@ def test_the_ledger_closes_where_a_law_drives_spins(device):
 @pytest.mark.parametrize("law", [ROLLING, COIN])
 def test_the_ledger_closes_in_a_cooling_gas(device, n, law):
     measures: list[Measure] = []
-    simulation = gas_of(mixture(n), 0.3, law, device=device, record=["energy"])
+    simulation = gas_of(mixture(n), 0.3, law, device=device, record=["ledger"])
     simulation.run(collisions_per_disk=5.0, series=5, series_callbacks=[measures.append])
     assert measures[-1].dissipated[0] > 0.0
     assert measures[-1].regimes.sum() == simulation.collisions
@@ -188,7 +188,7 @@ def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(devic
     ]
     measures: list[Measure] = []
     simulation = Simulation(
-        disks, box, COIN, state, device=device, walls=walls, gravity=(0.0, -1.0), record=["energy"],
+        disks, box, COIN, state, device=device, walls=walls, gravity=(0.0, -1.0), record=["ledger"],
         collapse=VelocityCutoff(1e-3),
     )  # fmt: skip
     simulation.run(t_end=6.0, series=3, series_callbacks=[measures.append])
@@ -200,9 +200,9 @@ def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(devic
 
 def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(device):
     disks, forces = equal_disks(400), [RandomKicks(0.05, power=0.5), Drag(0.05, rate=0.1)]
-    driven = gas_of(disks, 0.3, COIN, device=device, record=["energy"], forces=forces)
+    driven = gas_of(disks, 0.3, COIN, device=device, record=["ledger"], forces=forces)
     box, state = gases.sheared(disks, 0.3, rate=0.5)
-    sheared = Simulation(disks, box, COIN, state, device=device, record=["energy"])
+    sheared = Simulation(disks, box, COIN, state, device=device, record=["ledger"])
     for simulation in (driven, sheared):
         measures: list[Measure] = []
         simulation.run(t_end=2.0, series=4, series_callbacks=[measures.append])
@@ -222,7 +222,7 @@ def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
             box,
             state,
             np.array([[gases.COIN]]),
-            record=["energy"],
+            record=["ledger"],
             device=Device(threads=threads),
             order=order,
             tile_disks=500,
@@ -240,7 +240,7 @@ def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
 def test_series_at_the_ends_of_windows_change_nothing(device):
     ends, rows = [], []
     for series in (None, Trigger(number=200, exact=False)):
-        simulation = gas_of(equal_disks(600), 0.5, COIN, device=device, record=["energy"])
+        simulation = gas_of(equal_disks(600), 0.5, COIN, device=device, record=["ledger"])
         simulation.run(collisions_per_disk=40.0, series=series, series_callbacks=[rows.append])
         ends.append(simulation.state)
     assert len(rows) > 5
@@ -264,7 +264,7 @@ def test_totals_on_the_device_are_those_of_the_state(device):
     )
     box, state = start(equal_disks(300), 0.3)
     state.velocity[7], state.spin[7] = 0.0, 0.0
-    simulation = Simulation(disks, box, COIN, state, device=device, record=["energy"])
+    simulation = Simulation(disks, box, COIN, state, device=device, record=["ledger"])
     observed: list[Measure] = []
     simulation.run(
         collisions_per_disk=2.0, frame_callbacks=[lambda _state, measure: observed.append(measure)]
@@ -279,7 +279,7 @@ def test_totals_on_the_device_are_those_of_the_state(device):
 
 def test_a_ledger_that_is_switched_off_misses_just_that_time(device):
     """Switched on again, it continues; the collisions are the same to the bit."""
-    whole, parts = (gas_of(equal_disks(300), 0.4, COIN, device=device, record=["energy"]) for _ in range(2))
+    whole, parts = (gas_of(equal_disks(300), 0.4, COIN, device=device, record=["ledger"]) for _ in range(2))
     expected = np.zeros(len(MECHANISMS))
     for k, on in enumerate([True, False, True]):
         parts.switch_ledger(on)

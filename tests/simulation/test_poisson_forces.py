@@ -206,7 +206,7 @@ def test_collisions_are_those_of_a_run_that_gets_the_same_kicks_from_outside() -
 def test_energy_is_balanced_and_numbers_of_collisions_do_not_count_kicks(precision: Any) -> None:
     gas = gas_of(
         mixture(500), 0.3, LOSSY, forces=[PoissonKicks(5.0, power=1.0), Drag(0.1, rate=0.5)], seed=1,
-        device=Device(precision=precision), record=["energy", "partner"],
+        device=Device(precision=precision), record=["ledger", "last_partner"],
     )  # fmt: skip
     begin = gas.measure().energy
     gas.run(t_end=4.0)
@@ -284,7 +284,7 @@ def walled(**options: Any) -> Simulation:
 @pytest.mark.full
 def test_stops_in_a_window_change_no_bit_also_under_gravity_between_walls() -> None:
     options: dict[str, Any] = {
-        "forces": [PoissonKicks(3.0, power=2.0)], "walls": [Wall.post((10.0, 18.0), 0.5)], "record": ["energy"],
+        "forces": [PoissonKicks(3.0, power=2.0)], "walls": [Wall.post((10.0, 18.0), 0.5)], "record": ["ledger"],
     }  # fmt: skip
     whole, parts = walled(**options), walled(**options)
     whole.run(t_end=3.0)
@@ -305,7 +305,7 @@ def test_stops_in_a_window_change_no_bit_also_under_gravity_between_walls() -> N
 def test_a_restart_in_a_window_changes_no_bit(tmp_path: Path) -> None:
     def make() -> Simulation:
         forces = [PoissonKicks(3.0, power=2.0), Drag(0.08, rate=0.2)]
-        return gas_of(mixture(200), 0.3, LOSSY, forces=forces, seed=2**40, record=["energy"])
+        return gas_of(mixture(200), 0.3, LOSSY, forces=forces, seed=2**40, record=["ledger"])
 
     whole, stopped = make(), make()
     whole.run(t_end=3.0)
@@ -325,7 +325,7 @@ def test_a_sheared_gas_closes_its_balance_of_energy() -> None:
     box = Box(box.lengths, shear_rate=0.4)
     state = State(state.position, state.velocity + box.flow(state.position), state.spin)
     gas = Simulation(
-        disks, box, LOSSY, state, forces=[PoissonKicks(6.0, power=1.0)], seed=5, record=["energy"]
+        disks, box, LOSSY, state, forces=[PoissonKicks(6.0, power=1.0)], seed=5, record=["ledger"]
     )
     begin = gas.measure().energy
     gas.run(t_end=3.0)

@@ -44,7 +44,7 @@ def order(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> st
 
 
 def gas(*, n: int = 1500, **options: object) -> Simulation:
-    return gas_of(mixture(n), 0.5, COIN, record=["energy", "partner", "angle"], **options)
+    return gas_of(mixture(n), 0.5, COIN, record=["ledger", "last_partner", "angle"], **options)
 
 
 def frames_of(simulation: Simulation, **until: object) -> Frames:
@@ -182,7 +182,7 @@ def test_kicks_do_not_move_frames(order: str) -> None:
 def test_frames_of_disks_without_collisions_are_at_their_times() -> None:
     begin = State([[2.0, 2.0], [5.0, 5.0]], [[1.0, 0.0], [1.0, 0.0]], [0.5, -0.5])
     for box in (Box((10.0, 10.0)), Box.open()):
-        simulation = Simulation(mixture(2), box, COIN, begin, record=["energy", "partner", "angle"])
+        simulation = Simulation(mixture(2), box, COIN, begin, record=["ledger", "last_partner", "angle"])
         found = [state for state, _ in frames_of(simulation, t_end=8.0, frames=4)]
         assert [state.time for state in found] == [0.0, 2.0, 4.0, 6.0, 8.0]
         for state in found:
@@ -370,9 +370,9 @@ def test_moments_one_clock_step_apart_are_separate_frames() -> None:
 
 RECORDED_BY = {
     "latest_collision": {"collapse": ContactTime(1e-6)},
-    "last_partner": {"record": ["partner"]},
+    "last_partner": {"record": ["last_partner"]},
     "angle": {"record": ["angle"]},
-    "dissipated": {"record": ["disk_energy"]},
+    "dissipated": {"record": ["dissipated"]},
 }
 
 

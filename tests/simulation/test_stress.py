@@ -65,7 +65,7 @@ def test_walls_and_posts_transfer_momentum_from_where_they_are_touched(device):
     state = State(grid, rng.normal(size=(40, 2)), rng.normal(size=40))
     gas = Simulation(
         disks, box, ROUGH, state, device=device, walls=walls, gravity=(0.0, -0.05), tracked=range(40),
-        collapse=ContactTime(1e-5), record=["stress", "wall"],
+        collapse=ContactTime(1e-5), record=["stress", "wall_sums"],
     )  # fmt: skip
     gas.run(t_end=20.0)
     found = gas.measure().virial
@@ -109,7 +109,7 @@ def test_a_sheared_gas_transfers_the_momentum_of_a_serial_code(order):
 def sheared_gas(n: int = 60, rate: float = 0.4) -> Simulation:
     disks = mixture(n)
     box, state = sheared_start(disks, 0.3, rate)
-    return Simulation(disks, box, ROUGH, state, record=["stress", "energy"])
+    return Simulation(disks, box, ROUGH, state, record=["stress", "ledger"])
 
 
 def test_viscous_heating_is_the_shear_stress_times_the_rate():
@@ -158,7 +158,7 @@ def test_the_virial_theorem_of_a_gas_between_walls():
     position = np.stack(np.meshgrid(np.arange(10), np.arange(6)), axis=-1).reshape(-1, 2) * 1.4 + 1.0
     rng = np.random.default_rng(2)
     state = State(position, rng.normal(size=(60, 2)), rng.normal(size=60))
-    gas = Simulation(disks, box, ROUGH, state, record=["stress", "wall"])
+    gas = Simulation(disks, box, ROUGH, state, record=["stress", "wall_sums"])
     rows: list[Measure] = []
     gas.run(t_end=30.0, series=Trigger(number=4000), series_callbacks=[rows.append])
     t = np.array([row.time for row in rows])

@@ -59,7 +59,7 @@ def test_paths_lead_through_every_collision(device, alone, monkeypatch):
     disks = mixture(900)
     box, state = start(disks, 0.4)
     tracked = [0, 13, 400, 899]
-    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=tracked, record=["partner"])
+    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=tracked, record=["last_partner"])
     simulation.run(collisions_per_disk=12.0)
     events, end = simulation.take_events(), simulation.state
     assert np.all(np.diff(events.time) >= 0.0)
@@ -75,7 +75,7 @@ def test_each_row_is_one_collision_of_the_law(device):
     """Impulses, regime, angle and both sides' velocities of every row against `law.collide`."""
     disks = mixture(500)
     box, state = start(disks, 0.3)
-    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=range(500), record=["partner"])
+    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=range(500), record=["last_partner"])
     simulation.run(collisions_per_disk=3.0)
     e = simulation.take_events()
     assert len(e) == 2 * simulation.collisions  # all disks are tracked: each collision twice
@@ -118,7 +118,7 @@ def test_collisions_at_one_time_are_in_the_order_in_which_they_happened(device):
         np.zeros(24),
     )
     box = Box((16.0, 16.0))
-    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=range(24), record=["partner"])
+    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=range(24), record=["last_partner"])
     simulation.run(t_end=1.25)
     events, end = simulation.take_events(), simulation.state
     assert any(np.any(np.diff(rows_of(events, disk)["time"]) == 0.0) for disk in range(8))
@@ -173,7 +173,7 @@ def test_kicks_are_rows_so_that_driven_paths_are_exact_too(device):
     walls = [Wall.line((0.0, y), (0.0, up)) for y, up in ((0.3, 1.0), (7.3, -1.0))]
     simulation = Simulation(
         disks, box, COIN, state, device=device, tracked=range(40), seed=4,
-        forces=[RandomKicks(0.1, power=1.0), SpinKicks(0.07, power=1.0)], record=["partner"], walls=walls,
+        forces=[RandomKicks(0.1, power=1.0), SpinKicks(0.07, power=1.0)], record=["last_partner"], walls=walls,
     )  # fmt: skip
     simulation.run(t_end=1.0)
     events, end = simulation.take_events(), simulation.state

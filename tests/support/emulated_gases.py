@@ -70,7 +70,7 @@ def engine_of(gas: Gas, device: Literal["cpu", "cuda"], **options: Any) -> Engin
         gravity=(0.0, -0.1),
         # Two in the same steps, and one at random times.
         forces=[Drag(0.08, rate=0.1), RandomKicks(0.08, power=0.2), PoissonKicks(1.0, power=0.1)],
-        record=["energy"],
+        record=["ledger"],
         **options,
     )
 

@@ -56,7 +56,7 @@ os.environ[runtime.variable("OFFLINE_CACHE_CLEANING_POLICY")] = "never"
 CACHE = Path(os.environ[runtime.variable("OFFLINE_CACHE_FILE_PATH")])
 N = 700
 tiling.SINGLE_TILE = 100  # windows as short as those of gases in tiles
-ALL_SUMS: dict[str, Any] = {"record": ["disk_energy", "partner", "angle"]}
+ALL_SUMS: dict[str, Any] = {"record": ["dissipated", "last_partner", "angle"]}
 SINGLE = {"device": Device(threads=1, precision="f32")}
 RANK_GASES = ("2:walls", "2:fast sizes", "2:driven", "2:shear")
 
@@ -140,7 +140,7 @@ def pistons(**options: Any) -> Engine:
         Wall.line((0.0, 26.0), (0.0, -1.0), piston=Piston(40.0, force=20.0)),
     ]
     state = lattice(250, box, 1.2, (0.8, 1.0))
-    options = {"gravity": (0.0, -0.2), "record": ["energy", "wall"], "order": "serial"} | options
+    options = {"gravity": (0.0, -0.2), "record": ["ledger", "wall_sums"], "order": "serial"} | options
     return engine_of(equal_disks(250), box, state, np.array([[COIN]]), walls=walls, **options)
 
 
@@ -183,7 +183,7 @@ def driven(**options: Any) -> Engine:
 def of_own_law(**options: Any) -> Engine:
     from support.law_examples import Viscoelastic
 
-    return periodic(equal_disks(N), 0.4, (0.1, -0.6, 0.2), law=Viscoelastic, record=["energy"], **options)
+    return periodic(equal_disks(N), 0.4, (0.1, -0.6, 0.2), law=Viscoelastic, record=["ledger"], **options)
 
 
 GASES: dict[str, Callable[..., Engine]] = {

@@ -121,7 +121,7 @@ def after(gas: Gas, per_disk: float, device: Literal["cpu", "cuda"], **options: 
         state,
         np.array([[law]]),
         device=Device(device, window_collisions=WINDOW),
-        record=["energy"],
+        record=["ledger"],
         **more,
         **options,
     )

@@ -308,7 +308,7 @@ def _pushed(phi: float, seed: int, long: float) -> tuple[float, float, float]:
     gas = Simulation(disks, box, ELASTIC, scattered(disks, box, seed, temperature=1.0))
     gas.run(collisions_per_disk=20.0)
     T = 0.5 * float(np.sum(gas.state.velocity**2)) / (n - 0.5)  # the momentum along the walls is kept
-    gas = restarted(gas, record=["wall"])
+    gas = restarted(gas, record=["wall_sums"])
     gas.run(collisions_per_disk=long)
     mean, sums = math.sqrt(2.0 * math.pi * T), gas.wall_sums
     given = float(np.abs(sums.momentum[:, 1]).sum())  # lower and upper wall

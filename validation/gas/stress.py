@@ -152,7 +152,7 @@ def balances(n: int, seed: int, rate: float, per_disk: float) -> tuple[float, fl
     box = Box.from_packing_fraction(disks.radius, 0.3, shear_rate=rate)
     start = scattered(disks, box, seed, temperature=1.0)
     start.velocity = start.velocity + box.flow(start.position)
-    gas = Simulation(disks, box, coins["1 pta"].law, start, record=["stress", "energy"])
+    gas = Simulation(disks, box, coins["1 pta"].law, start, record=["stress", "ledger"])
     rows: list[Measure] = []
     every = Trigger(collisions=2.0 / n)
     spin = float(disks.inertia @ gas.state.spin)
@@ -268,7 +268,7 @@ def on_walls(law: IFRLaw, seed: int, t_end: float, *, hot: bool) -> float:
     ]
     walls = walls if hot else []
     start = scattered(disks, box, seed, walls, temperature=1.0)
-    gas = Simulation(disks, box, law, start, walls=walls, record=["stress", "wall"], seed=seed)
+    gas = Simulation(disks, box, law, start, walls=walls, record=["stress", "wall_sums"], seed=seed)
     rows = observed(gas, round(4.0 * t_end), t_end=t_end)
     end = gas.state
     change = float(

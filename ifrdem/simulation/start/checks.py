@@ -242,7 +242,7 @@ def check(setup: Setup, disks: Disks, state: State, counts: StartCounts, ranks: 
     Of ranks, `disks` and `state` may be those of a slice; `counts` are of all disks.
     """
     box, walls, device, materials = setup.box, setup.all_walls, setup.device, len(setup.law)
-    check_number(counts.n, ranks, "partner" in setup.record, low_memory=device.low_memory)
+    check_number(counts.n, ranks, "last_partner" in setup.record, low_memory=device.low_memory)
     n = disks.n
     check_motion(disks, state)
     if n and int(disks.material.max()) >= materials:
@@ -277,7 +277,7 @@ def check_number(n: int, ranks: int = 1, partners: bool = False, *, low_memory: 
     """
     if partners and n > ADDRESSABLE:
         raise InputError(
-            f"record = ['partner']: {n} disks, and latest partners are known of {ADDRESSABLE} at most"
+            f"record = ['last_partner']: {n} disks, and latest partners are known of {ADDRESSABLE} at most"
         )
     each = most_disks(low_memory)
     most = min(ranks * each, MOST_IDS)

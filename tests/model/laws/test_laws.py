@@ -214,7 +214,7 @@ def test_histories_have_the_regimes_that_the_ledger_counts() -> None:
     position = ifrdem.initial.random_positions(box, disks.radius, seed=1)
     velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
     start = ifrdem.State(position, velocity, np.zeros(50))
-    gas = ifrdem.Simulation(disks, box, WALTON, start, tracked=range(50), record=["energy"])
+    gas = ifrdem.Simulation(disks, box, WALTON, start, tracked=range(50), record=["ledger"])
     gas.run(collisions_per_disk=4)
     regime, counted = gas.take_events().regime, gas.measure().regimes
     assert counted is not None
@@ -242,7 +242,7 @@ def test_ledger_closes_and_no_collision_adds_energy(law: laws.CollisionLaw) -> N
     position = np.stack(np.meshgrid(np.arange(20) + 0.5, np.arange(10) + 0.5), -1).reshape(-1, 2) * 1.5
     disks = ifrdem.Disks(n, mass=1.0, radius=0.5)
     start = ifrdem.State(position, rng.normal(size=(n, 2)), rng.normal(size=n))
-    gas = ifrdem.Simulation(disks, ifrdem.Box((30.0, 15.0)), law, start, record=("energy",))
+    gas = ifrdem.Simulation(disks, ifrdem.Box((30.0, 15.0)), law, start, record=("ledger",))
     before = gas.measure()
     energies = [before.energy]
     for _ in range(5):

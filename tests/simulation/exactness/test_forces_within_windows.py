@@ -63,7 +63,7 @@ def bounded(**options: Any) -> Engine:
         Wall.line((0.0, 0.4), (0.0, 1.0), motion=Motion("sine", amplitude=0.3, frequency=0.7)),
         Wall.line((0.0, 33.0), (0.0, -1.0), temperature=2.0),
     ]
-    options = dict[str, Any](record=[*ALL_SUMS, "wall"], device=ONE, seed=3) | options
+    options = dict[str, Any](record=[*ALL_SUMS, "wall_sums"], device=ONE, seed=3) | options
     return engine_of(disks, box, state, np.array([[COIN]]), walls=walls, gravity=(0.0, -0.5), **options)
 
 
@@ -94,7 +94,7 @@ def in_shear() -> Engine:
     box, state = sheared(disks, 0.3, rate=0.4)
     forces = [Drag(0.05, rate=0.2), RandomKicks(0.05, power=0.5)]
     return engine_of(
-        disks, box, state, np.array([[COIN]]), forces=forces, device=ONE, seed=3, record=["energy"]
+        disks, box, state, np.array([[COIN]]), forces=forces, device=ONE, seed=3, record=["ledger"]
     )
 
 

@@ -27,7 +27,7 @@ from ifrdem.validation.rows import engine_of
 
 LOOKED_AT = (*COMPARED, "angle", "last_partner", "dissipated", "latest_collision")
 KEPT: dict[str, Any] = {
-    "record": ["energy", "disk_energy", "partner", "angle"], "collapse": ContactTime(1e-9),
+    "record": ["ledger", "dissipated", "last_partner", "angle"], "collapse": ContactTime(1e-9),
 }  # fmt: skip
 FRAMES = [RunPoint(collisions=int(0.4 * N / 2 * i)) for i in range(1, 13)]  # one to four in each window
 

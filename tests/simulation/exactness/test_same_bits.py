@@ -361,7 +361,7 @@ def test_ids_up_to_the_last_of_32_bits_on_one_thread() -> None:
             order="tiled",
             tile_disks=250,
             device=Device(threads=1),
-            record=["partner"],
+            record=["last_partner"],
         )
         meta = engine.arrays.meta.to_numpy()
         named(meta[:N], "meta").id += first

@@ -29,7 +29,7 @@ def piston_gas(
     disks: Disks, box: Box, law: IFRLaw, state: State, walls: list[Wall], **options: Any
 ) -> Simulation:
     """With sums of walls, so that all tests share kernels."""
-    return Simulation(disks, box, law, state, walls=walls, **({"record": ["wall"]} | options))
+    return Simulation(disks, box, law, state, walls=walls, **({"record": ["wall_sums"]} | options))
 
 
 def piston_wall(height: float = 12.0, **options: Any) -> Wall:
@@ -119,7 +119,7 @@ def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     np.testing.assert_allclose(found[2], found[0], rtol=1e-7)
 
 
-RECORDED: dict[str, Any] = {"record": ["disk_energy", "wall"], "tracked": range(30)}
+RECORDED: dict[str, Any] = {"record": ["dissipated", "wall_sums"], "tracked": range(30)}
 
 
 def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:

@@ -34,7 +34,7 @@ NEAR = 4.0 * SLOW**2  # gap of contacts, at g = 1
 
 def gas(position: Any, velocity: Any = None, law: Any = None, **options: Any) -> Simulation:
     """Disks in a box of 12 x 10 with walls all around, under g = 1."""
-    given = {"gravity": (0.0, -1.0), "collapse": Rest(SLOW), "record": ["energy"]} | options
+    given = {"gravity": (0.0, -1.0), "collapse": Rest(SLOW), "record": ["ledger"]} | options
     return boxed(BOX, position, velocity, law or IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), **given)
 
 
@@ -44,7 +44,7 @@ def set_asleep(run: Simulation, asleep: list[int], **law: float) -> Simulation:
     state.asleep = np.array(asleep)
     return Simulation(
         run.disks, run.box, IFRLaw(**law), state,
-        gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["energy"],
+        gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["ledger"],
     )  # fmt: skip
 
 
@@ -153,7 +153,7 @@ def test_a_disk_rolls_down_a_slope_without_slip_up_to_a_third_of_the_angle_of_fr
     run = Simulation(
         Disks(1, mass=1.0, radius=0.5, k=k), BOX, law,
         State([[1.0, 0.5 + 1e-9]], [[0.0, 0.0]], [0.0]), gravity=(math.sin(angle), -math.cos(angle)),
-        collapse=Rest(slow), record=["energy"],
+        collapse=Rest(slow), record=["ledger"],
     )  # fmt: skip
     run.run(t_end=time)
     along, spin = run.state.velocity[0, 0], run.state.spin[0]
@@ -198,7 +198,7 @@ def test_a_pyramid_of_three_is_stable_by_friction(mu: float, stands: bool) -> No
     run = Simulation(
         Disks(3, mass=1.0, radius=0.5, material=1), BOX,
         [[floor, floor], [floor, between]], State(place, np.zeros((3, 2)), np.zeros(3)),
-        gravity=(0.0, -1.0), collapse=Rest(0.005), record=["energy"],
+        gravity=(0.0, -1.0), collapse=Rest(0.005), record=["ledger"],
     )  # fmt: skip
     run.run(t_end=40.0)
     top = run.state.position[2, 1]
@@ -223,7 +223,7 @@ def test_a_pyramid_across_a_side_is_the_mirror_image_of_one_across_the_other_sid
             Disks(3, mass=1.0, radius=0.5, material=1),
             Box((12.0, 10.0)[turn], periodic=(True, False)[turn]),
             [[floor, floor], [floor, between]], State(place[:, turn], np.zeros((3, 2)), np.zeros(3)),
-            gravity=(0.0, -1.0)[turn], collapse=Rest(0.005), record=["energy"],
+            gravity=(0.0, -1.0)[turn], collapse=Rest(0.005), record=["ledger"],
         )  # fmt: skip
         run.run(t_end=40.0)
         found.append((run.state.position[:, turn], run.asleep, run.collisions))
@@ -239,7 +239,7 @@ def test_contacts_for_which_there_is_no_room_are_counted_and_wake_no_disk() -> N
     walls = [Wall.segment((4.0, 3.0), (8.0, 3.0)) for _ in range(20)]
     run = Simulation(
         run.disks, BOX, IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), state,
-        walls=walls, gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["energy"],
+        walls=walls, gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["ledger"],
     )  # fmt: skip
     run.run(t_end=3.0)
     assert run.statistics.unverified > 0
@@ -253,7 +253,7 @@ def test_a_sleeping_disk_wakes_where_a_wall_comes_near_and_is_pushed() -> None:
     wall = Wall.line((0.0, 0.0), (1.0, 0.0), motion=Motion("steady", direction=(1.0, 0.0), speed=0.05))
     run = Simulation(
         start.disks, BOX, IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), start.state,
-        walls=[wall], gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["energy"],
+        walls=[wall], gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["ledger"],
     )  # fmt: skip
     run.run(t_end=49.0)
     assert run.asleep == 1
@@ -276,7 +276,7 @@ def sleeper_and(position: tuple[float, float], velocity: tuple[float, float], mu
     state.asleep = np.array([1, 0])
     return Simulation(
         run.disks, run.box, IFRLaw(e_n=0.6, e_t=-1.0, mu=mu), state,
-        gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["energy"],
+        gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["ledger"],
     )  # fmt: skip
 
 
@@ -422,7 +422,7 @@ def test_disks_of_many_sizes_rest_anywhere(box: Box, walls: list[Wall], law: IFR
     start = State(random_positions(box, radius, seed=1, walls=walls), np.zeros((80, 2)), np.zeros(80))
     run = Simulation(
         Disks(80, mass=radius**2, radius=radius), box, law, start, walls=walls,
-        gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["energy"],
+        gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["ledger"],
     )  # fmt: skip
     run.run(t_end=150.0)
     assert run.asleep == 80
@@ -543,7 +543,7 @@ def test_a_gate_that_opens_under_sleeping_disks_wakes_them() -> None:
     law = IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3)
     gas = Simulation(
         disks, box, law, start, walls=[plate], gravity=(0.0, -1.0), collapse=Rest(0.05),
-        record=["disk_energy"],
+        record=["dissipated"],
     )  # fmt: skip
     gas.run(t_end=59.0)
     assert gas.asleep == 9
@@ -570,7 +570,7 @@ def test_nothing_sleeps_on_the_slope_of_an_arc(angle: float) -> None:
         run = Simulation(
             Disks(1, mass=1.0, radius=0.5), Box((20.0, 20.0), (False, False)), IFRLaw(e_n=0.5, e_t=-1.0, mu=0.5),
             State([place], [[0.0, 0.0]], [0.0]), walls=[bowl], gravity=(0.0, -1.0), collapse=Rest(SLOW),
-            record=["energy"],
+            record=["ledger"],
         )  # fmt: skip
         run.run(t_end=4.0)
         found.append(run.state.position[0])

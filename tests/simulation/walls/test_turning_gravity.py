@@ -31,7 +31,7 @@ def turns(rate: float, **step: float) -> RotatingGravity:
 def gas(position: Any, velocity: Any = None, law: IFRLaw = ROUGH, **options: Any) -> Simulation:
     """Disks in a box of 12 x 12 with walls all around, g = 1."""
     return boxed(position=position, velocity=velocity, law=law,
-                 **{"gravity": turns(0.05), "record": ["energy"], "box": BOX} | options)  # fmt: skip
+                 **{"gravity": turns(0.05), "record": ["ledger"], "box": BOX} | options)  # fmt: skip
 
 
 def drum(**options: Any) -> Simulation:
@@ -40,7 +40,7 @@ def drum(**options: Any) -> Simulation:
     start = State(random_positions(BOX, radius, seed=1, walls=[wall]), np.zeros((40, 2)), np.zeros(40))
     given = {"gravity": turns(-0.04, step=0.01)} | options
     return Simulation(
-        Disks(40, mass=radius**2, radius=radius), BOX, ROUGH, start, walls=[wall], record=["energy"],
+        Disks(40, mass=radius**2, radius=radius), BOX, ROUGH, start, walls=[wall], record=["ledger"],
         collapse=Rest(0.05), **given,
     )  # fmt: skip
 

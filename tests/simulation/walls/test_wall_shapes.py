@@ -67,7 +67,7 @@ def gas(
     position = random_positions(BOX, disks.radius, seed=3, walls=walls)
     state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=3), np.zeros(n))
     return engine_of(
-        disks, BOX, state, np.array([[law]]), order=order, walls=walls, gravity=gravity, record=["wall"] * sums,
+        disks, BOX, state, np.array([[law]]), order=order, walls=walls, gravity=gravity, record=["wall_sums"] * sums,
         tile_disks=30, device=Device(threads=threads), collapse=VelocityCutoff(cutoff) if cutoff else None,
     )  # fmt: skip
 
@@ -182,7 +182,7 @@ def test_a_rotating_wall_is_equivalent_to_a_rotating_frame() -> None:
         [[15.0 + d * math.cos(beta), 15.0 + d * math.sin(beta)], [28.0, 28.0]], np.zeros((2, 2)), [0.0] * 2
     )
     blade = Wall.segment(MIDDLE, (20.0, 15.0), turn=Turn("steady", center=MIDDLE, rate=w))
-    engine = engine_of(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade, *CORNER], record=["wall"])
+    engine = engine_of(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade, *CORNER], record=["wall_sums"])
     t = (beta - math.asin(R / d)) / w
     run_to(engine, t - 1e-12)
     assert engine.wall_collisions == 0
@@ -206,7 +206,7 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
 
     def engine_of(state: State, walls: list[Wall]) -> Engine:
         return engine_of(
-            disks, BOX, state, np.array([[COIN]]), walls=walls, order=order, tile_disks=20, record=["wall"]
+            disks, BOX, state, np.array([[COIN]]), walls=walls, order=order, tile_disks=20, record=["wall_sums"]
         )
 
     def gated(**options: float) -> Engine:
@@ -243,7 +243,7 @@ def test_a_wall_moves_from_one_time_to_another() -> None:
     def above(y: float, speed: float, t: float) -> Engine:
         start = State([[15.0, y], [25.0, 25.0]], [[0.0, speed], [0.0, 0.0]], np.zeros(2), time=t)
         walls = [floor, *CORNER]
-        return engine_of(disks, BOX, start, np.array([[ELASTIC]]), walls=walls, record=["wall"])
+        return engine_of(disks, BOX, start, np.array([[ELASTIC]]), walls=walls, record=["wall_sums"])
 
     engine = above(10.7, 0.0, 0.0)  # the floor stands at 10 before
     run_to(engine, 1.4 - 1e-9)
@@ -303,7 +303,7 @@ def test_sums_are_there_only_where_they_are_asked_for() -> None:
     run = Simulation(disks, BOX, law, start)
     with pytest.raises(InputError, match="wall_sums: not recorded"):
         _ = run.wall_sums
-    run = Simulation(disks, BOX, law, start, walls=room()[:3], record=["wall"])
+    run = Simulation(disks, BOX, law, start, walls=room()[:3], record=["wall_sums"])
     assert run.wall_sums.values.shape == (7, 6)
     assert run.measure().walls is not None
     assert run.wall_sums.of("paddle").values.shape == (1, 6)

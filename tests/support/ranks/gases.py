@@ -61,7 +61,7 @@ def walled() -> Gas:
         Wall.line((0.0, 129.0), (0.0, -1.0), temperature=2.0),
         Wall.post((30.0, 100.0), 3.0),
     ]
-    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "record": ["energy", "stress"]}
+    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "record": ["ledger", "stress"]}
     return disks, box, state, (0.98, *COIN[1:]), 10.0, more
 
 
@@ -86,7 +86,7 @@ def fast(make: Any = mixture) -> Gas:
     disks = Disks(N, np.where(np.arange(N) % 1000 == 0, 1e4, disks.mass), disks.radius, disks.k)
     box, state = start(disks, 0.1)
     state.velocity[::2000], state.velocity[1000::2000] = (40.0, 30.0), (-40.0, -30.0)
-    return disks, box, state, COIN, 6.0, {"record": ["energy"], "forces": [Rescale(0.2, energy=1e4)]}
+    return disks, box, state, COIN, 6.0, {"record": ["ledger"], "forces": [Rescale(0.2, energy=1e4)]}
 
 
 def spreading(make: Any = mixture) -> Gas:
@@ -95,7 +95,7 @@ def spreading(make: Any = mixture) -> Gas:
     box, state = start(disks, 0.2)
     wide = Box((4.0 * box.lengths[0], box.lengths[1]))
     state.velocity[:, 0] += 4.0
-    return disks, wide, state, COIN, 16.0, {"record": ["energy"]}
+    return disks, wide, state, COIN, 16.0, {"record": ["ledger"]}
 
 
 def driven(make: Any = mixture) -> Gas:
@@ -106,12 +106,12 @@ def driven(make: Any = mixture) -> Gas:
         TableFriction(0.05, mu=0.02, gravity=10.0),
         PoissonKicks(3.0, power=0.5),
     ]
-    return periodic(0.3, COIN, 5.0, make, seed=3, record=["energy"], forces=[*forces, Drag(0.1, rate=0.3)])
+    return periodic(0.3, COIN, 5.0, make, seed=3, record=["ledger"], forces=[*forces, Drag(0.1, rate=0.3)])
 
 
 GASES: dict[str, Any] = {
-    "elastic": lambda: periodic(0.3, ELASTIC, 20.0, mixture, record=["energy"]),
-    "cooling": lambda: periodic(0.4, COIN, 80.0, record=["energy", "partner", "angle"]),
+    "elastic": lambda: periodic(0.3, ELASTIC, 20.0, mixture, record=["ledger"]),
+    "cooling": lambda: periodic(0.4, COIN, 80.0, record=["ledger", "last_partner", "angle"]),
     "mixture": lambda: periodic(0.4, ROLLING, 5.0, mixture, collapse=ContactTime(1e-3)),
     "walls": walled,
     "shear": sheared,
@@ -119,7 +119,7 @@ GASES: dict[str, Any] = {
     "driven sizes": lambda: driven(sizes),
     "fast": fast,
     "spreading": spreading,
-    "sizes": lambda: periodic(0.2, COIN, 20.0, lambda n: sizes(n, 0.3), record=["energy"]),
+    "sizes": lambda: periodic(0.2, COIN, 20.0, lambda n: sizes(n, 0.3), record=["ledger"]),
     "fast sizes": lambda: fast(sizes),
     "spreading sizes": lambda: spreading(sizes),
 }

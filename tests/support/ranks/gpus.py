@@ -41,7 +41,7 @@ def after(comm: Any) -> tuple[Engine, dict[str, Any]]:
         np.array([[COIN]]),
         comm=comm,
         device="cuda",
-        record=["partner"],
+        record=["last_partner"],
         forces=forces,
         tile_disks=40,
     )

@@ -55,7 +55,7 @@ def simulation(
         disks, box, law, state = start(ids)
     change(disks, box, state)
     options: Any = {
-        "record": ["partner", "angle", "disk_energy"],
+        "record": ["last_partner", "angle", "dissipated"],
         "device": ifrdem.Device(threads=1),
         "comm": comm,
     }
