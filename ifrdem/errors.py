@@ -31,7 +31,8 @@ class InputError(ValueError):
     """Input that cannot be used: says what is wrong, where, and what is allowed.
 
     The command line prints the message and exits with status 2. Lines beyond `MOST_LINE` are cut: files and callers can
-    have names and lists of any length. Of an error that is made of one `Problem`, `problem` is that.
+    have names and lists of any length. Of an error that is made of one `Problem`, `problem` is that;
+    `reason` is the message, without key and value where it is made so.
     """
 
     problem: Problem | None = None
@@ -44,11 +45,7 @@ class InputError(ValueError):
         if len(text) > MOST_LINE:
             arguments = ("\n".join(cut(line, MOST_LINE) for line in text.split("\n")),)
         super().__init__(*arguments)
-
-    @property
-    def reason(self) -> str:
-        """The message, without key and value where it is made of a `Problem`."""
-        return str(self) if self.problem is None else self.problem.text
+        self.reason = str(self) if self.problem is None else self.problem.text
 
 
 class AttributeRefused(InputError, AttributeError):
