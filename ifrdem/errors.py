@@ -36,7 +36,8 @@ class InputError(ValueError):
 
     The command line prints the message and exits with status 2. Lines beyond `MOST_LINE` and words beyond `MOST_WORD`
     are cut: files and callers can have names and lists of any length. Of an error that is made of one `Problem`,
-    `problem` is that.
+    `problem` is that;
+    `reason` is the message, without key and value where it is made so.
     """
 
     problem: Problem | None = None
@@ -50,11 +51,7 @@ class InputError(ValueError):
             text = _LONG_WORD.sub(lambda word: _middle_cut(word[0]), text)
             arguments = ("\n".join(cut(line, MOST_LINE) for line in text.split("\n")),)
         super().__init__(*arguments)
-
-    @property
-    def reason(self) -> str:
-        """The message, without key and value where it is made of a `Problem`."""
-        return str(self) if self.problem is None else self.problem.text
+        self.reason = str(self) if self.problem is None else self.problem.text
 
 
 class AttributeRefused(InputError, AttributeError):

@@ -44,7 +44,7 @@ def test_the_energy_of_an_elastic_gas_is_what_forces_put_in() -> None:
     assert begin + simulation.energy_input == pytest.approx(found, abs=1e-12 * throughput)
 
 
-@pytest.mark.parametrize("mass", [1e-278, 1.0, 1e270])
+@pytest.mark.parametrize("mass", [1e-49, 1.0, 1e49])
 def test_sums_over_all_disks_hold_for_the_smallest_and_largest_masses(mass: float) -> None:
     """A temperature of 2 m is a mean square speed of 4; kicks keep the momentum."""
     disks = Disks(500, mass=mass, radius=0.5)
@@ -215,10 +215,17 @@ def test_a_force_that_cannot_act_is_refused() -> None:
 
 
 def test_a_force_that_makes_a_velocity_infinite_stops_the_run() -> None:
+    class Infinite(Force):
+        """Overflows."""
+
+        @staticmethod
+        def act(disk, step, p):  # type: ignore[no-untyped-def]
+            return disk.vx + 1e300 * 1e10 * step.dt, disk.vy, disk.spin
+
     with pytest.raises(
-        EngineError, match=r"t = 0.05: force 1, Push, made a velocity or spin that is not finite"
+        EngineError, match=r"t = 0.05: force 1, Infinite, made a velocity or spin that is not finite"
     ):
-        one_disk([Push(0.1, acceleration=1e200), Push(0.1, acceleration=1e200)], 1.0)
+        one_disk([Infinite(0.1), Push(0.1, acceleration=1.0)], 1.0)
 
 
 def test_a_gas_at_rest_waits_for_a_force_but_not_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:

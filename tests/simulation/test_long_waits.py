@@ -177,7 +177,7 @@ def test_a_collapse_advises_what_is_not_set_and_could_help() -> None:
     text = message(ball(0.0, **DOWN))
     assert "ContactTime" not in text  # which would be refused
     assert "Rest(speed)" in text
-    text = message(ball(0.5, **DOWN, collapse=ContactTime(1e-99)))
+    text = message(ball(0.5, **DOWN, collapse=ContactTime(1e-49)))
     assert "a larger contact time" in text
     assert "Rest" not in text
 

@@ -322,9 +322,9 @@ def test_damaged_data_end_a_command_with_a_message_and_no_file(tmp_path, capsys)
     assert main(["export", str(path), "--to", "extxyz", "--frames", "0"]) == 0  # that one is whole
 
 
-@pytest.mark.parametrize(("mass", "shown"), [(2e30, "4.9e.47"), (1e-60, "mass.0. = 1e-60"), (np.inf, None)])
+@pytest.mark.parametrize(("mass", "shown"), [(2e30, "4.9e.47"), (1e-48, "mass.0. = 1e-48"), (np.inf, None)])
 def test_gsd_refuses_numbers_beyond_single_precision(tmp_path: Path, mass: float, shown: str | None) -> None:
-    """A star, m R^2 / 2 = 4.9e47 kg m^2, and a disk of 1e-60: GSD would hold inf and 0. Immovable disks are inf."""
+    """A star, m R^2 / 2 = 4.9e47 kg m^2, and a disk of 1e-48 kg: GSD would hold inf and 0. Immovable disks are inf."""
     disks = Disks(1, mass=mass, radius=7e8)
     with TrajectoryWriter(tmp_path / "run.h5", disks, Box((1e12, 1e12)), precision="f8") as file:
         file.write(State([[1e11, 1e11]], [[0.0, 0.0]], [0.0]))
