@@ -8,7 +8,7 @@ import os
 import re
 import reprlib
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 MOST_LINE = 2000
@@ -198,20 +198,28 @@ def printable(text: str) -> str:
     )
 
 
-_SYNONYMS = {"gpu": "cuda"} | {
-    "f32": "f4",
-    "f64": "f8",
-    "f4": "f32",
-    "f8": "f64",
-    "single": "f4",
-    "double": "f8",
-}
-"""Other words for a value: names of numbers as wide, in bits (of a computation) and in bytes (of a file)."""
+RENAMED: Mapping[str, tuple[str, ...]] = {
+    "energy": ("ledger",), "disk_energy": ("dissipated",), "partner": ("last_partner",), "wall": ("wall_sums",),
+    "tracked": ("histories",), "grow": ("grown_positions",), "tc": ("contact_time",),
+    "random_force": ("random_kicks", "poisson_kicks"), "random_torque": ("spin_kicks", "poisson_spin_kicks"),
+    "lubachevsky_stillinger": ("grown",), "f4": ("f32",), "f8": ("f64",),
+}  # fmt: skip
+"""Present words by old ones: of what is recorded, of an argument and a function of Python, and of values in a case.
+
+Of two, the second is that of a force with a rate in place of a step. Old words are refused, where the present one is
+allowed, with that (`nearest`); those in files are translated (`tools.old_words`). Rows may go after a release."""
+_SYNONYMS = {"gpu": "cuda", "single": "f32", "double": "f64"}
+"""Other words for a value."""
 
 
 def nearest(word: str, allowed: Iterable[str]) -> str:
-    """Return `` (did you mean 'x'?)`` for the nearest allowed spelling, or an empty string."""
+    """Return `` (did you mean 'x'?)`` for the nearest allowed spelling, or an empty string.
+
+    Of an old word, `` (it is called "x" now)``.
+    """
     names = list(allowed)
+    if renamed := [f'"{each}"' for each in RENAMED.get(word, ()) if each in names]:
+        return f" (it is called {' or '.join(renamed)} now)"
     same = _SYNONYMS.get(word)
     found = [same] if same in names else difflib.get_close_matches(word, names, n=1, cutoff=0.6)
     return f" (did you mean '{found[0]}'?)" if found else ""

@@ -19,6 +19,8 @@ COMPONENTS = ("xx", "xy", "yx", "yy")
 AXES = {"axis": ("x", "y"), "mechanism": MECHANISMS, "regime": REGIMES, "component": COMPONENTS}
 """Names of the numbers along an axis that is the same in all gases."""
 
+PRECISIONS = {"f32": "f4", "f64": "f8"}
+"""Types of NumPy by names of precisions."""
 NUMBER = "1"
 """Dimension, and unit, of pure numbers and counts."""
 

@@ -604,7 +604,7 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
 
     writer: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "fields": ("position",), "parameters": {"a": 1}, "units": None,
-        "precision": "f4", "compression": "none", "force": False, "walls": (), "within": None,
+        "precision": "f32", "compression": "none", "force": False, "walls": (), "within": None,
     }  # fmt: skip
 
     def parts(**arguments: Any) -> None:
@@ -737,7 +737,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "walls": (), "gravity": (0.0, 0.0),
-        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "tracked": (),
+        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "histories": (),
         "seed": 0, "comm": None,
     }  # fmt: skip
     return {

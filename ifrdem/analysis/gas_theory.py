@@ -18,6 +18,7 @@ from ..theory.choose import Prediction, prediction
 from ..theory.driven_gas import Driving
 from ..theory.mixtures import Mixture
 from ..tools.checked import Array
+from ..tools.old_words import present_force
 from ..trajectory.reader import Trajectory
 from . import result
 
@@ -145,5 +146,6 @@ def gas_of(trajectory: Trajectory) -> TheoryGas | str:
 
 def _forces(given: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The forces of a case, as far as the theory supports them."""
-    Driving.of(given, 1.0, 1.0)
-    return given
+    forces = [present_force(each) for each in given]
+    Driving.of(forces, 1.0, 1.0)
+    return forces

@@ -7,6 +7,7 @@ judged by `ifrdem.case.rules`.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -51,25 +52,26 @@ UNITS: Mapping[str, Mapping[str, str]] = {"SI": _SI, "reduced": dict.fromkeys(_S
 """Unit of each quantity by the name in run.units, in the notation of H5MD."""
 
 IMPACT_SCAN = "impact_scan"
-GROWN = "lubachevsky_stillinger"
+GROWN = "grown"
 PLACED = ("random", GROWN, "hexagonal")
 PLACEMENTS = (*PLACED, IMPACT_SCAN)
 REMEDIES: Mapping[str, tuple[str, type[Collapse]]] = {
     "velocity_cutoff": ("velocity_cutoff", VelocityCutoff),
-    "tc": ("contact_time", ContactTime),
+    "contact_time": ("contact_time", ContactTime),
     "rest": ("resting_speed", Rest),
 }
 """Remedies for collapse by their names in run.collapse: the key of the number, and the class."""
-_FORCES = {
-    "random_force": "RandomKicks", "random_torque": "SpinKicks", "langevin": "Langevin", "drag": "Drag",
-    "rescale": "Rescale", "table_friction": "TableFriction",
-}  # fmt: skip
-_AT_RANDOM_TIMES = {"random_force": "PoissonKicks", "random_torque": "PoissonSpinKicks"}
 
 
-def force_class(kind: str, at_random_times: bool) -> str:
-    """Name of the class of a kind of force in `model.forces`; of an unknown kind, the kind."""
-    return (_AT_RANDOM_TIMES if at_random_times else {}).get(kind) or _FORCES.get(kind, kind)
+def class_of(kind: str) -> str:
+    """Name of the class of a kind of force in `model.forces`.
+
+    Examples
+    --------
+    >>> class_of("table_friction")
+    'TableFriction'
+    """
+    return kind.title().replace("_", "")
 
 
 Sides = Annotated[list[float], Each(POSITIVE, length=2)]
@@ -104,19 +106,19 @@ class RunSection(Section):
     low_memory: bool = field(False, False)
     """Do not store the state at a time within a window: 30 % less memory, bitwise identical results. Each frame and
     row of the series then costs up to one window more. Cannot be combined with walls, forces, shear, or
-    collapse = "tc" or "rest"."""
+    collapse = "contact_time" or "rest"."""
     units: Literal["SI", "reduced"] = field("SI", "SI")
     """ "SI": numbers are in the units in brackets; "reduced": in any consistent system, and the brackets only give the
     dimension. Nothing is converted."""
-    collapse: Literal["none", "velocity_cutoff", "tc", "rest"] = field("velocity_cutoff", "none")
+    collapse: Literal["none", "velocity_cutoff", "contact_time", "rest"] = field("velocity_cutoff", "none")
     """Remedy for inelastic collapse and for disks that come to rest: "none", "velocity_cutoff" (collisions slower than
-    velocity_cutoff are elastic), "tc" (collisions of a disk within contact_time after its previous one are elastic) or
-    "rest" (contacts slower than resting_speed last, and disks at rest sleep)."""
+    velocity_cutoff are elastic), "contact_time" (collisions of a disk within contact_time after its previous one are
+    elastic) or "rest" (contacts slower than resting_speed last, and disks at rest sleep)."""
     velocity_cutoff: Positive | None = field(1.0e-3, None)
     """Normal speed of approach below which collisions are elastic [m/s], with collapse = "velocity_cutoff"."""
     contact_time: Positive | None = field(1.0e-4, None)
-    """Time after a collision of a disk in which its further ones are elastic [s], with collapse = "tc"; a hundredth of
-    the mean free time changes the gas little."""
+    """Time after a collision of a disk in which its further ones are elastic [s], with collapse = "contact_time"; a
+    hundredth of the mean free time changes the gas little."""
     resting_speed: Positive | None = field(1.0e-3, None)
     """Speed below which contacts last and disks fall asleep under gravity [m/s], with collapse = "rest"."""
 
@@ -125,7 +127,7 @@ class RunSection(Section):
         """Mistakes, those in the numbers of each remedy for collapse included."""
         chosen, problems = data.get("collapse", "none"), []
         for kind, (number, _) in REMEDIES.items():
-            if number in data and kind != chosen:
+            if number in data and kind != chosen and chosen in ("none", *REMEDIES):
                 text = f'{number} cannot be combined with collapse = "{chosen}": it is of collapse = "{kind}"'
                 problems.append(text)
             if number not in data and kind == chosen:
@@ -360,14 +362,13 @@ class SpeciesSection(Section):
 
 
 class ForceSection(Section):
-    """A force on all disks between collisions, at the middle of each step: driving or drag."""
+    """A force on all disks between collisions: driving or drag."""
 
-    kind: str = field("random_force")
-    """ "random_force" (kicks; power or diffusion; step or rate), "random_torque" (the same for spins), "langevin" (a
-    heat bath; temperature, rate, spin_temperature, spin_rate), "drag" (rate, quadratic, spin_rate), "rescale" (a
-    thermostat; temperature or energy) or "table_friction" (disks that lie on a table; mu, gravity)."""
-    step: Positive = field(2e-3)
-    """Time between two applications [s]; a part of the mean free time. Errors go with its square."""
+    kind: str = field("random_kicks")
+    """ "random_kicks" (step; power or diffusion), "poisson_kicks" (the same at random times: rate), "spin_kicks" and
+    "poisson_spin_kicks" (the same for spins), "langevin" (a heat bath; temperature, rate, spin_temperature, spin_rate),
+    "drag" (rate, quadratic, spin_rate), "rescale" (a thermostat; temperature or energy) or "table_friction" (disks
+    that lie on a table; mu, gravity)."""
 
     some: ClassVar[tuple[str, ...]] = ()
     """Rates of which at least one is to be above 0."""
@@ -384,18 +385,13 @@ class ForceSection(Section):
         """The force. Imports the runtime."""
         from ..model import forces
 
-        kind: type[ModelForce] = getattr(forces, force_class(self.kind, self.at_random_times))
+        kind: type[ModelForce] = getattr(forces, class_of(self.kind))
         return kind(**self.model_dump(exclude={"kind"}, exclude_none=True))
 
     @property
-    def at_random_times(self) -> bool:
-        """True if it acts on each disk independently, as a Poisson process."""
-        return False
-
-    @property
+    @abstractmethod
     def interval(self) -> float:
         """Time between two applications [time]; of a force at random times, its mean for one disk."""
-        return self.step
 
     @property
     def moves_disks_at_rest(self) -> bool:
@@ -413,35 +409,32 @@ class ForceSection(Section):
         return False
 
 
-class RandomForce(ForceSection):
-    """Random kicks: in steps that conserve the total momentum, or of each disk at random times."""
+class SteppedForce(ForceSection):
+    """A force on all disks between collisions, at the middle of each step: driving or drag."""
 
-    one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("step", "rate"), ("power", "diffusion"))
-
-    kind: Literal["random_force"]
-    step: Positive | None = field(2e-3, None)  # type: ignore[assignment]
+    step: Positive = field(2e-3)
     """Time between two applications [s]; a part of the mean free time. Errors go with its square."""
-    rate: Positive | None = field(500.0, None)
-    """Instead of step: mean number of kicks of a disk per time, at random times (a Poisson process) [1/s]."""
+
+    @property
+    def interval(self) -> float:
+        """The step [time]."""
+        return self.step
+
+
+class Kicks(ForceSection):
+    """Random kicks."""
+
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("power", "diffusion"),)
+
     power: Positive | None = field(1e-3, None)
     """Energy that each disk gets per time [W]."""
     diffusion: Positive | None = field(0.5, None)
     """Instead of power: D in <dv_x^2> = 2 D dt [m^2/s^3], or <d omega^2> = 2 D dt [rad^2/s^3]."""
 
     @property
-    def at_random_times(self) -> bool:
-        """True with a rate."""
-        return self.rate is not None
-
-    @property
-    def interval(self) -> float:
-        """The step, or the mean time between two kicks of a disk [time]."""
-        return 1.0 / self.rate if self.rate is not None else float(self.step or 0.0)
-
-    @property
     def moves_disks_at_rest(self) -> bool:
-        """True."""
-        return True
+        """True but for kicks of spins, which alone bring no disks together."""
+        return "spin" not in self.kind
 
     @property
     def is_random(self) -> bool:
@@ -449,18 +442,43 @@ class RandomForce(ForceSection):
         return True
 
 
-class RandomTorque(RandomForce):
-    """Random changes of spins."""
+class KicksAtRandomTimes(Kicks):
+    """Random kicks of each disk by itself, at random times."""
 
-    kind: Literal["random_torque"]  # type: ignore[assignment]
+    rate: Positive = field(500.0)
+    """Mean number of kicks of a disk per time, at random times (a Poisson process) [1/s]."""
 
     @property
-    def moves_disks_at_rest(self) -> bool:
-        """False: spins alone bring no disks together."""
-        return False
+    def interval(self) -> float:
+        """The mean time between two kicks of a disk [time]."""
+        return 1.0 / self.rate
 
 
-class LangevinForce(ForceSection):
+class RandomKicksForce(Kicks, SteppedForce):
+    """Random kicks, which conserve the total momentum."""
+
+    kind: Literal["random_kicks"]
+
+
+class PoissonKicksForce(KicksAtRandomTimes):
+    """Random kicks of each disk by itself, at random times."""
+
+    kind: Literal["poisson_kicks"]
+
+
+class SpinKicksForce(Kicks, SteppedForce):
+    """Random changes of spins."""
+
+    kind: Literal["spin_kicks"]
+
+
+class PoissonSpinKicksForce(KicksAtRandomTimes):
+    """Random changes of each spin by itself, at random times."""
+
+    kind: Literal["poisson_spin_kicks"]
+
+
+class LangevinForce(SteppedForce):
     """A heat bath: friction, and random forces of its temperature."""
 
     some: ClassVar[tuple[str, ...]] = ("rate", "spin_rate")
@@ -491,7 +509,7 @@ class LangevinForce(ForceSection):
         return bool(self.rate)
 
 
-class DragForce(ForceSection):
+class DragForce(SteppedForce):
     """Drag of a medium at rest."""
 
     some: ClassVar[tuple[str, ...]] = ("rate", "quadratic", "spin_rate")
@@ -510,7 +528,7 @@ class DragForce(ForceSection):
         return any((self.rate, self.quadratic))
 
 
-class RescaleForce(ForceSection):
+class RescaleForce(SteppedForce):
     """A thermostat: multiplies velocities to keep the temperature or the energy constant."""
 
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("temperature", "energy"),)
@@ -522,7 +540,7 @@ class RescaleForce(ForceSection):
     """To rescale to: kinetic energy of a disk, spins included, mean over all [J]."""
 
 
-class TableFrictionForce(ForceSection):
+class TableFrictionForce(SteppedForce):
     """Friction of disks that lie on a table."""
 
     kind: Literal["table_friction"]
@@ -538,7 +556,14 @@ class TableFrictionForce(ForceSection):
 
 
 Force = Annotated[
-    RandomForce | RandomTorque | LangevinForce | DragForce | RescaleForce | TableFrictionForce,
+    RandomKicksForce
+    | PoissonKicksForce
+    | SpinKicksForce
+    | PoissonSpinKicksForce
+    | LangevinForce
+    | DragForce
+    | RescaleForce
+    | TableFrictionForce,
     Field(discriminator="kind"),
 ]
 
@@ -565,7 +590,7 @@ class StartSection(Section):
     choices: ClassVar[tuple[str, ...]] = ("At most one of: positions, file",)
 
     positions: Annotated[str, AfterValidator(_known_positions)] = field("random", "random")
-    """ "random" (one by one, to 0.5 of the area), "lubachevsky_stillinger" (random too, to 0.84), "hexagonal" (a
+    """ "random" (one by one, to 0.5 of the area), "grown" (random too, to 0.84), "hexagonal" (a
     lattice), "impact_scan" (pairs, one disk of each at rest, hit at angles psi), or the name of a trajectory, such as
     "run.h5" (path from the case file), whose box must be the same."""
     frame: Whole | None = field(-1, None)

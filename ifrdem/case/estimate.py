@@ -23,6 +23,7 @@ from ..quantities import (
     LEDGER,
     OBSERVABLES,
     PISTON_SERIES,
+    PRECISIONS,
     SPECIES_SERIES,
     STRESS_SERIES,
     WALL_SERIES,
@@ -35,7 +36,7 @@ from ..tools.checked import Array
 from ..trajectory import layout
 from ..trajectory.file import on_pages
 from . import starts
-from .case import CaseSections
+from .case import CaseSections, KicksAtRandomTimes, SteppedForce
 from .output_section import OutputSection
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ STEP_SECONDS, STEP_SECONDS_PER_DISK = 8e-4, 3e-7
 SEARCH_SECONDS = 6e-8
 """Time of one thread per disk and step within a window, to search for the next collisions."""
 FORCE_SECONDS = {
-    "drag": 1e-8, "langevin": 6e-8, "random_torque": 4e-8, "random_force": 1e-7, "table_friction": 9.5e-7,
+    "drag": 1e-8, "langevin": 6e-8, "spin_kicks": 4e-8, "random_kicks": 1e-7, "table_friction": 9.5e-7,
 }  # fmt: skip
 """Time of one thread per disk and step to apply a force, by its kind. Measured 2026-11-26 for 1,000 and 4,000 disks at
 phi = 0.3 in steps of 0.05 mean free times (`ifrdem/docs/results/forces.md`)."""
@@ -129,7 +130,7 @@ def long_steps(gas: CaseGas) -> list[str]:
     texts = []
     for i, force in enumerate(case.force):
         part = force.interval / free_time
-        if part > LONG_STEP and not (force.at_random_times or force.kind == RESTING):
+        if part > LONG_STEP and isinstance(force, SteppedForce) and force.kind != RESTING:
             most = f"{STEP * free_time:.3g}{case.unit('time')} ({STEP:g} mean free times)"
             texts.append(
                 f"force[{i}].step = {force.interval:g}: {part:.3g} mean free times at the start; use at most {most}, "
@@ -342,7 +343,7 @@ def _steps(case: CaseSections, duration: float) -> dict[str, dict[float, float]]
     """Steps of forces in a run of this duration [time], by kind and length; actions on a disk at random times."""
     found: dict[str, dict[float, float]] = {}
     for force in case.force:
-        kind = AT_RANDOM_TIMES if force.at_random_times else force.kind
+        kind = AT_RANDOM_TIMES if isinstance(force, KicksAtRandomTimes) else force.kind
         given = found.setdefault(kind, {})
         # Forces of one kind and step are searched for once, but each acts.
         given[force.interval] = given.get(force.interval, 0.0) + duration / force.interval
@@ -511,7 +512,7 @@ def disk_bytes(output: OutputSection) -> int:
 
 
 def _field_bytes(output: OutputSection, name: str) -> int:
-    return rows_dtype((FIELDS[name],), output.precision).itemsize
+    return rows_dtype((FIELDS[name],), PRECISIONS[output.precision]).itemsize
 
 
 def _trajectory_bytes(n: int, case: CaseSections, *, frames: int, rows: int, events: int) -> int:

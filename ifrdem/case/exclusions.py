@@ -12,7 +12,7 @@ from typing import Any
 
 from ..errors import Problem
 from ..model import rules
-from .case import REMEDIES, CaseSections, force_class
+from .case import REMEDIES, CaseSections, class_of
 from .laws_section import IFR_LAWS
 from .output_section import TRACKED
 
@@ -21,8 +21,8 @@ KEY_OF: Mapping[str, str] = {
     "gravity": "box.gravity", "gravity.rate": "box.gravity_rotation_rate", "walls": "wall",
     "walls.piston": "wall[].piston", "forces": "force[].kind", "forces.TableFriction": "force[].kind",
     "forces.RandomKicks": "force[].kind", "collapse": "run.collapse", "collapse.Rest": "run.collapse",
-    "law": "material[].law", "record.stress": "output.stress", "record.wall": "output.wall_sums",
-    "tracked": "output.histories", "device.name": "run.device", "device.precision": "run.precision",
+    "law": "material[].law", "record.stress": "output.stress", "record.wall_sums": "output.wall_sums",
+    "histories": "output.histories", "device.name": "run.device", "device.precision": "run.precision",
     "device.low_memory": "run.low_memory", "disks.n": "species",
 }  # fmt: skip
 """Keys of a case by names of arguments: what the rules have besides is not in a case."""
@@ -59,7 +59,7 @@ class _Given:
     @property
     def forces(self) -> dict[int, str]:
         """The names of the classes of the forces, by their numbers."""
-        return {i: force_class(str(one.get("kind")), "rate" in one) for i, one in self.each("force")}
+        return {i: class_of(str(one.get("kind"))) for i, one in self.each("force")}
 
     @property
     def laws(self) -> dict[int, str]:
@@ -105,7 +105,7 @@ class _Given:
             turns=bool(self.value("box", "gravity_rotation_rate")), forces=frozenset(self.forces.values()),
             collapse=self.collapse, law=next(iter(self.laws.values()), ""), record=self.record,
             device=self.value("run", "device"), precision=self.value("run", "precision"),
-            low_memory=self.value("run", "low_memory"), tracked=bool(self.tracked), n=self.n,
+            low_memory=self.value("run", "low_memory"), histories=bool(self.tracked), n=self.n,
         )  # fmt: skip
 
     def place(self, name: str) -> tuple[str, str | None]:
@@ -117,7 +117,7 @@ class _Given:
         if name == "box.periodic" and self.value("box", "open"):
             name = "box.open"
         key = KEY_OF[name]
-        if name == "tracked":
+        if name == "histories":
             key = f"output.{self.tracked[0]}"
         if name == "walls":
             return key, None if self.lists.get(key) else "[]"

@@ -17,6 +17,7 @@ from pydantic_core import ErrorDetails
 from ..errors import InputError, Problem, cut, listed, nearest, option_name
 from ..mpi import Communicator
 from ..tools import text_file
+from ..tools.old_words import present_case
 from . import checks, exclusions, starts
 from .case import IMPACT_SCAN, CaseSections
 from .gas import CaseGas
@@ -127,12 +128,14 @@ def of_text(
     ranks: int = 1,
     *,
     where: str = "on the command line",
+    stored: bool = False,
 ) -> CaseFile:
     """The case file with this text, as by `read`; paths in it are relative to the folder of `path`.
 
-    `where` says where overrides were set, in messages.
+    `where` says where overrides were set, in messages. A text that was `stored` with results may have old words.
     """
     raw = changed(load_text(text, path), path, overrides)
+    raw = present_case(raw) if stored else raw
     gas, found = validate_parsed(raw, path.parent, ranks)
     _refuse(found, path, overrides, where)
     assert gas is not None  # else something was wrong

@@ -259,7 +259,7 @@ class CaseGas:
                     begin = starts.start(self) if mode == "drawn" else state
         if tracked is None:
             tracked = comm.result_of_holders(lambda: starts.tracked(self, begin))
-        given = {**self.setup.arguments, "disks": disks, "state": begin, "tracked": tracked, "comm": comm}
+        given = {**self.setup.arguments, "disks": disks, "state": begin, "histories": tracked, "comm": comm}
         if is_sampled(type(self.law())):  # the simulation checks it
             return checks.naming_law(self, lambda: Simulation(**given))
         with warnings.catch_warnings():

@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from ..tools.checked import LEAST, MOST, Each, Integer, Number
 from ..trajectory.descriptions import REDUCED
 from .case import CaseSections
-from .messages import kind_of, models_in
+from .messages import common_base, kind_of, models_in
 from .section import Section
 from .template import toml
 
@@ -60,7 +60,7 @@ def about(key: str, *, reduced: bool = False) -> tuple[str, str]:
 
 def _section(models: list[type[Section]], path: str) -> Iterator[str]:
     """Lines on a section: the keys of all its kinds, those of each kind, and the tables that its keys hold."""
-    common = models[0] if len(models) == 1 else _common(models)
+    common = common_base(models)
     yield _first_line(common)
     yield ""
     for group in common.one_of:
@@ -84,7 +84,7 @@ def _section(models: list[type[Section]], path: str) -> Iterator[str]:
             yield _first_line(model)
             yield ""
         for key in keys:
-            yield _key(model, key, models if model is common else [model])
+            yield _key(model, key)
             if inside := models_in(model.model_fields[key].annotation):
                 tables[key] = inside
         if model is common:
@@ -96,21 +96,12 @@ def _section(models: list[type[Section]], path: str) -> Iterator[str]:
         yield from _section(inside, f"{path}.{key}")
 
 
-def _common(models: list[type[Section]]) -> type[Section]:
-    """The nearest base of all kinds of a section."""
-    return next(
-        base
-        for base in models[0].__mro__[1:]
-        if issubclass(base, Section) and all(issubclass(each, base) for each in models)
-    )
-
-
 def _first_line(model: type[Section]) -> str:
     return (model.__doc__ or "").strip().splitlines()[0]
 
 
-def _key(model: type[Section], key: str, models: list[type[Section]]) -> str:
-    """The line on a key of these kinds of a section: name, type, unit, default, range, description."""
+def _key(model: type[Section], key: str) -> str:
+    """The line on a key of a section: name, type, unit, default, range, description."""
     found, text = model.model_fields[key], model.about(key)[0]
     kind = "table" if models_in(found.annotation) else _type(found.annotation)
     unit = _UNIT.search(text) if "number" in kind else None
@@ -118,7 +109,7 @@ def _key(model: type[Section], key: str, models: list[type[Section]]) -> str:
         text = text.replace(unit[0], "", 1)
     text = _TYPE.sub("", text)
     facts = [kind + (f" [{unit[1]}]" if unit else "")]
-    alternatives = _alternatives(key, models)
+    alternatives = _alternatives(model, key)
     if alternatives:
         facts.append(alternatives)
     elif found.is_required():
@@ -130,18 +121,11 @@ def _key(model: type[Section], key: str, models: list[type[Section]]) -> str:
     return f"- `{key}`: {'; '.join(facts)}. {text[:1].upper()}{text[1:]}."
 
 
-def _alternatives(key: str, models: list[type[Section]]) -> str:
-    """The keys that may stand instead of one, and in which of several kinds; empty if there are none."""
-    kinds: dict[str, list[str]] = {}
-    for model in models:
-        for group in (each for each in model.one_of if key in each):
-            others = " or ".join(f"`{each}`" for each in group if each != key)
-            kinds.setdefault(others, []).append(str(kind_of(model)))
-    texts = (
-        f"{others} is given" + (f" ({', '.join(names)})" if len(names) < len(models) else "")
-        for others, names in kinds.items()
-    )
-    return f"required unless {' or '.join(texts)}" if kinds else ""
+def _alternatives(model: type[Section], key: str) -> str:
+    """The keys that may stand instead of one; empty if there are none."""
+    groups = (group for group in model.one_of if key in group)
+    others = [" or ".join(f"`{each}`" for each in group if each != key) for group in groups]
+    return f"required unless {' or '.join(others)} is given" if others else ""
 
 
 def _type(annotation: Any) -> str:

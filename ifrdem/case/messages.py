@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, get_args, get_origin
 
 from pydantic import ValidationError
@@ -179,11 +179,16 @@ def models_in(annotation: Any) -> list[type[Section]]:
     return [model for each in get_args(annotation) for model in models_in(each)]
 
 
+def common_base(models: Sequence[type[Section]]) -> type[Section]:
+    """The section itself, or the nearest base of all its kinds."""
+    return next(base for base in models[0].__mro__ if all(issubclass(each, base) for each in models))
+
+
 def _about(location: Location) -> str:
     """The description of a key, or of the section that it leads to."""
     if location.models:
-        model = location.models[0] if len(location.models) == 1 else location.models[0].__mro__[1]
-        return f"{_table(location)}, {(model.__doc__ or '').strip().splitlines()[0].rstrip('.').lower()}"
+        purpose = (common_base(location.models).__doc__ or "").strip().splitlines()[0]
+        return f"{_table(location)}, {purpose.rstrip('.').lower()}"
     name = next((step for step in reversed(location.key) if isinstance(step, str)), "")
     owner = location.owner
     return owner.about(name)[0] if owner is not None and name in owner.model_fields else ""

@@ -77,8 +77,8 @@ class OutputSection(Section):
     compression: Literal["none", "gzip", "zstd"] = field("none", "none")
     """ "none" (fast), "gzip" (about three quarters of the size, slower to write and to read) or "zstd" (faster than
     gzip; requires the package hdf5plugin here and in each reader)."""
-    precision: Literal["f4", "f8"] = field("f4", "f4")
-    """ "f4" (single precision) or "f8" (double): numbers in the file, for any run.precision."""
+    precision: Literal["f32", "f64"] = field("f32", "f32")
+    """ "f32" (single precision) or "f64" (double): numbers in the file, for any run.precision."""
     parts: bool | Literal["auto"] = field("auto", "auto")
     """Each rank writes its disks, and checkpoints, into its own file in the folder NAME.parts; readers see NAME.h5 as
     one file [true, false or "auto": on several ranks, with more than 1e6 disks]."""
@@ -134,8 +134,8 @@ class OutputSection(Section):
         """Names of what a simulation records for it (`Setup.record`)."""
         fields = self.fields
         quantities = {
-            "energy": self.ledger, "partner": "last_partner" in fields, "angle": "angle" in fields,
-            "disk_energy": "dissipated" in fields, "wall": self.wall_sums, "stress": self.stress,
+            "ledger": self.ledger, "wall_sums": self.wall_sums, "stress": self.stress,
+            **{name: name in fields for name in ("last_partner", "angle", "dissipated")},
         }  # fmt: skip
         return [name for name, enabled in quantities.items() if enabled]
 

@@ -22,7 +22,7 @@ from ..quantities import OBSERVABLES
 from ..simulation import backend
 from ..tools.progress import size_of_time
 from . import checks, notices, starts
-from .case import GROWN, CaseSections, ForceSection
+from .case import GROWN, CaseSections, ForceSection, KicksAtRandomTimes, SteppedForce
 from .estimate import (
     COST_OF_RATIO,
     ENDS_WINDOW,
@@ -284,14 +284,16 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         and gas.free_area.all_walls
         and any(each.law and each.law.is_dissipative for each in gas.verdicts)
     ):
-        remedies = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
+        remedies = (
+            '"velocity_cutoff" or "contact_time"' if any(wall.piston for wall in gas.walls) else '"rest"'
+        )
         text = f"no remedy: disks that come to rest on others end the run; set run.collapse = {remedies}"
         yield ReportRow("collapse", text)
 
 
 def _when(case: CaseSections, force: ForceSection) -> str:
     """Text that says whether a force acts within windows, and why not (`simulation/steps/force_steps.py`)."""
-    if force.at_random_times:
+    if isinstance(force, KicksAtRandomTimes):
         return "within windows, on each disk at random times"
     if force.kind == ENDS_WINDOW:
         return "between windows, because it needs sums over all disks"
@@ -304,15 +306,15 @@ def _forces(case: CaseSections, estimate: RunEstimate, units: Units) -> Iterator
     """Rows on each force, and the steady state that theory expects."""
     free_time = shortest_free_time(estimate.collision_rate)
     for i, force in enumerate(case.force):
-        times = {"step", "rate"} if force.at_random_times else {"step"}
-        given = force.model_dump(exclude={"kind", *times}, exclude_none=True)
+        stepped = isinstance(force, SteppedForce)
+        given = force.model_dump(exclude={"kind", "step" if stepped else "rate"}, exclude_none=True)
         values = ", ".join(f"{key} = {value:g}" for key, value in given.items())
         yield ReportRow(f"force {i}", f"{force.kind} ({values})")
-        name = "mean time between two kicks of a disk" if force.at_random_times else "step"
+        name = "step" if stepped else "mean time between two kicks of a disk"
         yield ReportRow(f"force {i}: {name}", f"{force.interval:g}", units.time)
         yield ReportRow(f"force {i}: acts", _when(case, force))
         if part := force.interval / free_time:
-            short = "mean time" if force.at_random_times else "step"
+            short = "step" if stepped else "mean time"
             yield ReportRow(f"force {i}: {short} / shortest mean free time at the start", f"{part:.3g}")
     if estimate.steady_state is not None:
         T, T_rot = estimate.steady_state

@@ -33,7 +33,7 @@ from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.steps.schedule import first_after, time_of
 from ..simulation.windows.tiling import tiles_on_ranks
 from . import exclusions
-from .case import GROWN, IMPACT_SCAN, CaseSections
+from .case import GROWN, IMPACT_SCAN, CaseSections, SteppedForce
 from .laws_section import FileKeys
 from .pair_rules import PairVerdict
 from .species import Species
@@ -176,8 +176,9 @@ def check_clock(case: CaseSections, time: float = 0.0, collisions: int = 0) -> I
         already = f"{2.0 * collisions / _disks(case):.6g}, the collisions per disk until the frame"
         yield problem_at(case, "run.collisions_per_disk", f"must be above {already}{continues}")
     for i, force in enumerate(case.force):
-        step = force.interval
-        if t_end is not None and not force.at_random_times and time_of(first_after(time, step), step) > t_end:
+        if t_end is None or not isinstance(force, SteppedForce):
+            continue
+        if time_of(first_after(time, force.step), force.step) > t_end:
             text = f"must have its middle, when the force acts, before run.t_end = {t_end:g}"
             yield problem_at(case, f"force[{i}].step", text)
 
@@ -274,7 +275,7 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
 
 NOT_GROWN_ON_RANKS = (
     "grows all disks in one process, of more than 1,000,000 disks not on several ranks: run the case without mpiexec "
-    'for a moment (--max-hours 0.001, output.precision = "f8"), and begin on ranks from its trajectory'
+    'for a moment (--max-hours 0.001, output.precision = "f64"), and begin on ranks from its trajectory'
 )
 
 
@@ -329,7 +330,7 @@ def check_room(
             yield Problem(
                 dense,
                 f"{covered:.4g}",
-                f'{text}, or start.positions = "lubachevsky_stillinger" or "hexagonal"',
+                f'{text}, or start.positions = "{GROWN}" or "hexagonal"',
             )
 
 

@@ -71,7 +71,7 @@ def placed(gas: CaseGas, progress: Callable[[float], None]) -> NDArray[np.float6
             options["seed"] = seed if len(gas.species) > 1 or not gas.species[0].equal else None
             return placement.hexagonal_positions(gas.start_region, radius, **options)
         if mode == GROWN:
-            return packing.grow(gas.start_region, radius, progress=progress, **options)
+            return packing.grown_positions(gas.start_region, radius, progress=progress, **options)
         return placement.random_positions(gas.start_region, radius, **options)
     except InputError as error:
         raise InputError(str(Problem("start.positions", f'"{mode}"', str(error)))) from None

@@ -11,7 +11,7 @@ from typing import Any, get_origin
 
 from ..errors import InputError, there_are
 from .case import CaseSections
-from .messages import kind_of, models_in
+from .messages import common_base, kind_of, models_in
 from .section import Section
 
 
@@ -49,7 +49,7 @@ run = {{ name = "driven", seed = 1, t_end = 1.5, device = "cpu", units = "SI" }}
 box = {{ packing_fraction = 0.2 }}
 {_ALUMINIUM}
 species = [{{ {_COIN}, number = 20000, speed_rms = 0.0 }}]
-force = [{{ kind = "random_force", step = 2e-3, power = 2e-3 }}]
+force = [{{ kind = "random_kicks", step = 2e-3, power = 2e-3 }}]
 {_REST}""",
     ),
     "walls": Template(
@@ -118,7 +118,7 @@ def write(kind: str) -> str:
 def _table(heading: str, kinds: Sequence[type[Section]], given: Mapping[str, Any]) -> str:
     """The keys of a section: those of its kind, then, behind a #, further keys of other kinds."""
     own = next((each for each in kinds if kind_of(each) == given.get(each.kind_key)), kinds[0])
-    purpose = own if len(kinds) == 1 else own.__mro__[1]
+    purpose = common_base(kinds)
     lines = [f"{heading}\n", _comment((purpose.__doc__ or "").strip().splitlines()[0])]
     choices = [", or ".join(group) for group in own.one_of] if len(kinds) == 1 else []
     lines += [_comment(f"{text}.") for text in [f"Exactly one of: {each}" for each in choices] or own.choices]

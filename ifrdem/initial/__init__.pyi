@@ -1,5 +1,5 @@
 from . import radii as radii
-from .packing import grow as grow
+from .packing import grown_positions as grown_positions
 from .packing import separate as separate
 from .placement import gaussian_spins as gaussian_spins
 from .placement import hexagonal_positions as hexagonal_positions

@@ -93,7 +93,7 @@ def read(
         if not reason and time is not None and any(wall.changes_with_time for wall in walls):
             reason = ". At another start.time the walls stand elsewhere"
         elif not reason and rounding and _passes_nearly(check):
-            reason = '. Positions in single precision are rounded: output.precision = "f8" keeps them'
+            reason = '. Positions in single precision are rounded: output.precision = "f64" keeps them'
         raise InputError(f"{where}: {error}{reason}") from None
     velocity = given.velocity
     if velocity is not None and not there.shear_rate:

@@ -59,7 +59,7 @@ Progress = Callable[[float], None]
 
 
 @validated
-def grow(
+def grown_positions(
     box: Box,
     radius: PositiveColumn,
     *,
@@ -83,7 +83,7 @@ def grow(
     >>> import ifrdem
     >>> radius = [0.5] * 100
     >>> box = ifrdem.Box.from_packing_fraction(radius, 0.7)
-    >>> ifrdem.initial.grow(box, radius, seed=1).shape
+    >>> ifrdem.initial.grown_positions(box, radius, seed=1).shape
     (100, 2)
     """
     radii = checked_radii(radius)

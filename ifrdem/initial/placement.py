@@ -323,8 +323,7 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
 
 
 _INSTEAD = (
-    'use fewer disks, a larger box, positions = "lubachevsky_stillinger" or, for disks of about the same size, '
-    '"hexagonal"'
+    'use fewer disks, a larger box, positions = "grown" or, for disks of about the same size, "hexagonal"'
 )
 _SCANNED = 128  # strips at least in which the area is known along the box, and even in between
 

@@ -37,7 +37,7 @@ class Facts:
         What is recorded.
     device, precision, low_memory
         Of its `Device`.
-    tracked : bool
+    histories : bool
         True if disks are tracked.
     n : int
         Number of disks.
@@ -63,7 +63,7 @@ class Facts:
     device: str = "cpu"
     precision: str = "f64"
     low_memory: bool = False
-    tracked: bool = False
+    histories: bool = False
     n: int = 2
     immovable: bool = False
     ranks: int = 1
@@ -129,7 +129,7 @@ RULES: tuple[Rule, ...] = (
     Rule("gravity", "box.periodic", lambda g: g.along_a_period, _FLOOR),
     Rule("gravity.rate", "box.periodic", lambda g: g.turns and any(g.periodic),
          f"{_FALL} along a periodic direction; no side may be periodic"),
-    Rule("tracked", "gravity.rate", lambda g: g.turns and g.tracked,
+    Rule("histories", "gravity.rate", lambda g: g.turns and g.histories,
          "no paths are kept where gravity rotates; use more frames"),
     Rule("comm", "gravity.rate", lambda g: g.turns and g.ranks > 1, _ONE_PROCESS),
     Rule("walls.piston", "gravity.rate", lambda g: g.turns and g.pistons > 0,
@@ -141,12 +141,12 @@ RULES: tuple[Rule, ...] = (
          "a sheared box is periodic along x and y; shear between walls by walls that move, or have a surface_speed"),
     Rule("walls", "box.shear_rate", lambda g: g.shear_rate != 0.0 and g.walls > 0,
          "flow and images would pass through them; leave shear_rate out: walls that move shear too"),
-    Rule("tracked", "box.shear_rate", lambda g: g.shear_rate != 0.0 and g.tracked,
+    Rule("histories", "box.shear_rate", lambda g: g.shear_rate != 0.0 and g.histories,
          "with walls that move instead, shear can be tracked"),
     Rule("disks.mass", "box.shear_rate", lambda g: g.shear_rate != 0.0 and g.immovable,
          "the flow carries everything along"),
     # What is recorded.
-    Rule("record.wall", "walls", lambda g: "wall_sums" in g.record and not g.walled, "there are no walls"),
+    Rule("record.wall_sums", "walls", lambda g: "wall_sums" in g.record and not g.walled, "there are no walls"),
     Rule("record.stress", "collapse.Rest", lambda g: "stress" in g.record and g.rests,
          "forces between resting disks, which are no collisions, carry a part of it"),
     Rule("record.stress", "walls.piston", lambda g: "stress" in g.record and g.pistons > 0,
@@ -184,7 +184,7 @@ RULES: tuple[Rule, ...] = (
     # Ranks.
     Rule("comm", "device.precision", lambda g: g.ranks > 1 and g.precision != "f64", _ONE_PROCESS),
     Rule("comm", "order", lambda g: g.ranks > 1 and g.order == "serial", _ONE_PROCESS),
-    Rule("comm", "tracked", lambda g: g.ranks > 1 and g.tracked and g.n > ADDRESSABLE,
+    Rule("comm", "histories", lambda g: g.ranks > 1 and g.histories and g.n > ADDRESSABLE,
          f"of more than {ADDRESSABLE} disks none can be tracked on ranks; {_ONE_PROCESS}"),
 )  # fmt: skip
 

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from ..errors import InputError, nearest, shortened
 from ..tools import seeds
 from ..tools.checked import Array
+from ..tools.old_words import present_record
 from . import collapse as collapses
 from . import gravity as gravities
 from .box import Box
@@ -45,12 +46,12 @@ if TYPE_CHECKING:
     from .forces import Force
 
 RECORDABLE = {
-    "energy": "energy that collisions dissipate, by mechanism, and collisions by regime: `Measure`",
-    "partner": "the disk or wall that each disk hit last: `State.last_partner`",
+    "ledger": "energy that collisions dissipate, by mechanism, and collisions by regime: `Measure`",
+    "last_partner": "the disk or wall that each disk hit last: `State.last_partner`",
     "angle": "the angle by which each disk has turned: `State.angle`",
-    "disk_energy": "energy that each disk's collisions dissipate, by mechanism: `State.dissipated`; includes energy",
+    "dissipated": "energy that each disk's collisions dissipate, by mechanism: `State.dissipated`; includes ledger",
     "stress": "momentum that collisions transfer, for the pressure tensor: `Measure.virial`",
-    "wall": "momentum, torque, work, heat and collisions of each wall: `wall_sums` and `Measure`",
+    "wall_sums": "momentum, torque, work, heat and collisions of each wall: `wall_sums` and `Measure`",
 }
 _COLLAPSES = {each.__name__: each for each in get_args(Collapse)}
 _OF_EACH = ("_step", "_values")
@@ -166,7 +167,7 @@ class Setup:
         return "ledger" in self.record
 
     def facts(self, **others: Any) -> Facts:
-        """The facts that rules ask for; `others` are those of no setup: n, immovable, tracked, ranks, order."""
+        """The facts that rules ask for; `others` are those of no setup: n, immovable, histories, ranks, order."""
         kinds = [library_classes(force) for force in self.forces]
         return Facts(
             is_open=self.box.is_open, periodic=self.box.periodic, shear_rate=self.box.shear_rate,
@@ -228,7 +229,7 @@ class Setup:
             forces=_forces_of(record["forces"]) if forces is None else forces,  # type: ignore[arg-type]  # checked there
             collapse=None if collapse is None else _COLLAPSES[collapse[0]](**collapse[1]),
             device=chosen,
-            record=record["record"],
+            record=present_record(record["record"]),
             seed=record["seed"],
         )
 
@@ -249,7 +250,7 @@ def _checked_names(record: Iterable[str]) -> frozenset[str]:
             raise InputError(
                 f"record: unknown name {shortened(name)}{nearest(name, RECORDABLE)}; must be of {known}"
             )
-    return frozenset(names) | ({"energy"} if "disk_energy" in names else set())
+    return frozenset(names) | ({"ledger"} if "dissipated" in names else set())
 
 
 def _checked_forces(forces: Any) -> tuple[Force, ...]:

@@ -28,6 +28,7 @@ from ..model.walls.wall import Wall, sides
 from ..plots.disks import draw_walls
 from ..simulation.simulation import Simulation
 from ..tools import tables
+from ..tools.old_words import present_case
 from ..tools.tables import TableFormat
 from ..trajectory.reader import Trajectory
 
@@ -418,7 +419,7 @@ def _case_of(text: str, overrides: str) -> CaseSections:
     raw = case_file.parsed(text)
     for assignment in overrides.splitlines():
         case_file.override(raw, assignment)
-    case = CaseSections.model_validate(raw)
+    case = CaseSections.model_validate(present_case(raw))
     if case.law_files:
         given = option_name("--case FILE", "case = FILE")
         raise InputError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import json
 import operator
 import os
 import time
@@ -29,6 +30,7 @@ from ..simulation.simulation import Simulation
 from ..simulation.steps.schedule import RunPlan
 from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
+from ..tools.old_words import present_case
 from ..trajectory import parts
 from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
@@ -179,7 +181,7 @@ def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSec
     if name is None and free and of_kernels.version(written) is not None:
         name = written
     of_kernels.choose(name, "--runtime")
-    case = CaseSections.model_validate_json(record["extra"]["case_as_set"])
+    case = CaseSections.model_validate(present_case(json.loads(record["extra"]["case_as_set"])))
     checkpoint.check_versions(record, path, case.run.device)
     return _with(case, runtime=of_kernels.chosen())
 

@@ -158,7 +158,7 @@ class Engine:
         self._facts: dict[str, Any] = {
             "n": self.n,
             "immovable": counts.immovable,
-            "tracked": tracked,
+            "histories": tracked,
             "ranks": comm.size,
             "order": order or "",
         }
@@ -195,7 +195,7 @@ class Engine:
         from .windows.windows import Windows
 
         rows = rows_of(self.walls)
-        uses = features_of(setup, rows, tracked=tracked, ranks=comm.size)
+        uses = features_of(setup, rows, histories=tracked, ranks=comm.size)
         domain = domain_of(comm, self.disks_here, self.kinds)
         self.arrays: DeviceArrays = DeviceArrays(
             setup, self.kinds, rows, uses, domain, order=order, tile_disks=tile_disks

@@ -128,14 +128,14 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
     record : sequence of str
         Quantities to record during the run:
 
-        - "energy": the energy that collisions dissipate, by mechanism, and collisions by regime, in every `Measure`;
-        - "disk_energy": also that of each disk's collisions, `State.dissipated`;
-        - "partner": the disk or wall that each disk hit last, `State.last_partner`;
+        - "ledger": the energy that collisions dissipate, by mechanism, and collisions by regime, in every `Measure`;
+        - "dissipated": also that of each disk's collisions, `State.dissipated`;
+        - "last_partner": the disk or wall that each disk hit last, `State.last_partner`;
         - "angle": the angle by which each disk has turned, `State.angle`;
         - "stress": the momentum that collisions transfer, in every `Measure`: `observables.stress` makes a pressure
           tensor of two of these;
-        - "wall": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
-    tracked : sequence of int
+        - "wall_sums": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
+    histories : sequence of int
         Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
     seed : int
         Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
@@ -199,7 +199,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         collapse: Annotated[Collapse | None, LATER] = None,
         device: Annotated[Device | str | None, LATER] = None,
         record: Iterable[str] = (),
-        tracked: Annotated[Sequence[int] | NDArray[np.integer], LATER] = (),
+        histories: Annotated[Sequence[int] | NDArray[np.integer], LATER] = (),
         seed: Seed = 0,
         comm: Comm = None,
     ) -> None:
@@ -236,7 +236,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             check_no_overlap(box, disks.radius, begin.position, tolerance=near, time=begin.time)
 
         comm.result_of_holders(apart)
-        self._tracking = self._follow_disks(tracked, kinds.n, setup)
+        self._tracking = self._follow_disks(histories, kinds.n, setup)
         self._stopping = False
         self._pinches_checked = False
         self._external_energy = 0.0  # from changes between runs
@@ -252,9 +252,9 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             self._check_laws(laws, begin if known else None)
 
     def _follow_disks(
-        self, tracked: Sequence[int] | NDArray[np.integer], n: int, setup: Setup
+        self, histories: Sequence[int] | NDArray[np.integer], n: int, setup: Setup
     ) -> Tracking | None:
-        ids = checked_ids(tracked, n)
+        ids = checked_ids(histories, n)
         if not len(ids):
             return None
 
@@ -430,7 +430,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         In a frame callback, those until its frame. Of ranks, the root gets all, and the others none.
         """
         if self._tracking is None:
-            raise InputError("no disk is tracked: Simulation(..., tracked=[0, 1]) follows the first two")
+            raise InputError("no disk is tracked: Simulation(..., histories=[0, 1]) follows the first two")
         return self._tracking.take(self.time)
 
     @property
@@ -742,7 +742,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
                 whole = gather_disks(n, disks), gather_state(n, state)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)  # the gas has warned when it was made
-            made = cls(whole[0], state=whole[1], tracked=found["tracked"], comm=comm, **given)
+            made = cls(whole[0], state=whole[1], histories=found["tracked"], comm=comm, **given)
         made._restore(path, found, meta)
         return made
 
@@ -912,7 +912,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         if not self.has_ledger:
             raise InputError('the ledger is not recorded; make the simulation with record=["ledger"]')
         if "dissipated" in self.setup.record:
-            raise InputError('record: "disk_energy" needs "energy", which must stay on')
+            raise InputError('record: "dissipated" needs "ledger", which must stay on')
         self._engine.switch_ledger(on)
 
     def follow(

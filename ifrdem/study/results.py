@@ -379,6 +379,7 @@ def theory_between(
                 results.attributes["case"],
                 Path(path),
                 (*overrides, f"{keys[x]}={value}"),
+                stored=True,
             )
             curves = predicted(file.case, Path(path).parent, float(np.nanmax(times)))
         except InputError:  # not every value between has an admissible law

@@ -8,14 +8,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, nearest
 from ..model.state import Disks
 from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, Real, validated
 from ..tools.reprs import Brief
 from . import mixtures, sheared_gas
 from .collisions import closed_law
 from .contact import PackingFraction
-from .driven_gas import Driving
+from .driven_gas import LINEAR, Driving
 from .mixtures import LawTable, Mixture, MixtureTemperatures
 
 
@@ -100,9 +100,8 @@ def prediction(
     driving = [Driving.of(forces, float(m), float(i)) for m, i in zip(mixture.mass, inertia, strict=True)]
     known = [each for each in driving if each is not None]
     if len(known) < len(driving):
-        kinds = ", ".join(str(force.get("kind")) for force in forces)
-        raise InputError(
-            f"forces = {kinds}: kinetic theory knows linear ones only (random_force, random_torque, drag, langevin)"
-        )
+        given = [str(force.get("kind")) for force in forces]
+        kinds = ", ".join(f"{kind}{nearest(kind, LINEAR)}" * (kind not in LINEAR) or kind for kind in given)
+        raise InputError(f"forces = {kinds}: kinetic theory knows linear ones only ({', '.join(LINEAR)})")
     found = mixtures.mixture_driven(mixture, known, T0, T_rot0, times)
     return Prediction("driven", *found.mean(mixture), found)

@@ -25,6 +25,9 @@ from .collisions import KineticLaw, collision_rate
 from .contact import PackingFraction
 from .cooling_gas import checked_times, cooling_rates, integrated
 
+LINEAR = ("random_kicks", "poisson_kicks", "spin_kicks", "poisson_spin_kicks", "drag", "langevin")
+"""Kinds of forces that are linear; drag only without a quadratic part."""
+
 
 @validated
 @dataclass(frozen=True)
@@ -48,9 +51,9 @@ class Driving:
         for force in forces:
             given = {key: value for key, value in force.items() if value is not None}
             match given["kind"]:
-                case "random_force":
+                case "random_kicks" | "poisson_kicks":
                     found["power"] += given.get("power", 2.0 * mass * given.get("diffusion", 0.0))
-                case "random_torque":
+                case "spin_kicks" | "poisson_spin_kicks":
                     found["spin_power"] += given.get("power", inertia * given.get("diffusion", 0.0))
                 case "drag" if not given.get("quadratic"):
                     found["rate"] += given.get("rate", 0.0)

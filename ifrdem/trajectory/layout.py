@@ -23,7 +23,7 @@ from ..kernels.columns import rows_dtype
 from ..kernels.compiler.runtime import of_versions
 from ..model.box import Box
 from ..model.state import Disks
-from ..quantities import EVENT, FIELDS, START, Quantity
+from ..quantities import EVENT, FIELDS, PRECISIONS, START, Quantity
 from ..tools.versions import package_versions
 from . import damage
 from . import parts as part_files
@@ -64,7 +64,6 @@ VIEWS = {
     if field.along == "axis"
 }
 """Virtual datasets of a trajectory, and what each shows: files and datasets."""
-PRECISIONS: dict[str, type[np.floating]] = {"f4": np.float32, "f8": np.float64}
 COMPRESSIONS: dict[str, dict[str, object]] = {
     "none": {},
     # The one compression that every HDF5 reader knows: byte shuffle and deflate.
@@ -135,7 +134,7 @@ def create(
     _add_species(particles, disks.n, within, parameters)
     for name in fields:
         group, field = _stepped(file, f"{PARTICLES}/{name}"), FIELDS[name]
-        stored_as: DTypeLike = field.dtype(precision)
+        stored_as: DTypeLike = field.dtype(PRECISIONS[precision])
         if parts is None:
             _create_field(group, field, disks.n, stored_as, COMPRESSIONS[compression])
             continue
@@ -210,7 +209,7 @@ def _fixed(text: str) -> Any:
 
 def frame_dtype(fields: Sequence[str], precision: str) -> np.dtype[Any]:
     """Type of a disk in a frame of a file with these fields, by the names in `State`."""
-    return rows_dtype((FIELDS[name] for name in fields), precision)
+    return rows_dtype((FIELDS[name] for name in fields), PRECISIONS[precision])
 
 
 def clock(file: h5py.File) -> str:

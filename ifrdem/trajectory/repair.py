@@ -226,7 +226,7 @@ class _Salvage:
             name: str(parameters.pop(name)) for name in self._parameters if name.partition("/")[0] == "units"
         }
         layout.create(
-            new, disks=self._disks, box=self._box, fields=self._fields, precision="f8" if double else "f4",
+            new, disks=self._disks, box=self._box, fields=self._fields, precision="f64" if double else "f32",
             compression=self._compression, within=within, parameters=parameters,
             units={name.removeprefix("units/"): unit for name, unit in units.items()},
         )  # fmt: skip

@@ -380,7 +380,7 @@ def stored(
 
 
 IN_FILE = (
-    'store it in precision "f8" (output.precision of a case), or choose units in which it is nearer to 1'
+    'store it in precision "f64" (output.precision of a case), or choose units in which it is nearer to 1'
 )
 """Remedy for numbers that the precision of a trajectory cannot hold."""
 

@@ -19,7 +19,7 @@ from ..errors import InputError, counted, shortened
 from ..model.box import Box, below
 from ..model.state import Disks, FrameRows, State
 from ..model.walls.wall import Wall, to_json
-from ..quantities import FIELDS
+from ..quantities import FIELDS, PRECISIONS
 from ..tools import checked
 from ..tools.checked import is_integer, validated
 from ..tools.files import cause
@@ -67,7 +67,7 @@ class TrajectoryWriter(NotCopied, ReadOnlyAttributes):
         Unit of each quantity, e.g. {"length": "m", "mass": "kg", "time": "s", "momentum": "kg m s-1"};
         "reduced" for each of them, or for none. Without them the file says that they are not stated.
     precision : str
-        "f4" (default) or "f8": floats of the per-disk fields. f4 resolves 6e-8 of the box, enough for
+        "f32" (default) or "f64": floats of the per-disk fields. f32 resolves 6e-8 of the box, enough for
         analysis and not for a restart, and holds sizes from 1e-38 to 3e38. Times, observables, series and histories
         are always f8, counts are integers.
     compression : str
@@ -118,7 +118,7 @@ class TrajectoryWriter(NotCopied, ReadOnlyAttributes):
         fields: Sequence[str] = DEFAULT_FIELDS,
         parameters: Mapping[str, str | int | float] | None = None,
         units: Mapping[str, str] | None = None,
-        precision: str = "f4",
+        precision: str = "f32",
         compression: str = "none",
         force: bool = False,
         walls: Sequence[Wall] = (),
@@ -138,7 +138,7 @@ class TrajectoryWriter(NotCopied, ReadOnlyAttributes):
             checked.choice("field", name, FIELDS)
         if len(set(fields)) != len(fields):
             raise InputError(f"fields = {fields}: each may be given once")
-        checked.choice("precision", precision, layout.PRECISIONS)
+        checked.choice("precision", precision, PRECISIONS)
         checked.choice("compression", compression, layout.COMPRESSIONS)
         if compression == "zstd":
             layout.need_zstd('compression "zstd"')
@@ -165,7 +165,7 @@ class TrajectoryWriter(NotCopied, ReadOnlyAttributes):
         box: Box,
         *,
         fields: Sequence[str] = DEFAULT_FIELDS,
-        precision: str = "f4",
+        precision: str = "f32",
         compression: str = "none",
         walls: Sequence[Wall] = (),
         frames: int,
@@ -492,7 +492,7 @@ def _check_resumable(
         raise InputError(f"{path} holds the fields {', '.join(there)}, the run has {', '.join(fields)}")
     for name in there if parts is None else ():
         dataset = layout.field_dataset(file, name)
-        expected_dtype = np.dtype(layout.PRECISIONS[precision])
+        expected_dtype = np.dtype(PRECISIONS[precision])
         if not FIELDS[name].whole and dataset.dtype != expected_dtype:
             raise InputError(
                 f"{path} holds {name} as {dataset.dtype}, the run has precision {precision!r}: {expected_dtype}"

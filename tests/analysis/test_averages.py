@@ -24,7 +24,7 @@ def write(path: Path, make, *, frames=10, box=BOX, n=N, **options) -> Path:
     """Frames at t = 0, 1, ...: `make(rng, disks)` gives positions, velocities and spins."""
     rng = np.random.default_rng(7)
     disks = Disks(n, np.where(np.arange(n) % 2 == 0, 1.0, 3.0), 0.1)
-    with TrajectoryWriter(path, disks, box, precision="f8", **options) as file:
+    with TrajectoryWriter(path, disks, box, precision="f64", **options) as file:
         for time in range(frames):
             position, velocity, spin = make(rng, disks)
             file.write(State(position, velocity, spin, time=float(time)))
@@ -431,7 +431,7 @@ def test_few_disks_of_a_bin_have_no_bias(tmp_path: Path) -> None:
     rng, strips = np.random.default_rng(2), 8
     y = np.repeat(np.arange(strips) + 0.5, 3)
     velocity, disks = rng.normal(size=(len(y), 2)), Disks(len(y), 2.0, 0.5)
-    with TrajectoryWriter(tmp_path / "a.h5", disks, Box((4.0, strips)), precision="f8") as file:
+    with TrajectoryWriter(tmp_path / "a.h5", disks, Box((4.0, strips)), precision="f64") as file:
         file.write(
             State(np.column_stack((np.tile(np.arange(3) + 0.5, strips), y)), velocity, np.zeros(len(y)))
         )

@@ -46,7 +46,7 @@ def test_diffusion_counts_directions_without_walls(tmp_path: Path, kind: str) ->
     x, y = 25.0 * np.ones(n), draw.uniform(1.0, 19.0, n)
     fields = ("position", "velocity", "image")
     with ifrdem.TrajectoryWriter(
-        tmp_path / "walk.h5", disks, box, walls=walls, fields=fields, precision="f8"
+        tmp_path / "walk.h5", disks, box, walls=walls, fields=fields, precision="f64"
     ) as file:
         for time in range(40):
             image = np.stack((np.floor(x / 50.0) * box.periodic[0], np.zeros(n)), axis=1).astype(np.int32)

@@ -24,7 +24,7 @@ def write(path: Path, *, inside: bool = False, held: bool = False) -> Path:
     velocity -= velocity.mean(axis=0)
     velocity *= np.sqrt(1.0 / np.mean(np.sum(velocity**2, axis=1)))
     with TrajectoryWriter(
-        path, disks, box, fields=("position", "velocity", "image"), precision="f8"
+        path, disks, box, fields=("position", "velocity", "image"), precision="f64"
     ) as writer:
         for k, time in enumerate(np.linspace(0.0, 10.0, 11)):
             place = begin + (velocity + DRIFT) * time

@@ -106,7 +106,7 @@ def test_refusals(r_max: float, message: str) -> None:
 def test_files_have_lengths_against_collisions_per_disk(tmp_path: Path) -> None:
     """Waves whose number falls from 6 to 2: sizes of vortices and wavelengths grow as theirs."""
     disks, box = ifrdem.Disks(2916, mass=1.0, radius=0.1), ifrdem.Box(BOX)
-    with ifrdem.TrajectoryWriter(tmp_path / "w.h5", disks, box, precision="f8") as file:
+    with ifrdem.TrajectoryWriter(tmp_path / "w.h5", disks, box, precision="f64") as file:
         for i, waves in enumerate((6, 3, 2)):
             x, v, _ = shear_wave(2916, i, waves)
             file.write(ifrdem.State(x, v, np.zeros(2916), time=float(i)), {"collisions": 1458 * i})

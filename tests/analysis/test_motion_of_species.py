@@ -29,7 +29,7 @@ def walk(path: Path, *, cools: bool = False) -> ifrdem.Trajectory:
     disks = ifrdem.Disks(n, mass=np.repeat([1.0, 2.0], 300), radius=0.1)
     species = json.dumps([{"name": "slow", "number": 300}, {"name": "fast", "number": 300}])
     x, time = rng.uniform(0.0, 50.0, (n, 2)), 0.0
-    with ifrdem.TrajectoryWriter(path, disks, BOX, precision="f8", parameters={"species": species}) as file:
+    with ifrdem.TrajectoryWriter(path, disks, BOX, precision="f64", parameters={"species": species}) as file:
         for i in range(60):
             slower = 1.1**-i if cools else 1.0
             way = step * rng.choice([-1.0, 1.0], (n, 2))
@@ -45,7 +45,7 @@ def test_line_of_a_free_flight_is_drawn_where_it_is_positive(tmp_path: Path) -> 
     """The straight line through t^2 is below 0 at small lags, which a logarithmic axis cannot show."""
     disks = ifrdem.Disks(50, mass=1.0, radius=0.1)
     v = np.random.default_rng(1).normal(size=(50, 2))
-    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, ifrdem.Box.open(), precision="f8") as file:
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, ifrdem.Box.open(), precision="f64") as file:
         for time in range(40):
             file.write(ifrdem.State(v * time + 100.0 * v, v, np.zeros(50), float(time)))
     axes = Figure().subplots()
@@ -204,7 +204,7 @@ def test_contact_value_that_no_parabola_describes_is_marked(tmp_path: Path) -> N
     r = np.where(rng.random(n) < 0.2, rng.uniform(1.0, 1.25, n), r)
     a = rng.uniform(0.0, 2.0 * np.pi, n)
     second = box.wrap(first + r[:, None] * np.stack((np.cos(a), np.sin(a)), axis=1), 0.0)
-    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, box, precision="f8") as file:
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, box, precision="f64") as file:
         file.write(ifrdem.State(np.concatenate((first, second)), np.zeros((2 * n, 2)), np.zeros(2 * n)))
     with ifrdem.Trajectory(tmp_path / "a.h5") as run:
         found = catalogue.of_pairs(run, None)

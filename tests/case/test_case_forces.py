@@ -45,12 +45,15 @@ material = "coin"
 mass = 2.0
 radius = 0.5
 [[force]]
-kind = "random_force"
+kind = "random_kicks"
 step = 0.05
 power = 3.0
 [output]
 frames = 8
 """
+
+
+AT_RANDOM_TIMES = ["force[0].kind=poisson_kicks", "force[0].step=", "force[0].rate=20.0"]
 
 
 def changed(*overrides: str) -> dict[str, object]:
@@ -75,7 +78,7 @@ def test_the_case_is_in_order() -> None:
 @pytest.mark.parametrize(
     ("overrides", "key", "says"),
     [
-        (["force[0].kind=random_forc"], 'force[0].kind = "random_forc"', "did you mean 'random_force'"),
+        (["force[0].kind=random_kick"], 'force[0].kind = "random_kick"', "did you mean 'random_kicks'"),
         (["force[0].powr=1.0"], "force[0].powr = 1.0", "did you mean 'power'"),
         (
             ["force[0].power="],
@@ -85,17 +88,26 @@ def test_the_case_is_in_order() -> None:
         (["force[0].diffusion=1.0"], "force[0]", "given: power, diffusion"),
         (["force[0].power=0"], "force[0].power = 0", "must be a positive number from 1e-50 to 1e"),
         (["force[0].step=-1.0"], "force[0].step = -1.0", "must be a positive number from 1e-50 to 1e"),
-        (["force[0].step="], "force[0]", "exactly one of step, rate; given: none"),
-        (["force[0].rate=1.0"], "force[0]", "exactly one of step, rate; given: step, rate"),
+        (["force[0].step="], "force[0].step", "missing"),
         (
-            ["force[0].step=", "force[0].rate=0.0"],
+            ["force[0].rate=1.0"],
+            "force[0].rate = 1",
+            "requires kind = 'poisson_kicks', 'poisson_spin_kicks', 'lang",
+        ),
+        (
+            [AT_RANDOM_TIMES[0], AT_RANDOM_TIMES[2]],
+            "force[0].step = 0.05",
+            "requires kind = 'random_kicks', ",
+        ),
+        (
+            [*AT_RANDOM_TIMES, "force[0].rate=0.0"],
             "force[0].rate = 0",
             "must be a positive number from 1e-50 to 1e",
         ),
         (
             ["force[0].quadratic=1.0"],
             "force[0].quadratic = 1",
-            "requires kind = 'drag', not with 'random_force'",
+            "requires kind = 'drag', not with 'random_kicks'",
         ),
         (
             ["force[0].kind=drag", "force[0].power="],
@@ -145,8 +157,10 @@ def test_mistakes_of_a_force_come_with_all_others() -> None:
 
 def test_every_kind_of_force_reaches_its_class() -> None:
     given = {
-        "random_force": ({"diffusion": 0.5}, forces.RandomKicks(0.1, diffusion=0.5)),
-        "random_torque": ({"power": 0.5}, forces.SpinKicks(0.1, power=0.5)),
+        "random_kicks": ({"diffusion": 0.5}, forces.RandomKicks(0.1, diffusion=0.5)),
+        "poisson_kicks": ({"rate": 3.0, "power": 0.5}, forces.PoissonKicks(3.0, power=0.5)),
+        "spin_kicks": ({"power": 0.5}, forces.SpinKicks(0.1, power=0.5)),
+        "poisson_spin_kicks": ({"rate": 3.0, "power": 0.5}, forces.PoissonSpinKicks(3.0, power=0.5)),
         "langevin": (
             {"temperature": 1.0, "spin_temperature": 2.0, "spin_rate": 0.5},
             forces.Langevin(0.1, temperature=1.0, spin_temperature=2.0, spin_rate=0.5),
@@ -157,16 +171,19 @@ def test_every_kind_of_force_reaches_its_class() -> None:
     }
     assert given.keys() == {kind_of(each) for each in models_in(Force)}
     raw = changed()
-    raw["force"] = [{"kind": kind, "step": 0.1} | keys for kind, (keys, _) in given.items()]
+    raw["force"] = [
+        {"kind": kind} | ({} if "poisson" in kind else {"step": 0.1}) | keys
+        for kind, (keys, _) in given.items()
+    ]
     made = [each.made() for each in CaseSections.model_validate(raw).force]
     for one, (_, other) in zip(made, given.values(), strict=True):
         assert type(one) is type(other)
         assert (one.step, one.values) == (other.step, other.values)
 
 
-def test_a_rate_in_place_of_the_step_makes_kicks_at_random_times() -> None:
-    raw = changed("force[0].step=", "force[0].rate=25.0")
-    raw["force"].append({"kind": "random_torque", "rate": 3.0, "diffusion": 0.5})  # type: ignore[attr-defined]
+def test_kicks_at_random_times_have_a_rate_in_place_of_a_step() -> None:
+    raw = changed(*AT_RANDOM_TIMES, "force[0].rate=25.0")
+    raw["force"].append({"kind": "poisson_spin_kicks", "rate": 3.0, "diffusion": 0.5})  # type: ignore[attr-defined]
     case = CaseSections.model_validate(raw)
     made = [each.made() for each in case.force]
     assert [repr(each) for each in made] == [
@@ -175,10 +192,10 @@ def test_a_rate_in_place_of_the_step_makes_kicks_at_random_times() -> None:
     ]
     # The same power as in steps: theory has the same steady state.
     one, other = (RunEstimate.of(CaseGas.from_case(CaseSections.model_validate(changed(*more))))
-                  for more in ([], ["force[0].step=", "force[0].rate=25.0"]))  # fmt: skip
+                  for more in ([], [*AT_RANDOM_TIMES, "force[0].rate=25.0"]))  # fmt: skip
     assert one.steady_state == other.steady_state is not None
     assert other.force_steps == {"at random times": {0.04: pytest.approx(50.0)}}
-    assert problems("force[0].step=", "force[0].rate=25.0", "species[0].number=1", "box.lengths=[9.0, 9.0]",
+    assert problems(*AT_RANDOM_TIMES, "species[0].number=1", "box.lengths=[9.0, 9.0]",
                     "box.packing_fraction=") == []  # fmt: skip
 
 
@@ -186,11 +203,12 @@ def test_a_run_with_a_rate_records_it_and_keeps_its_ledger(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("kicked.toml").write_text(DRIVEN.replace("step = 0.05", "rate = 20.0"))
-    assert main(["run", "kicked.toml", "--no-picture"]) == 0
+    Path("kicked.toml").write_text(DRIVEN)
+    sets = [word for each in AT_RANDOM_TIMES for word in ("--set", each)]
+    assert main(["run", "kicked.toml", "--no-picture", *sets]) == 0
     with Trajectory("kicked.h5") as whole:
         assert json.loads(str(whole.parameters["forces"])) == [
-            {"kind": "random_force", "power": 3.0, "rate": 20.0}
+            {"kind": "poisson_kicks", "power": 3.0, "rate": 20.0}
         ]
         totals = {name: values[:] for name, values in whole.observables.items()}
     # As in steps, and the energy of each kick scatters too: 40 of each disk, sqrt(200 x 40 x 2) 3 / 20 = 19.
@@ -206,7 +224,7 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(["check", str(case), "--set", "species[0].speed_rms=2.0"]) == 0
     shown = capsys.readouterr().out
     assert re.search(
-        r"force 0 +random_force \(power = 3\)\n +force 0: step +0\.05\n"
+        r"force 0 +random_kicks \(power = 3\)\n +force 0: step +0\.05\n"
         r" +force 0: acts +within windows\n"
         r" +force 0: step / shortest mean free time at the start +[\d.]+\n",
         shown,
@@ -221,10 +239,10 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
     most = re.search(r"0\.25 mean free times at the start; use at most ([\d.]+) \(0\.05 mean", err)
     assert most
     assert float(most[1]) == pytest.approx(0.05 * float(free_time[1]), rel=2e-3)
-    at_random = ["--set", "force[0].step=", "--set", "force[0].rate=20.0"]
+    at_random = [word for each in AT_RANDOM_TIMES for word in ("--set", each)]
     assert main(["check", str(case), *at_random]) == 0
     assert re.search(
-        r"force 0 +random_force \(power = 3\)\n +force 0: mean time between two kicks of a disk +0\.05\n"
+        r"force 0 +poisson_kicks \(power = 3\)\n +force 0: mean time between two kicks of a disk +0\.05\n"
         r" +force 0: acts +within windows, on each disk at random times\n",
         capsys.readouterr().out,
     )
@@ -233,8 +251,8 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
         0,
     )
     assert re.search(rf"kinetic theory: T +{T:.4g}\n.*kinetic theory: T_rot +{T_rot:.4g}\n", shown)
-    assert main(["check", str(case), "--set", "force[0].kind=random_forc"]) == 2
-    assert "did you mean 'random_force'" in capsys.readouterr().err
+    assert main(["check", str(case), "--set", "force[0].kind=random_kick"]) == 2
+    assert "did you mean 'random_kicks'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -265,7 +283,7 @@ def test_a_run_keeps_its_ledger(
     with Trajectory("kicked.h5") as trajectory:
         totals = {name: values[:] for name, values in trajectory.observables.items()}
         assert json.loads(str(trajectory.parameters["forces"])) == [
-            {"kind": "random_force", "step": 0.05, "power": 3.0}
+            {"kind": "random_kicks", "step": 0.05, "power": 3.0}
         ]
     assert totals["energy"][0] == 0.0
     # 200 disks get 3 x 2 each; work on velocities of T < 3 scatters by sqrt(200 x 2 x 6 x 3) = 85 at most.

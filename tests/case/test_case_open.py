@@ -64,7 +64,7 @@ def test_keys_of_table_friction_make_the_force() -> None:
     ("changes", "message"),
     [
         (["force[0].mu="], r"force\[0\]\.mu: missing"),
-        (["force[0].rate=1.0"], r"force\[0\]\.rate = 1\.0: requires kind = 'random_force', .* or 'drag'"),
+        (["force[0].rate=1.0"], r"force\[0\]\.rate = 1\.0: requires kind = 'poisson_kicks', .* or 'drag'"),
         (["run.units=reduced"], r"force\[0\]\.gravity: missing: 9\.81 m/s\^2 is meant in SI units only"),
         (
             ["box.packing_fraction="],

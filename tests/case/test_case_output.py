@@ -249,7 +249,7 @@ def test_the_estimate_counts_frames_rows_and_tracked_disks(folder):
     "overrides",
     [
         ("output.frames=20", "species[0].number=40000", "box.lengths=[400.0, 400.0]"),
-        ("output.frames=1000", "species[0].number=50", "output.precision=f8", "output.series=1000"),
+        ("output.frames=1000", "species[0].number=50", "output.precision=f64", "output.series=1000"),
         (
             "output.frames=2",
             "output.histories_all=true",

@@ -154,6 +154,9 @@ def test_check_advises_a_remedy_for_collapse_that_pistons_take(
     path = tmp_path / "case.toml"
     path.write_text(CASE)
     assert main(["check", str(path)]) == 0
-    assert 'set run.collapse = "velocity_cutoff" or "tc"' in capsys.readouterr().out
-    for remedy, value in (("velocity_cutoff", "run.velocity_cutoff=0.01"), ("tc", "run.contact_time=0.01")):
+    assert 'set run.collapse = "velocity_cutoff" or "contact_time"' in capsys.readouterr().out
+    for remedy, value in (
+        ("velocity_cutoff", "run.velocity_cutoff=0.01"),
+        ("contact_time", "run.contact_time=0.01"),
+    ):
         assert main(["check", str(path), "--set", f"run.collapse={remedy}", "--set", value]) == 0

@@ -129,7 +129,7 @@ def test_check_predicts_a_sheared_gas(flow: Path, capsys: pytest.CaptureFixture[
 def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path) -> None:
     """A gas that another run has mixed is sheared from now on."""
     assert main(["run", "flow.toml", "--no-picture", "--set", "box.shear_rate=0", "--set", "run.t_end=0.1",
-                 "--set", "output.precision=f8"]) == 0  # fmt: skip
+                 "--set", "output.precision=f64"]) == 0  # fmt: skip
     Path("next.toml").write_text(
         SHEARED.replace("speed_rms = 1.0\n", "") + '[start]\npositions = "flow.h5"\nmotion = true\n'
     )

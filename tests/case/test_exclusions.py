@@ -38,9 +38,9 @@ PISTON = {
     "piston": {"mass": 10.0},
 }
 HIGH = PISTON | {"point": [0.0, 899.0]}
-DRAG, KICKS = {"kind": "drag", "step": 0.1, "rate": 0.1}, {"kind": "random_force", "step": 0.1, "power": 1.0}
+DRAG, KICKS = {"kind": "drag", "step": 0.1, "rate": 0.1}, {"kind": "random_kicks", "step": 0.1, "power": 1.0}
 TABLE = {"kind": "table_friction", "step": 0.1, "mu": 0.2, "gravity": 9.81}
-REST, TC = {"collapse": "rest", "resting_speed": 1e-3}, {"collapse": "tc", "contact_time": 1e-4}
+REST, TC = {"collapse": "rest", "resting_speed": 1e-3}, {"collapse": "contact_time", "contact_time": 1e-4}
 WIDE = {"lengths": [900.0, 900.0]}
 F32, LOW = {"precision": "f32"}, {"low_memory": True}
 STRESS, HISTORIES = {"stress": True}, {"histories": [0]}
@@ -53,12 +53,13 @@ WORDS = {
     "gravity.rate": ("gravity = RotatingGravity(", "box.gravity_rotation_rate = 0.1"), "walls": ("walls", "wall"),
     "walls.piston": ("walls[0].piston", "wall[0].piston"), "forces": ("forces = [<Drag", 'force[0].kind = "drag"'),
     "forces.TableFriction": ("forces[0] = <TableFriction", 'force[0].kind = "table_friction"'),
-    "forces.RandomKicks": ("forces[0] = <RandomKicks", 'force[0].kind = "random_force"'),
-    "collapse": ("collapse = ContactTime(", 'run.collapse = "tc"'),
+    "forces.RandomKicks": ("forces[0] = <RandomKicks", 'force[0].kind = "random_kicks"'),
+    "collapse": ("collapse = ContactTime(", 'run.collapse = "contact_time"'),
     "collapse.Rest": ("collapse = Rest(", 'run.collapse = "rest"'),
     "law": ("law = Walton", 'material[0].law = "walton"'),
     "record.stress": ('record = "stress"', "output.stress = true"),
-    "record.wall": ('record = "wall"', "output.wall_sums = true"), "tracked": ("tracked", "output.histories = [0]"),
+    "record.wall_sums": ('record = "wall_sums"', "output.wall_sums = true"),
+    "histories": ("histories", "output.histories = [0]"),
     "device.name": ('device.name = "cuda"', 'run.device = "cuda"'), "disks.n": ("{} disk", "{} disk"),
     "device.precision": ('device.precision = "f32"', 'run.precision = "f32"'), "order": ("order = ", ""),
     "device.low_memory": ("device.low_memory = True", "run.low_memory = true"),
@@ -71,15 +72,15 @@ EXCLUDED: dict[tuple[str, str], dict[str, Any]] = {
     ("gravity", "box.open"): {"box": OPEN | DOWN}, ("walls", "box.open"): {"box": OPEN, "wall": POST},
     ("record.stress", "box.open"): {"box": OPEN, "output": STRESS}, ("comm", "box.open"): {"box": OPEN} | TWO,
     ("gravity", "box.periodic"): {"box": PERIODIC | DOWN}, ("gravity.rate", "box.periodic"): {"box": WALLED | TURNS},
-    ("tracked", "gravity.rate"): {"box": ROOM | TURNS, "output": HISTORIES},
+    ("histories", "gravity.rate"): {"box": ROOM | TURNS, "output": HISTORIES},
     ("comm", "gravity.rate"): {"box": ROOM | TURNS} | TWO,
     ("walls.piston", "gravity.rate"): {"box": ROOM | TURNS, "wall": PISTON},
     ("forces.TableFriction", "gravity"): {"box": WALLED | DOWN, "force": TABLE},
     ("box.shear_rate", "box.periodic"): {"box": WALLED | {"shear_rate": 0.1}},
     ("walls", "box.shear_rate"): {"box": SHEARED, "wall": POST},
-    ("tracked", "box.shear_rate"): {"box": SHEARED, "output": HISTORIES},
+    ("histories", "box.shear_rate"): {"box": SHEARED, "output": HISTORIES},
     ("disks.mass", "box.shear_rate"): {"box": SHEARED} | INF,
-    ("record.wall", "walls"): {"box": PERIODIC, "output": {"wall_sums": True}},
+    ("record.wall_sums", "walls"): {"box": PERIODIC, "output": {"wall_sums": True}},
     ("record.stress", "collapse.Rest"): FELL | {"output": STRESS},
     ("record.stress", "walls.piston"): REAL | {"output": STRESS},
     ("collapse.Rest", "device.name"): FELL | {"run": REST | CUDA},
@@ -101,7 +102,7 @@ EXCLUDED: dict[tuple[str, str], dict[str, Any]] = {
     ("device.low_memory", "collapse"): {"box": PERIODIC, "run": LOW | TC},
     ("comm", "device.precision"): {"box": PERIODIC, "run": F32} | TWO,
     ("comm", "order"): {"box": PERIODIC, "order": "serial"} | TWO,
-    ("comm", "tracked"): {"box": PERIODIC, "output": HISTORIES, "most": 2**31} | TWO,
+    ("comm", "histories"): {"box": PERIODIC, "output": HISTORIES, "most": 2**31} | TWO,
 }  # fmt: skip
 
 TAKEN: dict[str, dict[str, Any]] = {
@@ -136,9 +137,11 @@ def arguments(gas: dict[str, Any]) -> dict[str, Any]:
     velocity[: "mass" in gas] = 0.0  # an immovable disk is at rest
     down = tuple(box.get("gravity", (0.0, 0.0)))
     rate = box.get("gravity_rotation_rate")
-    collapse = {"rest": ifrdem.Rest(1e-3), "tc": ifrdem.ContactTime(1e-4)}.get(run.get("collapse", ""))
+    collapse = {"rest": ifrdem.Rest(1e-3), "contact_time": ifrdem.ContactTime(1e-4)}.get(
+        run.get("collapse", "")
+    )
     kinds = {
-        "drag": lambda: forces.Drag(step=0.1, rate=0.1), "random_force": lambda: forces.RandomKicks(0.1, power=1.0),
+        "drag": lambda: forces.Drag(step=0.1, rate=0.1), "random_kicks": lambda: forces.RandomKicks(0.1, power=1.0),
         "table_friction": lambda: forces.TableFriction(step=0.1, mu=0.2),
     }  # fmt: skip
     shapes = {
@@ -158,8 +161,8 @@ def arguments(gas: dict[str, Any]) -> dict[str, Any]:
         "gravity": ifrdem.RotatingGravity(down, rate=rate) if rate else down,
         "walls": [shapes[gas["wall"]["shape"]]()] if "wall" in gas else [],
         "forces": [kinds[gas["force"]["kind"]]()] if "force" in gas else [],
-        "record": [each for each, key in (("stress", "stress"), ("wall", "wall_sums")) if output.get(key)],
-        "tracked": output.get("histories", []),
+        "record": [each for each in ("stress", "wall_sums") if output.get(each)],
+        "histories": output.get("histories", []),
         "device": ifrdem.Device(
             run.get("device", "cpu"), threads=1, **{key: run[key] for key in ("precision", "low_memory") if key in run}
         ),
@@ -179,7 +182,7 @@ def refused_by_python(gas: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> s
             names = ("box", "walls", "device", "gravity", "forces", "collapse", "record")
             setup = Setup(law=((given["law"],),), **{name: given[name] for name in names})
             check_exclusions(
-                setup, n=gas.get("most", 2), immovable=False, tracked="histories" in gas.get("output", {}),
+                setup, n=gas.get("most", 2), immovable=False, histories="histories" in gas.get("output", {}),
                 ranks=gas.get("ranks", 1), order=gas.get("order", ""),
             )  # fmt: skip
         else:

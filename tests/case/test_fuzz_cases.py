@@ -40,7 +40,7 @@ NUMBERS = (
 )  # fmt: skip
 TEXTS = (
     "", " ", "x" * 5000, "é\u202e\u0000\x7f", "\U0001f600", "../../etc", "a\nb", "none", "random", "hexagonal",
-    "impact_scan", "lubachevsky_stillinger", "missing.h5", "missing.csv", "/dev/zero", "\u0000.h5", ".", "1e300",
+    "impact_scan", "grown", "missing.h5", "missing.csv", "/dev/zero", "\u0000.h5", ".", "1e300",
     "nan", "%s%n{}",
 )  # fmt: skip
 KEYS = ("²", "", "é", "x" * 300, "a.b", "__class__", "model_config", "text", "\u202e", "0", "self", "ctx")

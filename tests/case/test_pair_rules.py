@@ -79,8 +79,9 @@ def test_every_missing_pair_is_named_once() -> None:
 
 
 def test_reference_names_the_keys_that_may_stand_instead() -> None:
-    lines = [line for line in keys.reference().splitlines() if line.startswith("- `step`")]
-    assert any("required unless `rate` is given (random_force, random_torque)" in line for line in lines)
+    lines = [line for line in keys.reference().splitlines() if line.startswith("- `power`")]
+    assert len(lines) == 4
+    assert all("required unless `diffusion` is given; > 0" in line for line in lines)
 
 
 def test_a_material_that_is_not_defined_is_reported_once() -> None:

@@ -192,15 +192,13 @@ def test_disks_that_indices_of_32_bits_do_not_reach_are_refused(
 
 
 def test_growth_of_more_than_a_million_disks_is_for_one_process() -> None:
-    found = case_of(
-        "species[0].number=1000000", "species[1].number=1000000", "start.positions=lubachevsky_stillinger"
-    )
+    found = case_of("species[0].number=1000000", "species[1].number=1000000", "start.positions=grown")
     gas = found.gas
     text = report.report(gas, RunEstimate.of(gas)).text
-    assert 'start.positions = "lubachevsky_stillinger" grows all disks in one process' in text
+    assert 'start.positions = "grown" grows all disks in one process' in text
     count, why = gas.usable_ranks(4)
     assert count == 1
-    assert why.startswith('start.positions = "lubachevsky_stillinger" of more than 1000000 disks')
+    assert why.startswith('start.positions = "grown" of more than 1000000 disks')
 
 
 def test_kinds_of_a_case_have_the_sums_of_its_disks(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,7 +23,7 @@ GAS = """
 run = { name = "whole", seed = 3, units = "reduced", t_end = 3.0 }
 material = [{ name = "m", e_n = 0.9, e_t = -0.5, mu = 0.2 }]
 species = [{ name = "disks", number = 20, material = "m", mass = 1.0, radius = 0.5, speed_rms = 1.0 }]
-output = { precision = "f8", frames_interval = 1.5, views = false, picture = false }
+output = { precision = "f64", frames_interval = 1.5, views = false, picture = false }
 """
 SIDES = 'lengths = [12.0, 12.0], material = "m", gravity = [0.0, -0.5]'
 FLOOR = (
@@ -42,7 +42,7 @@ GASES = {
     "gravity that turns": f"box = {{ {SIDES}, periodic = [false, false], gravity_rotation_rate = 0.7 }}",
     "a piston": f"box = {{ {SIDES}, periodic = [true, false] }}\nwall = [{PISTON}]",
     "a flow, and kicks": "box = { lengths = [12.0, 12.0], shear_rate = 0.7 }\n"
-    'force = [{ kind = "random_force", step = 0.2, power = 0.1 }]',
+    'force = [{ kind = "random_kicks", step = 0.2, power = 0.1 }]',
 }  # fmt: skip
 """Cases that depend on the clock or on the number of collisions, or have a state in addition to the disks."""
 
@@ -200,7 +200,7 @@ def test_disks_of_a_csv_file_are_moved_apart_through_sheared_images(tmp_path: Pa
 
 
 def frame_of(
-    path: Path, position: list[list[float]], time: float, precision: str = "f8", **more: object
+    path: Path, position: list[list[float]], time: float, precision: str = "f64", **more: object
 ) -> None:
     """A trajectory of one frame of disks at rest in a box between walls."""
     n, box = len(position), Box((12.0, 12.0), (True, False))
@@ -219,7 +219,7 @@ def test_a_frame_in_single_precision_is_corrected_at_the_current_position_of_the
     floor = 1.0 + 0.5 * np.sin(2.0 * np.pi * 0.4 * 0.5)
     assert np.float32(floor + 0.5) < floor + 0.5
     places = [[2.0 + 2.0 * i, floor + 0.5] for i in range(5)]
-    frame_of(tmp_path / "old.h5", places, 0.5, "f4")
+    frame_of(tmp_path / "old.h5", places, 0.5, "f32")
     gas = case(
         tmp_path, "species[0].number=5", "start.positions=old.h5", text=GASES["a shaken floor and gates"]
     ).gas
@@ -242,7 +242,7 @@ def test_an_overlap_with_the_floor_gets_the_hint_that_helps(
     lower: float, changes: list[str], hint: str, tmp_path: Path
 ) -> None:
     floor = 1.0 + 0.5 * np.sin(2.0 * np.pi * 0.4 * 0.5)
-    frame_of(tmp_path / "old.h5", [[2.0 + 2.0 * i, floor + 0.5 - lower] for i in range(5)], 0.5, "f4")
+    frame_of(tmp_path / "old.h5", [[2.0 + 2.0 * i, floor + 0.5 - lower] for i in range(5)], 0.5, "f32")
     start = ["species[0].number=5", "start.positions=old.h5", *changes]
     with pytest.raises(InputError, match=r"overlaps wall 0 \(line\) at t = 0\.") as found:
         starts.start(case(tmp_path, *start, text=GASES["a shaken floor and gates"]).gas)
@@ -284,9 +284,9 @@ def test_gates_and_pistons_start_where_the_frame_has_them(tmp_path: Path) -> Non
 def test_a_start_warns_of_what_a_frame_does_not_store(old: Path) -> None:
     moving, hot = continues(), '{shape="line",temperature=1.0,point=[0.0,0.0],normal=[0.0,1.0]}'
     assert notices.notices(case(old, *moving).gas) == []
-    (text,) = notices.notices(case(old, *moving, "run.collapse=tc", "run.contact_time=0.01").gas)
+    (text,) = notices.notices(case(old, *moving, "run.collapse=contact_time", "run.contact_time=0.01").gas)
     assert "until t = 1.51, run.contact_time counts collisions since the start only" in text
-    assert notices.notices(case(old, "run.collapse=tc", "run.contact_time=0.01").gas) == []
+    assert notices.notices(case(old, "run.collapse=contact_time", "run.contact_time=0.01").gas) == []
     frame_of(old / "hot.h5", [[2.0 + 2.0 * (i % 5), 2.0 + 2.0 * (i // 5)] for i in range(20)], 1.0)
     walls = f'box = {{ lengths = [12.0, 12.0], periodic = [true, false], material = "m" }}\nwall = [{hot}]'
     (text,) = notices.notices(case(old, *moving, "start.frame=0", "start.positions=hot.h5", text=walls).gas)

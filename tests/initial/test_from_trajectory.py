@@ -49,7 +49,7 @@ MOVING = ("start.motion=true", "species[0].speed_rms=")
 
 
 def trajectory(
-    folder: Path, precision: str = "f8", fields: list[str] | None = None, grid: float = 0.0, **options: Any
+    folder: Path, precision: str = "f64", fields: list[str] | None = None, grid: float = 0.0, **options: Any
 ) -> list[State]:
     """A trajectory of three frames, old.h5, of the disks that the case has; positions may lie on a grid."""
     radius = radii.uniform(N, low=0.5, high=1.0, seed=5)  # the first species draws by the run's seed itself
@@ -58,7 +58,7 @@ def trajectory(
     random = np.random.default_rng(1)
     states = []
     for seed in range(3):
-        position = touching(box, radius, packing.grow(box, radius, seed=seed))
+        position = touching(box, radius, packing.grown_positions(box, radius, seed=seed))
         position = np.round(position / grid) * grid if grid else position
         states.append(State(position, random.normal(size=(N, 2)), random.normal(size=N), time=seed))
     fields = ["position", "velocity", "angular_velocity"] if fields is None else fields
@@ -108,7 +108,7 @@ def test_motion_takes_velocities_and_spins_too(tmp_path: Path) -> None:
 
 
 def test_rounding_of_single_precision_is_undone(tmp_path: Path) -> None:
-    states = trajectory(tmp_path, precision="f4")
+    states = trajectory(tmp_path, precision="f32")
     gas, state = start(tmp_path)
     with pytest.raises(InputError, match="overlap"), Trajectory(tmp_path / "old.h5") as file:
         check_no_overlap(gas.box, gas.disks.radius, file[-1].position)
@@ -118,7 +118,7 @@ def test_rounding_of_single_precision_is_undone(tmp_path: Path) -> None:
     assert 0.0 < np.abs(apart).max() < 20.0 * 2.0**-24 * 13.0
 
 
-@pytest.mark.parametrize("precision", ["f4", "f8"])
+@pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_rounding_of_a_run_in_single_precision_is_undone(tmp_path: Path, precision: str) -> None:
     """Its places lie on a grid of up to 2^-22 of the box, wherever they are stored: such frames were refused."""
     parameters = {"case_in_full": '{"run": {"precision": "f32"}}'}
@@ -127,13 +127,13 @@ def test_rounding_of_a_run_in_single_precision_is_undone(tmp_path: Path, precisi
     with pytest.raises(InputError, match="overlap"), Trajectory(tmp_path / "old.h5") as file:
         check_no_overlap(gas.box, gas.disks.radius, file[-1].position, tolerance=1e-7)
     check_no_overlap(gas.box, gas.disks.radius, state.position, tolerance=0.0)
-    trajectory(tmp_path, "f8", grid=13.0 * 2.0**-22)  # of another run, whose disks overlap
+    trajectory(tmp_path, "f64", grid=13.0 * 2.0**-22)  # of another run, whose disks overlap
     assert "overlap" in problems(tmp_path)[0]
 
 
 def test_rounding_of_an_exported_frame_is_undone(tmp_path: Path) -> None:
     """A CSV of positions that were stored in single precision; disks that overlap by more are refused."""
-    trajectory(tmp_path, precision="f4")
+    trajectory(tmp_path, precision="f32")
     assert (
         cli.main(
             ["export", str(tmp_path / "old.h5"), "--to", "csv", "--frames=-1", "-o", f"{tmp_path}/a.csv"]

@@ -53,7 +53,7 @@ def test_growth_reaches_random_packing_without_an_overlap(
     radius: NDArray[np.float64], packing_fraction: float
 ) -> None:
     box = Box.from_packing_fraction(radius, packing_fraction, 1.3)
-    position = packing.grow(box, radius, seed=1)
+    position = packing.grown_positions(box, radius, seed=1)
     assert np.all((position >= 0.0) & (position < box.lengths))
     assert least_gap(box, radius, position) >= 0.0
     check_no_overlap(box, radius, position, tolerance=0.0)
@@ -62,7 +62,7 @@ def test_growth_reaches_random_packing_without_an_overlap(
 def test_a_seed_decides_the_packing() -> None:
     radius = bidisperse(300)
     box = Box.from_packing_fraction(radius, 0.8)
-    one, again, other = (packing.grow(box, radius, seed=seed) for seed in (1, 1, 2))
+    one, again, other = (packing.grown_positions(box, radius, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, again)
     assert np.abs(box.minimum_image(one - other)).max() > 0.5
 
@@ -71,7 +71,7 @@ def test_a_packing_is_disordered() -> None:
     # Sixfold bond order <exp(6 i angle)> over near pairs is 1 for a lattice, some 1/sqrt(pairs) for random directions.
     radius = bidisperse(600)
     box = Box.from_packing_fraction(radius, 0.84)
-    position = packing.grow(box, radius, seed=1)
+    position = packing.grown_positions(box, radius, seed=1)
     apart = box.minimum_image(position[:, None, :] - position[None, :, :])
     near = np.hypot(apart[..., 0], apart[..., 1]) < 1.05 * (radius[:, None] + radius[None, :])
     np.fill_diagonal(near, False)
@@ -84,27 +84,31 @@ def test_a_packing_fraction_that_cannot_be_reached_is_refused_with_the_one_reach
     radius = bidisperse(300)
     box = Box.from_packing_fraction(radius, 0.88)
     with pytest.raises(InputError, match=r"packing fraction = 0\.8800: growth ended at 0\.\d+") as failure:
-        packing.grow(box, radius, seed=1)
+        packing.grown_positions(box, radius, seed=1)
     found = re.search(r"ended at (0\.\d+)", str(failure.value))
     assert found is not None
     attained = float(found[1])
     assert 0.82 < attained < 0.855  # random close packing, and what 300 disks differ from it
-    packing.grow(Box.from_packing_fraction(radius, attained - 0.01), radius, seed=1)
+    packing.grown_positions(Box.from_packing_fraction(radius, attained - 0.01), radius, seed=1)
 
 
 def test_no_disk_one_disk_and_too_large_ones() -> None:
-    assert packing.grow(Box((3.0, 3.0)), np.empty(0), seed=1).shape == (0, 2)
-    assert packing.grow(Box((3.0, 3.0)), [0.5], seed=1).shape == (1, 2)
+    assert packing.grown_positions(Box((3.0, 3.0)), np.empty(0), seed=1).shape == (0, 2)
+    assert packing.grown_positions(Box((3.0, 3.0)), [0.5], seed=1).shape == (1, 2)
     with pytest.raises(InputError, match="own periodic image"):
-        packing.grow(Box((3.0, 3.0)), [1.6], seed=1)
+        packing.grown_positions(Box((3.0, 3.0)), [1.6], seed=1)
     with pytest.raises(InputError, match="cover more than the box has"):
-        packing.grow(Box((3.0, 3.0)), np.full(50, 0.5), seed=1)
+        packing.grown_positions(Box((3.0, 3.0)), np.full(50, 0.5), seed=1)
 
 
 def test_rounded_positions_are_moved_apart_by_no_more_than_rounding() -> None:
     radius = bidisperse(400)
     box = Box.from_packing_fraction(radius, 0.75)
-    rounded = touching(box, radius, packing.grow(box, radius, seed=1)).astype(np.float32).astype(np.float64)
+    rounded = (
+        touching(box, radius, packing.grown_positions(box, radius, seed=1))
+        .astype(np.float32)
+        .astype(np.float64)
+    )
     assert least_gap(box, radius, rounded) < -1e-7
     moved = packing.separate(box, radius, rounded)
     assert least_gap(box, radius, moved) >= 0.0
@@ -130,7 +134,7 @@ coin = "1 pta"
 number = 300
 speed_rms = 1.0
 [start]
-positions = "lubachevsky_stillinger"
+positions = "grown"
 """
 
 
@@ -144,7 +148,7 @@ def test_a_case_starts_by_growth_and_refuses_by_key() -> None:
     case = CaseSections.model_validate(raw)
     with pytest.raises(
         InputError,
-        match=r'^start\.positions = "lubachevsky_stillinger": packing fraction = 0\.9000: growth ended at',
+        match=r'^start\.positions = "grown": packing fraction = 0\.9000: growth ended at',
     ):
         starts.start(CaseGas.from_case(case))
 
@@ -160,7 +164,7 @@ def test_a_long_stage_reports_progress(capsys: pytest.CaptureFixture[str]) -> No
 def test_growth_reports_its_progress_in_order() -> None:
     found: list[float] = []
     radius = bidisperse(200)
-    packing.grow(Box.from_packing_fraction(radius, 0.83), radius, seed=1, progress=found.append)
+    packing.grown_positions(Box.from_packing_fraction(radius, 0.83), radius, seed=1, progress=found.append)
     assert found == sorted(found)
     assert found[-1] == 1.0
 

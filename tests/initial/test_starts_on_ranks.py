@@ -63,7 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     radius = np.concatenate([radii.uniform(200, low=0.5, high=0.75, seed=0), np.full(401, 0.5)])
     box = Box.from_packing_fraction(radius, 0.6)
     (folder / "case.toml").write_text(f"box.lengths = {list(box.lengths)}\n{CASE}")
-    position = packing.grow(box, radius, seed=1, walls=[POST])
+    position = packing.grown_positions(box, radius, seed=1, walls=[POST])
     position = touching(box, radius, position)
     while np.any(close := POST.gap(position, radius) < 0.0):  # which were moved into the post
         position[close] += 1e-3 * POST.normal(position[close])[0]
@@ -71,10 +71,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     random = np.random.default_rng(1)
     state = State(position, random.normal(size=(N, 2)), random.normal(size=N))
     disks = Disks(N, mass=1.0, radius=radius)
-    for name, precision in (("single", "f4"), ("double", "f8")):
+    for name, precision in (("single", "f32"), ("double", "f64")):
         with TrajectoryWriter(folder / f"{name}.h5", disks, box, fields=FIELDS, precision=precision) as file:
             file.write(state)
-    options = {"number": 4, "fields": FIELDS, "precision": "f4"}
+    options = {"number": 4, "fields": FIELDS, "precision": "f32"}
     for name in ("parts", "lacking"):
         with PartsWriter.create(folder / f"{name}.h5", disks, disks, box, **options) as parts:
             parts.write(state)

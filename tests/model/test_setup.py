@@ -17,6 +17,7 @@ from ifrdem.case import shipped
 from ifrdem.model.forces import Force, Langevin, RandomKicks
 from ifrdem.model.laws.walton import Walton
 from ifrdem.model.setup import Setup
+from ifrdem.simulation.checkpoints import checkpoint
 
 # Two records as checkpoints of format 11 held them before there was a `Setup`.
 WALLED = json.loads(
@@ -69,7 +70,7 @@ SETUPS: dict[str, tuple[Setup, dict[str, Any]]] = {
 def test_its_fields_are_the_arguments_of_a_simulation_besides_disks_and_state() -> None:
     """An argument that only one of both had would be lost in checkpoints, or could not be given."""
     arguments = [*inspect.signature(Simulation.__init__).parameters]
-    besides = ("self", "disks", "state", "tracked", "comm")
+    besides = ("self", "disks", "state", "histories", "comm")
     assert {each.name for each in fields(Setup)} == {each for each in arguments if each not in besides}
 
 
@@ -84,6 +85,17 @@ def test_the_record_is_that_of_checkpoints_before(name: str) -> None:
         (type(one), vars(one)) for one in setup.forces
     ]
     assert replace(again, forces=()) == replace(setup, forces=())
+
+
+def test_a_record_with_old_words_is_that_of_the_same_setup() -> None:
+    """Names of `record=[...]` as checkpoints of earlier versions hold them, sorted."""
+    setup, record = SETUPS["walled"]
+    old = {**record, "record": ["disk_energy", "energy", "wall"]}
+    assert Setup.from_record(old).to_record() == record
+    assert checkpoint.differences(setup.to_record(), old) == []
+    assert checkpoint.differences(replace(setup, record=frozenset(["last_partner"])).to_record(), old) == [
+        "record"
+    ]
 
 
 def test_the_records_of_all_shipped_cases_make_the_same_setups_again() -> None:
@@ -120,7 +132,7 @@ def test_a_record_without_the_code_of_a_force_needs_it() -> None:
         ("forces", [Force(0.1)], r"forces\[0\] = .*: must be an object of a class derived from"),
         ("collapse", "rest", r"collapse = 'rest': must be VelocityCutoff\(speed\)"),
         ("device", "gpu", "device = 'gpu': must be"),
-        ("record", ["enrgy"], r"record: unknown name 'enrgy' \(did you mean 'energy'\?\)"),
+        ("record", ["ledgr"], r"record: unknown name 'ledgr' \(did you mean 'ledger'\?\)"),
         ("seed", -1, "seed = -1: must be an integer from 0"),
     ],
 )

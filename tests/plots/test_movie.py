@@ -205,7 +205,7 @@ def test_disks_have_the_temperature_of_their_peculiar_velocity(tmp_path):
     """m c^2 / 2: mass 2 and velocity (3, 4) make 25; at y = 15, 5 above the middle, the flow of rate 0.4 is (2, 0)."""
     for box, expected in ((BOX, 25.0), (Box((30.0, 20.0), shear_rate=0.4), 1.0 + 16.0)):
         disks = Disks(1, mass=2.0, radius=1.0)
-        with TrajectoryWriter(tmp_path / "run.h5", disks, box, precision="f8", force=True) as writer:
+        with TrajectoryWriter(tmp_path / "run.h5", disks, box, precision="f64", force=True) as writer:
             writer.write(State([[5.0, 15.0]], [[3.0, 4.0]], [0.0]))
         with Trajectory(tmp_path / "run.h5") as trajectory:
             scene = movie.Scene(trajectory, [0], (600, 500), "temperature")

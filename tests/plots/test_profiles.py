@@ -47,7 +47,7 @@ def write(
     disks = Disks(n, np.where(np.arange(n) % 2 == 0, 1.0, 3.0), 0.1)
     box = Box((WIDTH, HEIGHT), periodic)
     with TrajectoryWriter(
-        path, disks, box, parameters={"gravity": json.dumps(gravity)}, units=SI, walls=walls, precision="f8"
+        path, disks, box, parameters={"gravity": json.dumps(gravity)}, units=SI, walls=walls, precision="f64"
     ) as writer:
         for time in np.arange(frames, dtype=float):
             position = rng.random((n, 2)) * (WIDTH, HEIGHT / 2)
@@ -86,7 +86,7 @@ def test_temperature_of_few_disks_in_a_strip_is_without_bias(tmp_path: Path) -> 
     velocity, disks = rng.normal(size=(len(y), 2)), Disks(len(y), 2.0, 0.5)
     position = np.column_stack((np.tile(np.arange(each) + 0.5, 8), y))
     with TrajectoryWriter(
-        tmp_path / "a.h5", disks, Box((each, 8.0), (True, False)), precision="f8"
+        tmp_path / "a.h5", disks, Box((each, 8.0), (True, False)), precision="f64"
     ) as writer:
         writer.write(State(position, velocity, np.zeros(len(y))))
     with Trajectory(tmp_path / "a.h5") as trajectory:
@@ -99,7 +99,7 @@ def test_temperature_of_few_disks_in_a_strip_is_without_bias(tmp_path: Path) -> 
 def test_a_disk_is_shared_out_among_strips_by_area(tmp_path: Path) -> None:
     """One disk across three strips, its middle at a quarter of one: areas of circular segments."""
     disks, box = Disks(1, 1.0, 1.0), Box((8.0, 8.0), (True, False))
-    with TrajectoryWriter(tmp_path / "a.h5", disks, box, precision="f8") as writer:
+    with TrajectoryWriter(tmp_path / "a.h5", disks, box, precision="f64") as writer:
         writer.write(State(np.array([[4.0, 4.25]]), np.zeros((1, 2)), np.zeros(1)))
     with Trajectory(tmp_path / "a.h5") as trajectory:
         found = profiles.of(trajectory)
@@ -257,7 +257,7 @@ def test_temperatures_that_fall_over_decades_have_a_logarithmic_axis_without_zer
 def test_a_bin_with_two_disks_in_all_frames_does_not_stretch_an_axis(tmp_path: Path) -> None:
     """A gas with T = 1, and above it a fast disk: twice in 40 frames in one strip, in all the others in another one."""
     rng, n, box = np.random.default_rng(6), 100, Box((10.0, 10.0))
-    with TrajectoryWriter(tmp_path / "a.h5", Disks(n + 1, 1.0, 0.1), box, precision="f8") as writer:
+    with TrajectoryWriter(tmp_path / "a.h5", Disks(n + 1, 1.0, 0.1), box, precision="f64") as writer:
         for time in range(40):
             position = np.append(rng.random((n, 2)) * (10.0, 5.0), [[5.0, 9.5 if time < 2 else 7.5]], axis=0)
             velocity = np.append(rng.normal(size=(n, 2)), [[900.0 * (-1.0) ** time, 0.0]], axis=0)

@@ -20,7 +20,7 @@ from ifrdem.runs.case import differences
 
 SMALL: dict[str, Any] = {
     "species[0].number": 60, "run.collisions_per_disk": 3.0, "output.frames": 4, "output.histories": None,
-    "output.precision": "f8", "output.picture": False, "output.views": False,
+    "output.precision": "f64", "output.picture": False, "output.views": False,
 }  # fmt: skip
 
 

@@ -164,7 +164,7 @@ def test_many_rows_lie_between_the_frames(tmp_path: Path) -> None:
     fields = ("position", "velocity", "angular_velocity", "angle")
     walled = ifrdem.Box((20.0, 20.0), periodic=(False, False))  # no side to go around
     with TrajectoryWriter(
-        tmp_path / "run.h5", some_disks(n), walled, fields=fields, precision="f8"
+        tmp_path / "run.h5", some_disks(n), walled, fields=fields, precision="f64"
     ) as writer:
         for time, place, angle in zip(times, places, angles, strict=True):
             writer.write(State(place, np.zeros((n, 2)), np.zeros(n), time=time, angle=angle))

@@ -50,7 +50,7 @@ picture = false
             "the remedy for inelastic collapse",
         ),
         (
-            'collapse = "tc"\ncontact_time = 0.01',
+            'collapse = "contact_time"\ncontact_time = 0.01',
             "collisions were made elastic by the remedy for inelastic collapse",
             "resting speed",
         ),

@@ -6,6 +6,7 @@ import json
 import os
 import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -58,7 +59,7 @@ diameter = 1.0
 speed_rms = 1.4
 
 [[force]]
-kind = "random_force"
+kind = "random_kicks"
 step = 0.05
 power = 0.5
 
@@ -173,6 +174,24 @@ def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monk
     assert frames > 3
     assert rows > 10
     monkeypatch.setattr(run, "save", SAVE)
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_a_run_with_old_words_is_resumed(whole, tmp_path, stopping):
+    """A checkpoint as an earlier version wrote it, beside the case file of its run, which the user has not changed."""
+    shutil.copy(whole.parent / "gas.toml", case := tmp_path / "gas.toml")
+    stopping += [30]
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
+    arrays, record = checkpoint.read(tmp_path / "gas.checkpoint.h5")
+    assert record["gas"]["record"] == ["angle", "last_partner", "ledger"]
+    record["gas"]["record"] = ["angle", "energy", "partner"]
+    old = record["extra"]["case"].replace("random_kicks", "random_force")
+    as_set = record["extra"]["case_as_set"].replace("random_kicks", "random_force")
+    assert as_set != record["extra"]["case_as_set"]
+    record["extra"] |= {"case": old, "case_as_set": as_set}
+    checkpoint.write(tmp_path / "gas.checkpoint.h5", arrays, record)
+    case.write_text(old)
     assert cli.main(["resume", str(tmp_path)]) == 0
     same(tmp_path / "gas.h5", whole)
 

@@ -38,7 +38,7 @@ coin = "1 pta"
 number = 21000
 speed_rms = 1.0
 [[force]]
-kind = "random_force"
+kind = "random_kicks"
 step = 0.02
 power = 2.0e-3
 [[force]]

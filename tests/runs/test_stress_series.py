@@ -20,7 +20,7 @@ run = { name = "flow", t_end = 4.0, units = "reduced", seed = 4 }
 box = { packing_fraction = 0.2, shear_rate = 0.5 }
 material = [{ name = "m", e_n = 0.9, e_t = -0.5, mu = 0.2 }]
 species = [{ name = "d", material = "m", mass = 1.0, diameter = 0.5, number = 150, speed_rms = 1.0 }]
-output = { frames = 4, series = 8, stress = true, picture = false, views = false, precision = "f8" }
+output = { frames = 4, series = 8, stress = true, picture = false, views = false, precision = "f64" }
 """
 
 

@@ -18,7 +18,7 @@ run = { name = "stirred", t_end = 3.0, units = "reduced", seed = 4 }
 box = { lengths = [12.0, 9.0], periodic = [false, false], material = "m" }
 material = [{ name = "m", e_n = 0.9, e_t = -0.5, mu = 0.2 }]
 species = [{ name = "d", material = "m", mass = 1.0, diameter = 0.5, number = 40, speed_rms = 1.0 }]
-output = { frames = 3, series = 6, wall_sums = true, picture = false, views = false, precision = "f8" }
+output = { frames = 3, series = 6, wall_sums = true, picture = false, views = false, precision = "f64" }
 [[wall]]
 shape = "polyline"
 material = "m"

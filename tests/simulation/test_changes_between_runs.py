@@ -159,7 +159,7 @@ def test_a_gas_that_has_flown_apart_or_rests_moves_again_with_other_velocities()
 
 def test_histories_continue_across_a_change_of_velocities() -> None:
     box, state, _ = setting("periodic")
-    gas = made(box, state, tracked=[4])
+    gas = made(box, state, histories=[4])
     gas.run(t_end=0.5)
     gas.take_events()
     old = gas.state.velocity[4]

@@ -116,7 +116,7 @@ def pushed(threads: int | None = None) -> Simulation:
         disks, box, [[COIN, hoops], [hoops, COIN]], State(grid, rng.normal(size=(60, 2)), rng.normal(size=60)),
         walls=[Wall.line((0.0, 11.0), (0.0, -1.0), material=1, group="lid", piston=Piston(20.0, force=9.0, low=-0.5))],
         device=Device(threads=threads), forces=[force], collapse=VelocityCutoff(0.05), seed=2**63,
-        record=["ledger", "last_partner", "angle", "dissipated", "wall_sums"], tracked=[3, 7],
+        record=["ledger", "last_partner", "angle", "dissipated", "wall_sums"], histories=[3, 7],
     )  # fmt: skip
 
 
@@ -310,7 +310,7 @@ def test_custom_laws_and_forces_are_given_again(tmp_path):
 @pytest.mark.full
 def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch):
     monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
-    make = gas(tracked=[0, 5])
+    make = gas(histories=[0, 5])
     whole = make(2)
     whole.run(collisions_per_disk=3.0)
     whole.save_checkpoint(tmp_path / "a.h5")

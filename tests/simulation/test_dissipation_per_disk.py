@@ -72,7 +72,7 @@ def test_it_depends_neither_on_frames_nor_changes_the_motion():
     without.run(t_end=2.0)
     assert np.array_equal(without.state.position, at_once.state.position)
     assert np.array_equal(without.state.velocity, at_once.state.velocity)
-    with pytest.raises(AttributeError, match=r'State.dissipated.*record=\["disk_energy"\]'):
+    with pytest.raises(AttributeError, match=r'State.dissipated.*record=\["dissipated"\]'):
         without.state.dissipated.sum(axis=0)
 
 
@@ -107,7 +107,7 @@ def test_a_run_that_continues_from_a_state_continues_its_sums():
 
 
 def test_a_ledger_that_records_losses_of_disks_cannot_be_switched_off():
-    with pytest.raises(InputError, match='"disk_energy" needs "energy"'):
+    with pytest.raises(InputError, match='"dissipated" needs "ledger"'):
         gas(100).switch_ledger(False)
 
 

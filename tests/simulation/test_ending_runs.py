@@ -65,7 +65,7 @@ def assert_same_motion(one: State, other: State) -> None:
 @pytest.mark.parametrize(
     ("way", "raised"), [("stop", None), ("raise", Halt), ("interrupt", KeyboardInterrupt)]
 )
-@pytest.mark.parametrize("options", [{}, {"collapse": ContactTime(1e-9)}], ids=["plain", "tc"])
+@pytest.mark.parametrize("options", [{}, {"collapse": ContactTime(1e-9)}], ids=["plain", "contact_time"])
 def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
     end: dict[str, float], way: str, raised: type[BaseException] | None, options: dict[str, Any]
 ) -> None:
@@ -74,8 +74,8 @@ def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
     From there on it must be the uninterrupted gas: the same frames to the last bit, and the same collisions.
     """
     whole, part = (
-        gas(record=["ledger"], tracked=[3], **options),
-        gas(record=["ledger"], tracked=[3], **options),
+        gas(record=["ledger"], histories=[3], **options),
+        gas(record=["ledger"], histories=[3], **options),
     )
     frames: list[State] = []
     whole.run(**end, frames=50, frame_callbacks=[lambda state, measure: frames.append(state)])

@@ -59,7 +59,7 @@ def test_times_are_a_poisson_process_of_each_disk() -> None:
     distance of m samples stays below 1.95 / sqrt(m) but once in a thousand.
     """
     disks, box, state = still(400)
-    simulation = Simulation(disks, box, SMOOTH, state, forces=[Note(3.0)], tracked=range(400), seed=7)
+    simulation = Simulation(disks, box, SMOOTH, state, forces=[Note(3.0)], histories=range(400), seed=7)
     simulation.run(t_end=20.0)
     events = simulation.take_events()
     times = [events.time[events.id == i] for i in range(400)]
@@ -179,7 +179,7 @@ def test_collisions_are_those_of_a_run_that_gets_the_same_kicks_from_outside() -
     box, state = start(disks, 0.4)
     kicked = Simulation(
         disks, box, LOSSY, state, forces=[PoissonKicks(2.0, power=1.0), PoissonSpinKicks(1.0, power=0.5)],
-        tracked=range(n), seed=3,
+        histories=range(n), seed=3,
     )  # fmt: skip
     kicked.run(t_end=2.0)
     events = kicked.take_events()

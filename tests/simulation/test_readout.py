@@ -29,7 +29,7 @@ from ifrdem.trajectory.writer import TrajectoryWriter
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 COMPARED = ("position", "velocity", "spin", "collisions", "image", "last_partner", "angle")
-STORED = layout.frame_dtype(tuple(FIELDS), "f4")
+STORED = layout.frame_dtype(tuple(FIELDS), "f32")
 Frames = list[tuple[State, Measure]]
 
 
@@ -74,7 +74,7 @@ def test_series_tracked_disks_and_the_ledger_change_no_bit(order: str) -> None:
     bare = gas_of(mixture(1500), 0.5, COIN)
     bare.run(t_end=0.6)
     expected = bare.state
-    followed = gas(tracked=[0, 7, 700])
+    followed = gas(histories=[0, 7, 700])
     rows: list[Measure] = []
     followed.run(t_end=0.6, series=41, series_callbacks=[rows.append])
     assert len(rows) == 42
@@ -130,7 +130,7 @@ def test_positions_of_a_frame_lie_in_the_box_and_paths_have_no_jumps(order: str)
 
 def test_the_angle_is_the_integral_of_the_spin_of_the_history(order: str) -> None:
     # Collision by collision, from what is kept of every one: spin before, from the latest one on, times the time.
-    simulation = gas(n=300, tracked=range(300))
+    simulation = gas(n=300, histories=range(300))
     found = [state for state, _ in frames_of(simulation, t_end=1.5, frames=7)]
     events = simulation.take_events()
     begin = found[0]

@@ -40,7 +40,7 @@ def virial_of(events, disks: Disks) -> np.ndarray:
 def test_the_virial_is_that_of_tracked_collisions(device):
     """Of rough disks of many masses and radii, in a box without walls."""
     disks = mixture(300)
-    gas = gas_of(disks, 0.4, ROUGH, device=device, tracked=range(300), record=["stress"])
+    gas = gas_of(disks, 0.4, ROUGH, device=device, histories=range(300), record=["stress"])
     gas.run(collisions_per_disk=8.0)
     events = gas.take_events()
     found = gas.measure().virial
@@ -64,7 +64,7 @@ def test_walls_and_posts_transfer_momentum_from_where_they_are_touched(device):
     ]
     state = State(grid, rng.normal(size=(40, 2)), rng.normal(size=40))
     gas = Simulation(
-        disks, box, ROUGH, state, device=device, walls=walls, gravity=(0.0, -0.05), tracked=range(40),
+        disks, box, ROUGH, state, device=device, walls=walls, gravity=(0.0, -0.05), histories=range(40),
         collapse=ContactTime(1e-5), record=["stress", "wall_sums"],
     )  # fmt: skip
     gas.run(t_end=20.0)
@@ -203,7 +203,7 @@ def test_sums_of_walls_and_heats_have_columns_of_their_own() -> None:
         Wall.line((0.0, 12.0), (0.0, -1.0), surface_speed=0.5),
     ]
     found = []
-    for record in (["wall", "energy"], ["wall", "energy", "stress"]):
+    for record in (["wall_sums", "ledger"], ["wall_sums", "ledger", "stress"]):
         gas = Simulation(
             equal_disks(60), Box((15.0, 30.0), (True, False)), ROUGH, state, walls=walls, gravity=(0.0, -0.1),
             record=record, seed=3,

@@ -59,7 +59,9 @@ def test_paths_lead_through_every_collision(device, alone, monkeypatch):
     disks = mixture(900)
     box, state = start(disks, 0.4)
     tracked = [0, 13, 400, 899]
-    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=tracked, record=["last_partner"])
+    simulation = Simulation(
+        disks, box, ROLLING, state, device=device, histories=tracked, record=["last_partner"]
+    )
     simulation.run(collisions_per_disk=12.0)
     events, end = simulation.take_events(), simulation.state
     assert np.all(np.diff(events.time) >= 0.0)
@@ -75,7 +77,9 @@ def test_each_row_is_one_collision_of_the_law(device):
     """Impulses, regime, angle and both sides' velocities of every row against `law.collide`."""
     disks = mixture(500)
     box, state = start(disks, 0.3)
-    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=range(500), record=["last_partner"])
+    simulation = Simulation(
+        disks, box, ROLLING, state, device=device, histories=range(500), record=["last_partner"]
+    )
     simulation.run(collisions_per_disk=3.0)
     e = simulation.take_events()
     assert len(e) == 2 * simulation.collisions  # all disks are tracked: each collision twice
@@ -118,7 +122,9 @@ def test_collisions_at_one_time_are_in_the_order_in_which_they_happened(device):
         np.zeros(24),
     )
     box = Box((16.0, 16.0))
-    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=range(24), record=["last_partner"])
+    simulation = Simulation(
+        disks, box, ROLLING, state, device=device, histories=range(24), record=["last_partner"]
+    )
     simulation.run(t_end=1.25)
     events, end = simulation.take_events(), simulation.state
     assert any(np.any(np.diff(rows_of(events, disk)["time"]) == 0.0) for disk in range(8))
@@ -142,7 +148,7 @@ def test_walls_gravity_and_heat_are_in_the_path(device):
         Wall.line((0.0, 7.3), (0.0, -1.0), temperature=1.5),
     ]
     simulation = Simulation(
-        disks, box, COIN, state, device=device, walls=walls, gravity=(0.0, -1.0), tracked=range(40),
+        disks, box, COIN, state, device=device, walls=walls, gravity=(0.0, -1.0), histories=range(40),
         collapse=VelocityCutoff(0.3),
     )  # fmt: skip
     simulation.run(t_end=8.0)
@@ -172,7 +178,7 @@ def test_kicks_are_rows_so_that_driven_paths_are_exact_too(device):
     disks, (box, state) = two_kinds(40), between_walls()
     walls = [Wall.line((0.0, y), (0.0, up)) for y, up in ((0.3, 1.0), (7.3, -1.0))]
     simulation = Simulation(
-        disks, box, COIN, state, device=device, tracked=range(40), seed=4,
+        disks, box, COIN, state, device=device, histories=range(40), seed=4,
         forces=[RandomKicks(0.1, power=1.0), SpinKicks(0.07, power=1.0)], record=["last_partner"], walls=walls,
     )  # fmt: skip
     simulation.run(t_end=1.0)
@@ -200,7 +206,7 @@ def test_a_change_leaves_no_events_of_the_motion_before_it(tmp_path, alone, chan
         monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
     disks = two_kinds(400)
     box, state = start(disks, 0.4)
-    gas = Simulation(disks, box, COIN, state, tracked=[5, 6, 7])
+    gas = Simulation(disks, box, COIN, state, histories=[5, 6, 7])
     gas.run(t_end=0.02)
     gas.save_checkpoint(tmp_path / "a.h5")
     for each in (gas, Simulation.from_checkpoint(tmp_path / "a.h5")):
@@ -234,11 +240,11 @@ def test_what_cannot_be_tracked_is_refused():
         ([0.5], "a list of disks' numbers"),
     ):
         with pytest.raises(InputError, match=reason):
-            Simulation(disks, box, COIN, state, tracked=tracked)
+            Simulation(disks, box, COIN, state, histories=tracked)
     sheared = Box(box.lengths, shear_rate=0.1)
     with pytest.raises(InputError, match=r"tracked: cannot be combined with box\.shear_rate"):
-        Simulation(disks, sheared, COIN, state, tracked=[0])
-    with pytest.raises(InputError, match=r"tracked=\[0, 1\]"):
+        Simulation(disks, sheared, COIN, state, histories=[0])
+    with pytest.raises(InputError, match=r"histories=\[0, 1\]"):
         Simulation(disks, box, COIN, state).take_events()
 
 
@@ -247,7 +253,7 @@ def test_the_velocity_of_a_turning_wall_is_that_of_its_contact():
     center, disks = np.array([6.0, 6.0]), equal_disks(1)
     drum = Wall.container(tuple(center), 5.0, turn=Turn("steady", tuple(center), rate=0.3))
     state = State([[6.5, 7.0]], [[1.0, -0.4]], [2.0])
-    simulation = Simulation(disks, Box((12.0, 12.0)), COIN, state, walls=[drum], tracked=[0])
+    simulation = Simulation(disks, Box((12.0, 12.0)), COIN, state, walls=[drum], histories=[0])
     simulation.run(t_end=30.0)
     events = simulation.take_events()
     assert len(events.time) > 2

@@ -161,7 +161,7 @@ def test_coins_on_an_open_table_come_to_rest() -> None:
 def test_a_trajectory_says_that_there_are_no_boundaries(tmp_path: Path) -> None:
     disks, state = blob(20)
     path = tmp_path / "open.h5"
-    with TrajectoryWriter(path, disks, Box.open(), precision="f8", fields=["position", "image"]) as file:
+    with TrajectoryWriter(path, disks, Box.open(), precision="f64", fields=["position", "image"]) as file:
         gas = Simulation(disks, Box.open(), LAW, state)
         gas.run(t_end=100.0, frames=2, frame_callbacks=[lambda state, _: file.write(state)])
     with Trajectory(path) as trajectory:

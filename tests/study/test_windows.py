@@ -181,7 +181,7 @@ def test_seeds_that_change_nothing_are_refused_before_any_work(frame, monkeypatc
     assert not list(frame.glob("out*"))
     ifrdem.Study("gas.toml", set=motion, seeds=1, output="out").check()
     ifrdem.Study("gas.toml", set=start, seeds=3, output="out").check()  # velocities are drawn
-    kicks = ['force=[{kind="random_torque", power=0.1, rate=5.0}]']
+    kicks = ['force=[{kind="poisson_spin_kicks", power=0.1, rate=5.0}]']
     ifrdem.Study("gas.toml", set=[*motion, *kicks], seeds=3, output="out").check()
     drag = ['force=[{kind="drag", rate=0.1, step=0.01}]']
     with pytest.raises(InputError, match="seeds = 3: all runs would be the same"):

@@ -119,7 +119,7 @@ def walled(**options: Any) -> Engine:
                       motion=Motion("steady", speed=0.2, direction=(0.0, 1.0))),
     ]  # fmt: skip
     options = {
-        "gravity": (0.0, -0.3), "seed": 4, "collapse": ContactTime(1e-4), "record": [*ALL_SUMS["record"], "wall"],
+        "gravity": (0.0, -0.3), "seed": 4, "collapse": ContactTime(1e-4), "record": [*ALL_SUMS["record"], "wall_sums"],
     } | options  # fmt: skip
     disks = mixture(N)
     return with_tracking(disks, box, anywhere(disks, box, walls), walls, **options)

@@ -99,9 +99,9 @@ def test_a_gas_without_balance_has_no_steady_state(law: IFRLaw, driving: Driving
 def test_forces_add_up_to_one_drive() -> None:
     """mass 2, inertia 3: a diffusion D is a power 2 m D, for spins I D; a bath is friction and 2 rate T."""
     forces = [
-        {"kind": "random_force", "power": 1.0},
-        {"kind": "random_force", "power": None, "diffusion": 0.5},
-        {"kind": "random_torque", "diffusion": 0.1},
+        {"kind": "random_kicks", "power": 1.0},
+        {"kind": "random_kicks", "power": None, "diffusion": 0.5},
+        {"kind": "spin_kicks", "diffusion": 0.1},
         {"kind": "drag", "rate": 0.2, "spin_rate": 0.3, "quadratic": 0.0},
         {"kind": "langevin", "temperature": 5.0, "rate": 0.1, "spin_temperature": 4.0, "spin_rate": 0.01},
     ]

@@ -247,8 +247,8 @@ def test_a_prediction_takes_the_theory_that_belongs_to_the_gas() -> None:
 def test_each_species_is_driven_by_its_own_mass_and_inertia() -> None:
     """Smooth elastic disks: spins keep what they get, a power I D or T_rot = 2 I D t, and all share 2 m D t."""
     disks = Disks(4, mass=[1.0, 1.0, 1.0, 3.0], radius=[0.5, 0.5, 0.5, 0.4], k=[2.0, 2.0, 2.0, 1.0])
-    t, forces = np.array([0.0, 2.0, 5.0]), [{"kind": "random_torque", "diffusion": 0.3}]
-    forces.append({"kind": "random_force", "diffusion": 0.2})
+    t, forces = np.array([0.0, 2.0, 5.0]), [{"kind": "spin_kicks", "diffusion": 0.3}]
+    forces.append({"kind": "random_kicks", "diffusion": 0.2})
     found = prediction(disks, ELASTIC, 0.2, 1.0, 0.1, t, forces=forces)
     inertia = np.array([1.0 * 0.25 / 2.0, 3.0 * 0.16 / 1.0])  # lighter ones first
     assert found.species is not None

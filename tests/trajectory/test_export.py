@@ -84,7 +84,7 @@ def test_gsd_holds_orientations_and_angular_momenta_as_hoomd_defines_them(tmp_pa
     angle, spin = np.array([0.7, -3.5, 40.0, 0.0, np.pi]), np.array([1.5, -2.0, 0.3, 0.0, -7.0])
     path = tmp_path / "run.h5"
     fields = ("position", "velocity", "angular_velocity", "angle")
-    with TrajectoryWriter(path, disks, BOX, fields=fields, precision="f8") as writer:
+    with TrajectoryWriter(path, disks, BOX, fields=fields, precision="f64") as writer:
         writer.write(State(rng.uniform(1.0, 19.0, (5, 2)), np.zeros((5, 2)), spin, angle=angle))
     with gsd.hoomd.open(str(exported(path, "gsd", [0]))) as file:
         particles, log = file[0].particles, file[0].log
@@ -214,7 +214,7 @@ def test_extxyz_comes_back_through_ase(run):
         assert atoms.info["frame"] == i
 
 
-@pytest.mark.parametrize(("precision", "dtype"), [("f4", np.float32), ("f8", np.float64)])
+@pytest.mark.parametrize(("precision", "dtype"), [("f32", np.float32), ("f64", np.float64)])
 def test_csv_keeps_every_digit(tmp_path, precision, dtype):
     write(tmp_path / "run.h5", n=N, frames=FRAMES, precision=precision)
     with exported(tmp_path / "run.h5", "csv", [4, 1]).open(newline="") as file:
@@ -326,7 +326,7 @@ def test_damaged_data_end_a_command_with_a_message_and_no_file(tmp_path, capsys)
 def test_gsd_refuses_numbers_beyond_single_precision(tmp_path: Path, mass: float, shown: str | None) -> None:
     """A star, m R^2 / 2 = 4.9e47 kg m^2, and a disk of 1e-48 kg: GSD would hold inf and 0. Immovable disks are inf."""
     disks = Disks(1, mass=mass, radius=7e8)
-    with TrajectoryWriter(tmp_path / "run.h5", disks, Box((1e12, 1e12)), precision="f8") as file:
+    with TrajectoryWriter(tmp_path / "run.h5", disks, Box((1e12, 1e12)), precision="f64") as file:
         file.write(State([[1e11, 1e11]], [[0.0, 0.0]], [0.0]))
     if shown is None:
         assert exported(tmp_path / "run.h5", "gsd", range(1)).exists()
@@ -338,7 +338,7 @@ def test_gsd_refuses_numbers_beyond_single_precision(tmp_path: Path, mass: float
 
 def test_viewer_and_mdanalysis_refuse_numbers_beyond_single_precision(tmp_path: Path) -> None:
     with TrajectoryWriter(
-        tmp_path / "run.h5", Disks(1, 1.0, 1e39), Box((1e40, 1e40)), precision="f8"
+        tmp_path / "run.h5", Disks(1, 1.0, 1e39), Box((1e40, 1e40)), precision="f64"
     ) as file:
         file.write(State([[1e39, 1e39]], [[0.0, 0.0]], [0.0]))
     with Trajectory(tmp_path / "run.h5") as run:

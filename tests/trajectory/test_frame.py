@@ -164,7 +164,7 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch):
 
 
 def test_a_disk_is_followed_over_the_frames(tmp_path):
-    write(tmp_path / "run.h5", n=5, frames=4, precision="f8")
+    write(tmp_path / "run.h5", n=5, frames=4, precision="f64")
     with Trajectory(tmp_path / "run.h5") as trajectory:
         path = trajectory.disk(3)
         states = [some_state(5, i) for i in range(4)]
@@ -189,7 +189,7 @@ def test_a_disk_is_followed_over_the_frames(tmp_path):
 )
 def test_paths_are_unwrapped_across_the_sides_of_the_box(tmp_path, box, factor):
     """Sheared: the image above lies shear_rate Ly t = 10 t further along x. Open: positions are plain."""
-    write(tmp_path / "run.h5", box=box, precision="f8")
+    write(tmp_path / "run.h5", box=box, precision="f64")
     with Trajectory(tmp_path / "run.h5") as trajectory:
         path = trajectory.disk(1)
         for i in range(3):

@@ -40,7 +40,7 @@ Pairs = dict[tuple[int, int], float]
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Box]:
     path = tmp_path_factory.mktemp("made") / "run.h5"
     box = BOXES[request.param]
-    write(path, n=N, frames=FRAMES, box=box, fields=FIELDS, precision="f8")
+    write(path, n=N, frames=FRAMES, box=box, fields=FIELDS, precision="f64")
     write_views(path)
     with Trajectory(path) as trajectory:
         for to in ("gsd", "extxyz"):
@@ -435,9 +435,9 @@ def test_files_of_layout_1_3_open_and_export_rewrites_them(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ["periodic", "walls in y", "closed", "open"])
-@pytest.mark.parametrize("precision", ["f4", "f8"])
+@pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_an_exported_frame_is_a_start_file(tmp_path, name, precision):
-    box, dtype = BOXES[name], {"f4": np.float32, "f8": np.float64}[precision]
+    box, dtype = BOXES[name], {"f32": np.float32, "f64": np.float64}[precision]
     fields = (*FIELDS, "angle", "dissipated", "last_partner")
     write(tmp_path / "run.h5", n=N, frames=2, box=box, fields=fields, precision=precision)
     with Trajectory(tmp_path / "run.h5") as trajectory:

@@ -32,7 +32,7 @@ from ifrdem.trajectory.views import write_views
 from ifrdem.trajectory.writer import TrajectoryWriter
 
 N = 41
-SOME = {"fields": FIELDS, "precision": "f8", "compression": "gzip"}
+SOME = {"fields": FIELDS, "precision": "f64", "compression": "gzip"}
 
 
 def go_on(writer: TrajectoryWriter | PartsWriter, first: int, end: int, n: int = N) -> None:

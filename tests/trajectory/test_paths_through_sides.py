@@ -35,7 +35,7 @@ def walks(frames: int = 60) -> np.ndarray:
 def written(path: Path, places: np.ndarray, velocity: np.ndarray, fields: list[str], box: Box = BOX) -> Path:
     """A trajectory of these places on paths without jumps, a frame in each unit of time."""
     n = places.shape[1]
-    with TrajectoryWriter(path, Disks(n, 1.0, 0.01), box, fields=fields, precision="f8", units={}) as file:
+    with TrajectoryWriter(path, Disks(n, 1.0, 0.01), box, fields=fields, precision="f64", units={}) as file:
         for t, place in enumerate(places):
             image = np.floor(place / box.lengths).astype(np.int32)
             v = velocity[t]

@@ -30,7 +30,7 @@ from ifrdem.trajectory.writer import TrajectoryWriter
 
 
 @pytest.mark.parametrize("compression", ["none", "gzip"])
-@pytest.mark.parametrize(("precision", "dtype"), [("f4", np.float32), ("f8", np.float64)])
+@pytest.mark.parametrize(("precision", "dtype"), [("f32", np.float32), ("f64", np.float64)])
 def test_frames_come_back_as_written(tmp_path, precision, dtype, compression):
     path = tmp_path / "run.h5"
     write(path, n=7, frames=4, fields=FIELDS, precision=precision, compression=compression)
@@ -593,7 +593,7 @@ def test_a_frame_that_does_not_fit_is_refused_and_the_file_unchanged(tmp_path):
             (
                 overflowing,
                 {"energy": 1.0, "count": 3},
-                r'velocity.* = 1e.39: single precision holds numbers from .*precision "f8"',
+                r'velocity.* = 1e.39: single precision holds numbers from .*precision "f64"',
             ),
             (counted, {"energy": 1.0, "count": 3}, "collisions: numbers beyond"),
             (late, {"energy": 1.0}, "the first frame has"),

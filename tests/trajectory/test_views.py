@@ -20,10 +20,10 @@ from ifrdem.trajectory.views import write_views
 # Packages of others warn of each other's and Python's future; that is theirs.
 pytestmark = pytest.mark.filterwarnings("ignore")
 N, FRAMES = 40, 5
-PRECISIONS = [("f4", np.float32, "none"), ("f8", np.float64, "gzip")]
+PRECISIONS = [("f32", np.float32, "none"), ("f64", np.float64, "gzip")]
 
 
-@pytest.fixture(scope="module", params=PRECISIONS, ids=["f4", "f8 gzip"])
+@pytest.fixture(scope="module", params=PRECISIONS, ids=["f32", "f64 gzip"])
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, type]:
     """A trajectory with its views, moved together after they were written, and the type of its floats."""
     made = tmp_path_factory.mktemp("made")
@@ -78,7 +78,7 @@ def test_freud_takes_frames_as_systems(tmp_path, shear):
     import freud
 
     box = Box((30.0, 20.0), shear_rate=shear)
-    write(tmp_path / "run.h5", n=N, frames=FRAMES, box=box, precision="f8")
+    write(tmp_path / "run.h5", n=N, frames=FRAMES, box=box, precision="f64")
     with Trajectory(tmp_path / "run.h5") as trajectory:
         for frame in trajectory:
             expected = np.linalg.norm(

@@ -410,13 +410,13 @@ def test_numbers_beyond_single_precision_are_refused_with_the_precision_that_hol
     )
     with TrajectoryWriter(tmp_path / "f4.h5", disks, box, fields=[field]) as file:
         with pytest.raises(
-            InputError, match=f'{shown}: .* from 1.18e-38 to 3.4e.38 .*precision "f8" .output.precision'
+            InputError, match=f'{shown}: .* from 1.18e-38 to 3.4e.38 .*precision "f64" .output.precision'
         ):
             file.write(state)
         file.write(State([[1.0, 1.0]], [[1.0, 0.0]], [0.0], dissipated=np.zeros((1, 7))))
         if (field, value) == ("velocity", 1e-50):  # disks that drag has stopped end no run
             file.write(replace(state, time=1.0))
-    with TrajectoryWriter(tmp_path / "f8.h5", disks, box, fields=[field], precision="f8") as file:
+    with TrajectoryWriter(tmp_path / "f8.h5", disks, box, fields=[field], precision="f64") as file:
         file.write(state)
     with Trajectory(tmp_path / "f8.h5") as run:
         assert run[0][field][0, 0] == value

@@ -57,7 +57,7 @@ def content(path: Path) -> dict[str, bytes]:
     return found
 
 
-@pytest.mark.parametrize("options", [{}, {"compression": "gzip", "precision": "f8", "fields": FIELDS}])
+@pytest.mark.parametrize("options", [{}, {"compression": "gzip", "precision": "f64", "fields": FIELDS}])
 @pytest.mark.parametrize("written", [0, 2, 5])
 def test_a_resumed_file_is_that_of_an_uninterrupted_run(tmp_path, written, options):
     """Five frames were committed; the checkpoint was made after 0, 2 or all of them; the run continues to nine."""
@@ -236,7 +236,7 @@ def test_a_file_of_another_run_is_refused_and_kept(tmp_path):
         (some_disks(N), Box((30.0, 20.0), (True, False)), {}, "its boundary is"),
         (some_disks(N), Box((30.0, 20.0), shear_rate=0.5), {}, "its shear_rate is None, the run's is 0.5"),
         (some_disks(N), BOX, {"fields": ("position",)}, "holds the fields position, velocity"),
-        (some_disks(N), BOX, {"precision": "f8"}, "holds position as float32"),
+        (some_disks(N), BOX, {"precision": "f64"}, "holds position as float32"),
         (some_disks(N), BOX, {"compression": "gzip"}, "has compression 'none', the run has 'gzip'"),
         (some_disks(N), BOX, {"walls": [wall]}, "has other walls: none"),
         (some_disks(N), BOX, {"frames": 3}, "holds 2 frames, the checkpoint had seen 3"),

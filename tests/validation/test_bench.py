@@ -277,7 +277,7 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     summary.refuse_beyond_memory(1000, "cpu")
     summary.refuse_beyond_memory(20_000, "cuda", "random")
     with pytest.raises(InputError, match=r"20000 disks need some 24 MB"):
-        summary.refuse_beyond_memory(20_000, "cuda", "lubachevsky_stillinger")
+        summary.refuse_beyond_memory(20_000, "cuda", "grown")
     # 300 bytes of the start, 200 of the writer and 188 of the engine, of which others of 8 ranks have seven parts.
     with pytest.raises(InputError, match=r"19000 disks need some 13.1 MB"):
         summary.refuse_beyond_memory(19_000, "cpu")

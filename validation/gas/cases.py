@@ -36,7 +36,19 @@ from ..report.registry import Result
 QUESTION = "Do check and the first step of a run agree on 2,000 random cases?"
 REFERENCE = "each other: what check accepts runs, and nothing ends with a traceback"
 
-KINDS = ("plain", "mixed", "sheared", "open", "still", "moving", "pistons", "rest", "tc", "histories", "f32")
+KINDS = (
+    "plain",
+    "mixed",
+    "sheared",
+    "open",
+    "still",
+    "moving",
+    "pistons",
+    "rest",
+    "contact_time",
+    "histories",
+    "f32",
+)
 """Sets of features."""
 COUNT, QUICK = 2000, 60
 ENDS = ("inelastic collapse", "can meet another one any more", "never to meet")
@@ -166,11 +178,11 @@ def piston(dice: Dice, lengths: list[float]) -> dict[str, Any]:
 def force(dice: Dice, kind: str | None = None) -> dict[str, Any]:
     """A force."""
     kind = kind or dice.choice(
-        ("random_force", "random_torque", "langevin", "drag", "rescale", "table_friction")
+        ("random_kicks", "spin_kicks", "langevin", "drag", "rescale", "table_friction")
     )
     values: dict[str, dict[str, Any]] = {
-        "random_force": {dice.choice(("power", "diffusion")): about(dice, 1.0)},
-        "random_torque": {dice.choice(("power", "diffusion")): about(dice, 1.0)},
+        "random_kicks": {dice.choice(("power", "diffusion")): about(dice, 1.0)},
+        "spin_kicks": {dice.choice(("power", "diffusion")): about(dice, 1.0)},
         "langevin": {"temperature": about(dice, 1.0), "rate": about(dice, 1.0)},
         "drag": {dice.choice(("rate", "quadratic", "spin_rate")): about(dice, 1.0)},
         "rescale": {dice.choice(("temperature", "energy")): about(dice, 1.0)},
@@ -215,7 +227,7 @@ def start_file(dice: Dice, n: int, lengths: list[float], radius: float) -> str:
 def random_case(dice: Dice, kind: str | None = None) -> tuple[dict[str, Any], str | None]:
     """A case of one of `KINDS`, and the start file "start.csv" that it may name."""
     kind = kind or dice.choice(KINDS)
-    walled = kind in ("still", "moving", "pistons", "rest", "tc")
+    walled = kind in ("still", "moving", "pistons", "rest", "contact_time")
     run: dict[str, Any] = {"name": "case", "seed": dice.randrange(1000), "threads": 1, "units": "reduced"}
     run |= {"t_end": about(dice, 1.0)} if seldom(dice, 0.6) else {"collisions_per_disk": about(dice, 3.0)}
     if seldom(dice, 0.02):
@@ -253,7 +265,7 @@ def random_case(dice: Dice, kind: str | None = None) -> tuple[dict[str, Any], st
         box["shear_rate"] = either(dice, 1.0)
     if kind == "open":
         box["open"] = True
-    if kind in ("rest", "tc", "pistons") or (walled and seldom(dice, 0.6)):
+    if kind in ("rest", "contact_time", "pistons") or (walled and seldom(dice, 0.6)):
         box |= {"periodic": [seldom(dice) and kind != "rest", False], "material": "w"}
     if "material" in box and (kind == "rest" or seldom(dice, 0.6)):
         box["gravity"] = [0.0, -about(dice, 1.0)]
@@ -261,8 +273,8 @@ def random_case(dice: Dice, kind: str | None = None) -> tuple[dict[str, Any], st
             box["gravity_rotation_rate"] = either(dice, 0.1)
     if kind == "rest":
         run |= {"collapse": "rest", "resting_speed": about(dice, 0.01)}
-    elif kind == "tc":
-        run |= {"collapse": "tc", "contact_time": about(dice, 0.01)}
+    elif kind == "contact_time":
+        run |= {"collapse": "contact_time", "contact_time": about(dice, 0.01)}
     elif seldom(dice):
         run |= {"collapse": "velocity_cutoff", "velocity_cutoff": about(dice, 0.01)}
     names = ["a", "b"][: len(sizes)]
@@ -287,7 +299,7 @@ def random_case(dice: Dice, kind: str | None = None) -> tuple[dict[str, Any], st
         case["force"] = [force(dice) for _ in range(dice.choice((1, 1, 2)))]
     case["output"] = output(dice, kind, n, lengths)
     file = None
-    way = dice.choice(("random", "random", "random", "lubachevsky_stillinger", "hexagonal", "file"))
+    way = dice.choice(("random", "random", "random", "grown", "hexagonal", "file"))
     if way == "file" and "radii" not in species[0]:
         file = start_file(dice, n, lengths, largest)
         case["start"] = {"file": "start.csv"}
@@ -357,7 +369,7 @@ def _on_ranks(file: CaseFile) -> str | None:
     if count == 1 and "cannot be divided" not in why:  # too few tiles, which the engine finds later
         return None
     try:
-        checks.check_exclusions(gas.setup, n=gas.n, immovable=False, tracked=case.output.tracks, ranks=2)
+        checks.check_exclusions(gas.setup, n=gas.n, immovable=False, histories=case.output.tracks, ranks=2)
     except InputError as error:
         return None if why else f"on ranks: {error}"
     return f"on ranks: {why}" if why else None

@@ -190,7 +190,7 @@ def flights() -> tuple[float, float]:
 def _flown(seed: int, collisions: float) -> tuple[Array, Array]:
     """Lengths and times of whole flights between collisions."""
     phi, n, _ = PATHS
-    gas = fluid(n, phi, seed, melting=5.0, tracked=range(n))
+    gas = fluid(n, phi, seed, melting=5.0, histories=range(n))
     gas.run(collisions_per_disk=collisions)
     events = gas.take_events()
     order = np.lexsort((events.time, events.id))

@@ -197,7 +197,7 @@ def _compare_cooling(
 
 def _steady(law: IFRLaw | Walton) -> tuple[float, float]:
     """T and T_rot of the driven gas by theory."""
-    driving = driven_gas.Driving.of([{"kind": "random_force", "step": STEP, "power": POWER}], 1.0, 0.125)
+    driving = driven_gas.Driving.of([{"kind": "random_kicks", "step": STEP, "power": POWER}], 1.0, 0.125)
     assert driving is not None
     steady = driven_gas.steady_state(law, 1.0, 0.5, 2.0, PHI, driving)
     assert steady is not None

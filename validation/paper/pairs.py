@@ -185,7 +185,7 @@ def _run(disks: Disks, box: Box, start: State, table: Array, t_end: float) -> St
     engine = engine_of(disks, box, start, table)
     with tempfile.TemporaryDirectory(prefix="ifrdem-pairs-") as folder:
         path = Path(folder) / "pairs.h5"
-        with TrajectoryWriter(path, disks, box, precision="f8") as file:
+        with TrajectoryWriter(path, disks, box, precision="f64") as file:
             file.write(start)
             while engine.time < t_end:
                 engine.advance(t_end=t_end)

@@ -119,7 +119,7 @@ def two_sizes(n: int, phi: float, **gas: Any) -> CaseSections:
     share = round(n / (1.0 + BIG**2)) / n
     radii = {"low": bench.RADIUS, "high": BIG * bench.RADIUS, "large_fraction": share}
     disks["radii"] = {"distribution": "bidisperse", **radii}
-    return CaseSections.model_validate(case | {"start": {"positions": "lubachevsky_stillinger"}})
+    return CaseSections.model_validate(case | {"start": {"positions": "grown"}})
 
 
 def with_ledger(case: CaseSections) -> CaseSections:

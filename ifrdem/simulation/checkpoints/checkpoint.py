@@ -26,6 +26,7 @@ from ...kernels.compiler import runtime
 from ...model.state import COLUMNS, Disks, State
 from ...mpi import current
 from ...tools import checked, files
+from ...tools.old_words import present_record
 from ...tools.versions import package_versions
 from ...trajectory import damage
 from ...trajectory.file import new_file
@@ -332,7 +333,8 @@ def _compared(record: dict[str, Any]) -> dict[str, Any]:
     for wall in given:
         if piston := wall.get("piston"):  # where a piston starts, as where disks do
             wall["piston"] = {key: piston[key] for key in piston if key not in ("displacement", "velocity")}
-    return {**record, "device": device, "law": law, "walls": given}
+    words = present_record(record["record"])
+    return {**record, "device": device, "law": law, "walls": given, "record": words}
 
 
 def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], device: str = "cpu") -> None:

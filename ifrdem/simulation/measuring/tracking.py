@@ -81,7 +81,7 @@ Events.__doc__ = f"""Collisions of tracked disks, in order of time, then id; a c
     """
 
 
-def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray[np.int32]:
+def checked_ids(histories: Sequence[int] | NDArray[np.integer], n: int) -> NDArray[np.int32]:
     """Ids of disks, in ascending order.
 
     Raises
@@ -90,18 +90,20 @@ def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray
         If one is no whole number from 0 to n - 1, or stands there twice.
     """
     try:
-        given = np.asarray(tracked)
+        given = np.asarray(histories)
     except ValueError:  # rows of different lengths
         given = np.empty((0, 0))
     if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-        raise InputError(f"tracked = {shortened(tracked)}: must be a list of disks' numbers, 0 to {n - 1}")
+        raise InputError(
+            f"histories = {shortened(histories)}: must be a list of disks' numbers, 0 to {n - 1}"
+        )
     ids = np.sort(given).astype(np.int64)
     if ids.size and not 0 <= ids[0] <= ids[-1] < n:
         unknown = ids[0] if ids[0] < 0 else ids[-1]
-        raise InputError(f"tracked: there is no disk {unknown}; there are 0 to {n - 1}")
+        raise InputError(f"histories: there is no disk {unknown}; there are 0 to {n - 1}")
     twice = ids[1:][ids[1:] == ids[:-1]]
     if twice.size:
-        raise InputError(f"tracked: disk {twice[0]} is named twice")
+        raise InputError(f"histories: disk {twice[0]} is named twice")
     return ids.astype(np.int32)
 
 

@@ -20,6 +20,7 @@ from ...model.state import Disks, State
 from ...model.walls.checks import check as check_walls
 from ...model.walls.wall import Wall, wall_names
 from ...mpi import current
+from ...quantities import PRECISIONS
 
 if TYPE_CHECKING:
     from ...model.device import Device
@@ -220,10 +221,10 @@ def at_rest_on_walls(
 def check_stored(largest: Mapping[str, float], precision: str, energy: float = 0.0) -> None:
     """Refuse quantities, the largest of each by name, that a trajectory file cannot hold.
 
-    `precision` is "f4" or "f8". `energy` is that of a disk, 0 if the file does not have what disks dissipate: single
+    `precision` is "f32" or "f64". `energy` is that of a disk, 0 if the file does not have what disks dissipate: single
     collisions take a small part of it, and a gas that is heated many times as much.
     """
-    limits = np.finfo(precision)
+    limits = np.finfo(PRECISIONS[precision])
     low, high = float(limits.tiny), float(limits.max)
     checked = [(name, value, low, high) for name, value in largest.items()]
     checked.append(("the field dissipated: energies of disks", energy, 1e10 * low, 1e-6 * high))
@@ -232,7 +233,7 @@ def check_stored(largest: Mapping[str, float], precision: str, energy: float = 0
             raise InputError(
                 f'output.precision = "{precision}": {name} of {value:.3g} cannot be stored, only from {least:.3g} to '
                 f"{most:.3g}; choose units in which it is nearer to 1"
-                + (', or "f8"' if precision == "f4" else "")
+                + (', or "f64"' if precision == "f32" else "")
             )
 
 
@@ -327,7 +328,7 @@ def check_exclusions(setup: Setup, **others: Any) -> None:
             "device.name": f'device.name = "{device.name}"', "device.low_memory": "device.low_memory = True",
             "device.precision": f'device.precision = "{device.precision}"', "order": f'order = "{facts.order}"',
             "disks.n": f"{facts.n} disk{'s' * (facts.n != 1)}", "disks.mass": "disks of infinite mass",
-            "tracked": "tracked", "comm": f"comm of {facts.ranks} ranks",
+            "histories": "histories", "comm": f"comm of {facts.ranks} ranks",
         }  # fmt: skip
         return words.get(name) or words[first]
 

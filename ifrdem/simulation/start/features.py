@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ...model.setup import Setup
 
 
-def features_of(setup: Setup, wall_rows: NDArray[np.float64], *, tracked: bool, ranks: int) -> Uses:
+def features_of(setup: Setup, wall_rows: NDArray[np.float64], *, histories: bool, ranks: int) -> Uses:
     """The features of a gas, on so many ranks; `wall_rows` are those of all walls, sides of the box included.
 
     Those that follow from the kinds of disks are left to `DeviceArrays`.
@@ -41,7 +41,7 @@ def features_of(setup: Setup, wall_rows: NDArray[np.float64], *, tracked: bool, 
         last_partner="last_partner" in setup.record,
         angle="angle" in setup.record,
         dissipated="dissipated" in setup.record,
-        histories=tracked,
+        histories=histories,
         rest=setup.resting_speed > 0.0,
         ranks=ranks > 1,
         low_memory=setup.device.low_memory,

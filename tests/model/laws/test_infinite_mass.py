@@ -31,7 +31,7 @@ def test_a_disk_rebounds_from_an_immovable_one_which_stays(tmp_path):
     start = State(position=[[3.0, 6.0], [6.0, 6.0]], velocity=[[1.5, 0.0], [0.0, 0.0]], spin=[0.0, 0.0])
     simulation = Simulation(disks, box, IFRLaw(e_n=0.8, e_t=-0.9, mu=0.2), start)
     path = tmp_path / "wall.h5"
-    with warnings.catch_warnings(), TrajectoryWriter(path, disks, box, precision="f8") as file:
+    with warnings.catch_warnings(), TrajectoryWriter(path, disks, box, precision="f64") as file:
         warnings.simplefilter("error")  # no NaN on the way, not even a hidden one
         simulation.run(
             t_end=2.0,

@@ -214,7 +214,7 @@ def test_histories_have_the_regimes_that_the_ledger_counts() -> None:
     position = ifrdem.initial.random_positions(box, disks.radius, seed=1)
     velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
     start = ifrdem.State(position, velocity, np.zeros(50))
-    gas = ifrdem.Simulation(disks, box, WALTON, start, tracked=range(50), record=["ledger"])
+    gas = ifrdem.Simulation(disks, box, WALTON, start, histories=range(50), record=["ledger"])
     gas.run(collisions_per_disk=4)
     regime, counted = gas.take_events().regime, gas.measure().regimes
     assert counted is not None

@@ -123,7 +123,7 @@ def place(way: str, free_area: FreeArea, radius: np.ndarray) -> np.ndarray:
     if way == "random":
         return placement.random_positions(free_area.box, radius, seed=3, walls=free_area.walls)
     if way == "growth":
-        return packing.grow(free_area.box, radius, seed=3, walls=free_area.walls)
+        return packing.grown_positions(free_area.box, radius, seed=3, walls=free_area.walls)
     return placement.hexagonal_positions(free_area.box, radius, seed=3, walls=free_area.walls)
 
 

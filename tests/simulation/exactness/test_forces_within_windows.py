@@ -36,7 +36,7 @@ from ifrdem.simulation.steps import force_steps
 from ifrdem.validation.rows import engine_of
 
 ONE = Device(threads=1)
-ALL_SUMS = ["disk_energy", "partner", "angle"]
+ALL_SUMS = ["dissipated", "last_partner", "angle"]
 Make = Callable[[], Engine]
 
 

@@ -157,7 +157,7 @@ def test_low_memory_keeps_the_histories_of_tracked_disks() -> None:
     law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
     found = []
     for low in (False, True):
-        gas = Simulation(disks, box, law, state, tracked=[0, 7, 99], device=Device(low_memory=low))
+        gas = Simulation(disks, box, law, state, histories=[0, 7, 99], device=Device(low_memory=low))
         for end in (0.1, 0.2, 0.45, 0.7, 1.3):
             gas.run(t_end=end, progress=False)
         gas.run(collisions_per_disk=5.0, progress=False)

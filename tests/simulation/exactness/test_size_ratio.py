@@ -51,7 +51,7 @@ def expected(name: str) -> tuple[Disks, Box, State, np.ndarray, np.ndarray]:
     box = Box.from_packing_fraction(radius, packing_fraction)
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=1)
     spin = placement.gaussian_spins(n, spin_rms=1.0, seed=1)
-    state = State(packing.grow(box, radius, seed=1), velocity, spin)
+    state = State(packing.grown_positions(box, radius, seed=1), velocity, spin)
     # Long free paths multiply errors more at each collision.
     count = n if packing_fraction > 0.1 else n // 2
     _, found = simulate(disks, box, law, state, max_collisions=count)

@@ -36,7 +36,7 @@ def test_disks_in_a_narrow_channel_collide_as_in_a_serial_code() -> None:
     law = IFRLaw(
         e_n=e_n, e_t=e_t, mu=mu, sticking="contact_point" if contact_point else "percussion_center", rho=rho
     )
-    gas = Simulation(disks, box, law, state, tracked=range(disks.n))
+    gas = Simulation(disks, box, law, state, histories=range(disks.n))
     gas.run(t_end=expected[-1][0] + 1e-6)
     events = gas.take_events()
     once = (events.partner < 0) | (events.id < events.partner)

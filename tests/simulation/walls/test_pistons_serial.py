@@ -55,7 +55,7 @@ def test_hits_of_pistons_are_those_of_the_serial_code(name: str) -> None:
         serial = PistonGas(disks, state, row, [*walls, *sides(BOX)], (0.0, gravity))
         expected = serial.run(3 * n)
         bounces += serial.bounces
-        gas = Simulation(disks, BOX, law, state, walls=walls, gravity=(0.0, gravity), tracked=range(n))
+        gas = Simulation(disks, BOX, law, state, walls=walls, gravity=(0.0, gravity), histories=range(n))
         gas.run(t_end=expected[-1][0] + 1e-6)
         events = gas.take_events()
         once = (events.partner < 0) | (events.id < events.partner)

@@ -206,7 +206,14 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
 
     def engine_of(state: State, walls: list[Wall]) -> Engine:
         return engine_of(
-            disks, BOX, state, np.array([[COIN]]), walls=walls, order=order, tile_disks=20, record=["wall_sums"]
+            disks,
+            BOX,
+            state,
+            np.array([[COIN]]),
+            walls=walls,
+            order=order,
+            tile_disks=20,
+            record=["wall_sums"],
         )
 
     def gated(**options: float) -> Engine:

@@ -543,7 +543,7 @@ def test_windows_under_oblique_gravity_are_planned_alike_by_host_and_kernel():
     start = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=0), np.zeros(120))
     found = []
     for tracked in ([], [3]):
-        run = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), start, gravity=g, tracked=tracked)
+        run = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), start, gravity=g, histories=tracked)
         run.run(t_end=5.0)
         found.append(run.state.position)
     assert np.array_equal(*found)

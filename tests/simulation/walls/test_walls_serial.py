@@ -99,7 +99,9 @@ def test_collisions_with_disks_and_walls_are_those_of_the_serial_code(
     met: set[int] = set()
     for seed in STARTS:
         disks, state, expected = scene(name, seed)
-        gas = Simulation(disks, BOX, law, state, walls=walls, gravity=(0.0, gravity), tracked=range(disks.n))
+        gas = Simulation(
+            disks, BOX, law, state, walls=walls, gravity=(0.0, gravity), histories=range(disks.n)
+        )
         gas.run(t_end=expected[-1][0] + 1e-6)
         events = gas.take_events()
         once = (events.partner < 0) | (events.id < events.partner)
