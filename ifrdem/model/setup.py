@@ -229,7 +229,7 @@ class Setup:
             forces=_forces_of(record["forces"]) if forces is None else forces,  # type: ignore[arg-type]  # checked there
             collapse=None if collapse is None else _COLLAPSES[collapse[0]](**collapse[1]),
             device=chosen,
-            record=present_record(record["record"]),
+            record=frozenset(present_record(record["record"])),
             seed=record["seed"],
         )
 
