@@ -436,8 +436,9 @@ def _label(results: Results, name: str, power: int = 0) -> str:
     name = results.row_axis if name == AT else name
     key = json.loads(results.attributes["keys"]).get(name)
     one = results.variables.get(name) or results.variables.get(f"{name}_mean")
-    unit = " ".join(filter(None, (power and f"$10^{{{power}}}$", one and one.unit and written(one.unit))))
-    unit = f" ({unit})" if unit else ""
+    parts = [f"$10^{{{power}}}$"] if power else []
+    parts += [written(one.unit)] if one is not None and one.unit else []
+    unit = f" ({' '.join(parts)})" if parts else ""
     return (_symbol(results, name) if key else _quantity(name, results.texts.get(name))) + unit
 
 

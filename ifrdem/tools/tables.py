@@ -310,9 +310,9 @@ def _header(
             name = assigned[text]
             kind, found = kinds.get(name.removesuffix("_error"), ""), _BRACKETS.search(text)
             if found and unit is None and kind in _WITH_UNITS and name not in form.units:
-                shown, known = printable(cut(found[1])), ", ".join(UNITS[kind])
+                shown, allowed = printable(cut(found[1])), ", ".join(UNITS[kind])
                 problems.append(
-                    f"line {line}: column '{cut(text)}': {name} must be in {known}, not in {shown}"
+                    f"line {line}: column '{cut(text)}': {name} must be in {allowed}, not in {shown}"
                 )
         elif name in form.columns:
             name = ""  # another column stands for it
