@@ -212,8 +212,8 @@ _SYNONYMS = {"gpu": "cuda"} | {
 def nearest(word: str, allowed: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the nearest allowed spelling, or an empty string."""
     names = list(allowed)
-    same = _SYNONYMS.get(word)
-    found = [same] if same in names else difflib.get_close_matches(word, names, n=1, cutoff=0.6)
+    same, longer = _SYNONYMS.get(word), [name for name in names if word and name.startswith(f"{word} ")]
+    found = [same] if same in names else longer or difflib.get_close_matches(word, names, n=1, cutoff=0.6)
     return f" (did you mean '{found[0]}'?)" if found else ""
 
 
