@@ -212,7 +212,7 @@ def _add(
     problems, missing = [], 0
     used = [text.strip() for name, text in zip(names, row, strict=True) if name]
     words = [text for text in used if text.lower() not in _MISSING]
-    if len(words) > 1 and not any(csv_rows.is_number(text.replace(",", ".")) for text in words):
+    if len(words) > 1 and all(number_of(text.replace(",", ".")) is None for text in words):
         shown = printable(cut(", ".join(used)))
         problems = [
             f"{shown}: must be numbers; delete lines of names or units below the header, as of TrackMate"
