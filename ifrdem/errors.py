@@ -220,8 +220,8 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
     names = list(allowed)
     if renamed := [f'"{each}"' for each in RENAMED.get(word, ()) if each in names]:
         return f" (it is called {' or '.join(renamed)} now)"
-    same = _SYNONYMS.get(word)
-    found = [same] if same in names else difflib.get_close_matches(word, names, n=1, cutoff=0.6)
+    same, longer = _SYNONYMS.get(word), [name for name in names if word and name.startswith(f"{word} ")]
+    found = [same] if same in names else longer or difflib.get_close_matches(word, names, n=1, cutoff=0.6)
     return f" (did you mean '{found[0]}'?)" if found else ""
 
 

@@ -437,8 +437,8 @@ def _label(results: Results, name: str, power: int = 0) -> str:
     key = json.loads(results.attributes["keys"]).get(name)
     one = results.variables.get(name) or results.variables.get(f"{name}_mean")
     parts = [f"$10^{{{power}}}$"] if power else []
-    unit = " ".join([*parts, written(one.unit)] if one and one.unit else parts)
-    unit = f" ({unit})" if unit else ""
+    parts += [written(one.unit)] if one is not None and one.unit else []
+    unit = f" ({' '.join(parts)})" if parts else ""
     return (_symbol(results, name) if key else _quantity(name, results.texts.get(name))) + unit
 
 

@@ -26,10 +26,10 @@ MOST_BYTES = 100_000_000
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "angle": {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": math.degrees(1.0), "radian": math.degrees(1.0), "radians": math.degrees(1.0), "mrad": math.degrees(1e-3)},  # noqa: E501
-        "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
-        "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
+        "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "micron": 1e-6},
+        "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6},
         "spin": {"rad/s": 1.0, "1/s": 1.0, "deg/s": math.radians(1.0), "rpm": math.pi / 30.0, "rev/s": 2.0 * math.pi},
-        "time": {"s": 1.0, "ms": 1e-3},
+        "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3},
         "mass": {"kg": 1.0, "g": 1e-3},
         "number": {"1": 1.0},
         "text": {"1": 1.0},
@@ -43,6 +43,8 @@ COVARIANCE = "cov:"
 _MISSING = ("", "nan", "na", "n/a", "-", "none", "null")
 _DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
 _EVERY_UNIT = {unit for units in UNITS.values() for unit in units}
+_WITH_UNITS = UNITS.keys() - {"number", "text"}
+_BRACKETS = re.compile(r"[\[(]([^\[(]*)[\])]\s*$")
 _NEARLY_ALIKE = 0.8  # of a column that is rather misspelt than another
 
 
@@ -208,6 +210,17 @@ def _add(
         count = f"{counted(len(row), 'value')}: must be {len(names)}"
         return [f"{count} ({cut(', '.join(header), 300)})"], 0
     problems, missing = [], 0
+    used = [text.strip() for name, text in zip(names, row, strict=True) if name]
+    words = [text for text in used if text.lower() not in _MISSING]
+    if len(words) > 1 and all(number_of(text.replace(",", ".")) is None for text in words):
+        shown = printable(cut(", ".join(used)))
+        problems = [
+            f"{shown}: must be numbers; delete lines of names or units below the header, as of TrackMate"
+        ]
+        for name in names:
+            if name:
+                values[name].append(math.nan)
+        return problems, 0
     for name, factor, text in zip(names, factors, row, strict=True):
         if not name:
             continue
@@ -294,6 +307,12 @@ def _header(
         name, unit = _standard(text, spellings)
         if text in assigned:
             name = assigned[text]
+            kind, found = kinds.get(name.removesuffix("_error"), ""), _BRACKETS.search(text)
+            if found and unit is None and kind in _WITH_UNITS and name not in form.units:
+                shown, allowed = printable(cut(found[1])), ", ".join(UNITS[kind])
+                problems.append(
+                    f"line {line}: column '{cut(text)}': {name} must be in {allowed}, not in {shown}"
+                )
         elif name in form.columns:
             name = ""  # another column stands for it
         if not name:
@@ -356,7 +375,7 @@ def _conversion(
 def _standard(text: str, spellings: Mapping[str, str]) -> tuple[str, str | None]:
     """The standard name of a column ("" if it has none) and the unit in its header."""
     unit = None
-    if (found := re.search(r"[\[(]([^\[(]*)[\])]\s*$", text)) and found[1].strip() in _EVERY_UNIT:
+    if (found := _BRACKETS.search(text)) and found[1].strip() in _EVERY_UNIT:
         unit, text = found[1].strip(), text[: found.start()]
     words = [word for word in re.split(r"[^\w*°']+|_", text.strip().lower()) if word]
     angular = [word for word in words if word in UNITS["angle"]]

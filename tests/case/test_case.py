@@ -697,7 +697,7 @@ def test_start_file_with_other_names_units_and_small_overlaps(tmp_path: Path) ->
     found = problems(*wanted, "start.relax=0.03", folder=tmp_path)
     assert found == ['start.file = "start.csv": disks 0 and 1 overlap by 0.04, more than relax = 0.03']
     (found,) = problems(*wanted, 'start.units={x = "mn"}', folder=tmp_path)
-    assert "unit x=mn: must be m, cm, mm, um or a positive factor (did you mean 'm" in found
+    assert "unit x=mn: must be m, cm, mm, um, micron or a positive factor (did you mean 'm" in found
     (found,) = problems("start.relax=0.1", 'start.positions="random"', folder=tmp_path)
     assert "relax" in found
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.case.gas import CaseGas
+from ifrdem.case import starts
 from ifrdem.cli.main import app, main
 from ifrdem.errors import EngineError, InputError, TrajectoryError
 from ifrdem.model.observables import Measure
@@ -296,7 +296,7 @@ def test_existing_outputs_are_refused_before_any_work(
     def work(*_: object) -> None:
         raise AssertionError("work began")
 
-    monkeypatch.setattr(CaseGas, "start", work)
+    monkeypatch.setattr(starts, "start", work)
     for name in existing:
         (folder / name).write_text("precious", encoding="utf-8")
     message = refused(["run", "tiny.toml"], folder, capsys)

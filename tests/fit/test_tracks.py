@@ -12,6 +12,7 @@ from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.fit import impacts, tracks
 from ifrdem.model.walls.wall import Wall
+from ifrdem.tools.tables import TableFormat
 from ifrdem.validation.fit_video import COIN
 from ifrdem.validation.fit_video import tracks as video
 
@@ -145,3 +146,44 @@ def test_wrong_tracks_are_refused(
     )
     assert says in capsys.readouterr().err
     assert not Path("tracks_collisions.csv").exists()
+
+
+TRACKMATE = "TRACK_ID,POSITION_T (sec),POSITION_X (micron),POSITION_Y (micron)"
+"""Columns of TrackMate (its names of columns and its units)."""
+
+
+def test_units_of_trackmate_are_read_and_unknown_ones_refused(tmp_path: Path) -> None:
+    """The unit of a column that an option names was ignored, if unknown: a track was 1e6 times as long."""
+    names = dict(zip(("id", "t", "x", "y"), TRACKMATE.split(","), strict=True))
+    path = tmp_path / "spots.csv"
+    path.write_text(f"{TRACKMATE}\n0,0.5,250,1e4\n0,0.75,500,1e4\n", encoding="utf-8")
+    found = tracks.read(path, form=TableFormat(columns=names))
+    np.testing.assert_allclose(found.time[0], [0.5, 0.75])
+    np.testing.assert_allclose(found.position[0], [[2.5e-4, 1e-2], [5e-4, 1e-2]])
+    path.write_text(path.read_text().replace("_X (micron)", "_X (inch)"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"did you mean 'POSITION_X \(inch\)'"):
+        tracks.read(path, form=TableFormat(columns=names | {"x": "POSITION_X"}))
+    with pytest.raises(
+        InputError, match=r"'POSITION_X \(inch\)': x must be in m, cm, mm, um, micron, not in inch"
+    ):
+        tracks.read(path, form=TableFormat(columns=names | {"x": "POSITION_X (inch)"}))
+    units = {"x": "0.0254"}
+    np.testing.assert_allclose(
+        tracks.read(path, form=TableFormat(columns=names | {"x": "POSITION_X (inch)"}, units=units)).position[
+            0
+        ][:, 0],
+        [6.35, 12.7],
+    )
+
+
+def test_lines_of_names_below_the_header_are_named_once(tmp_path: Path) -> None:
+    """TrackMate writes four lines of them: each cell was a line of the message."""
+    path = tmp_path / "spots.csv"
+    path.write_text("id,t,x,y\nTrack ID,T,X,Y\n,(sec),(micron),(micron)\n0,0.5,250,1e4\n", encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        tracks.read(path)
+    first, second = str(caught.value).splitlines()
+    assert (
+        "line 2: Track ID, T, X, Y: must be numbers; delete lines of names or units below the header" in first
+    )
+    assert "line 3: " in second
