@@ -179,14 +179,14 @@ PAST = Columns(latest="time of the latest collision", angle="angle turned")
 HITS = Columns(wall_collisions="collisions with walls", last_partner="partner of the latest collision")
 # What collisions take.
 MECHANISM = Columns(
-    normal="by normal restitution", restitution="by tangential restitution", sliding="by friction while it slides",
-    sticking="by friction while it sticks", rolling="by rolling friction", walls="in collisions with walls",
-    rest="by disks that fall asleep",
+    normal="by normal restitution", tangential_restitution="by tangential restitution",
+    sliding="by friction while it slides", sticking="by friction while it sticks", rolling="by rolling friction",
+    walls="in collisions with walls", rest="by disks that fall asleep",
 )  # fmt: skip
 # What one collision of two disks takes (`laws/contact.py`).
 LOSS = Columns(
-    normal="by normal restitution", restitution="by tangential restitution", friction="by sliding or sticking",
-    rolling="by rolling friction",
+    normal="by normal restitution", tangential_restitution="by tangential restitution",
+    friction="by sliding or sticking", rolling="by rolling friction",
 )  # fmt: skip
 KIND = Columns(
     inverse_mass="1 / m, 0 for immovable disks", k="shape number", radius="radius", material="number of the material",
@@ -343,7 +343,7 @@ CLOCK = Columns(
     wall_speed="the speed of walls sets it", square_unit="unit of squares of speeds",
     free_path="path in a gas that fills the box", in_window="collisions in a window of that path",
     speed="root mean square of speeds at the beginning", longest="the longest window that may be",
-    turned="when gravity last turned", n="number of disks",
+    rotated="when gravity last rotated", n="number of disks",
     fastest="the largest speed at the window's beginning",
     overhang="how far disks are then beyond the sides of the tiles that list them",
     local_collisions="collisions that a disk may have in a window where most happen (`planner.path_from`)",

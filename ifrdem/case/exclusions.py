@@ -102,7 +102,7 @@ class _Given:
             is_open=is_open, periodic=(False, False) if is_open else (periodic[0], periodic[1]),
             shear_rate=self.value("box", "shear_rate"), walls=len(self.lists.get("wall", [])),
             pistons=len(self.pistons), gravity=(gravity[0], gravity[1]),
-            turns=bool(self.value("box", "gravity_rotation_rate")), forces=frozenset(self.forces.values()),
+            rotating=bool(self.value("box", "gravity_rotation_rate")), forces=frozenset(self.forces.values()),
             collapse=self.collapse, law=next(iter(self.laws.values()), ""), record=self.record,
             device=self.value("run", "device"), precision=self.value("run", "precision"),
             low_memory=self.value("run", "low_memory"), histories=bool(self.tracked), n=self.n,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..model.observables import drift_text
 from ..model.walls import crush
-from ..simulation.steps.turning import FASTEST_DRUM
+from ..simulation.steps.rotation import FASTEST_DRUM
 
 if TYPE_CHECKING:
     from .gas import CaseGas

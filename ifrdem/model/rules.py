@@ -25,7 +25,7 @@ class Facts:
         Numbers of walls among the disks, without the sides of the box, and of the pistons among these.
     gravity : tuple of two floats
         At the start, or as it is to be set [length/time^2].
-    turns : bool
+    rotating : bool
         True if gravity rotates.
     forces : frozenset of str
         Names of the classes of forces, those of the classes they derive from included.
@@ -55,7 +55,7 @@ class Facts:
     walls: int = 0
     pistons: int = 0
     gravity: tuple[float, float] = (0.0, 0.0)
-    turns: bool = False
+    rotating: bool = False
     forces: frozenset[str] = frozenset()
     collapse: str = ""
     law: str = ""
@@ -82,7 +82,7 @@ class Facts:
     @property
     def along_a_period(self) -> bool:
         """True if gravity that does not rotate acts along a periodic direction."""
-        return not self.turns and any(
+        return not self.rotating and any(
             pull and one for pull, one in zip(self.gravity, self.periodic, strict=True)
         )
 
@@ -127,12 +127,12 @@ RULES: tuple[Rule, ...] = (
     Rule("comm", "box.open", lambda g: g.is_open and g.ranks > 1, _ONE_PROCESS),
     # Gravity.
     Rule("gravity", "box.periodic", lambda g: g.along_a_period, _FLOOR),
-    Rule("gravity.rate", "box.periodic", lambda g: g.turns and any(g.periodic),
+    Rule("gravity.rate", "box.periodic", lambda g: g.rotating and any(g.periodic),
          f"{_FALL} along a periodic direction; no side may be periodic"),
-    Rule("histories", "gravity.rate", lambda g: g.turns and g.histories,
+    Rule("histories", "gravity.rate", lambda g: g.rotating and g.histories,
          "no paths are kept where gravity rotates; use more frames"),
-    Rule("comm", "gravity.rate", lambda g: g.turns and g.ranks > 1, _ONE_PROCESS),
-    Rule("walls.piston", "gravity.rate", lambda g: g.turns and g.pistons > 0,
+    Rule("comm", "gravity.rate", lambda g: g.rotating and g.ranks > 1, _ONE_PROCESS),
+    Rule("walls.piston", "gravity.rate", lambda g: g.rotating and g.pistons > 0,
          "its weight would change; leave one of them out"),
     Rule("forces.TableFriction", "gravity", lambda g: any(g.gravity) and "TableFriction" in g.forces,
          "along a table, a coin would have to stay where friction holds it; leave one of them out"),
@@ -175,7 +175,7 @@ RULES: tuple[Rule, ...] = (
     Rule("forces.RandomKicks", "disks.n", lambda g: g.n < 2 and "RandomKicks" in g.forces,
          "random kicks keep the total momentum: they need 2 disks at least"),
     Rule("forces", "disks.mass", lambda g: bool(g.forces) and g.immovable, _INSTEAD),
-    Rule("gravity", "disks.mass", lambda g: (any(g.gravity) or g.turns) and g.immovable, _INSTEAD),
+    Rule("gravity", "disks.mass", lambda g: (any(g.gravity) or g.rotating) and g.immovable, _INSTEAD),
     # Memory.
     Rule("device.low_memory", "walls", lambda g: g.low_memory and g.walled, _DIGITS),
     Rule("device.low_memory", "forces", lambda g: g.low_memory and bool(g.forces), _DIGITS),

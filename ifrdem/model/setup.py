@@ -172,7 +172,7 @@ class Setup:
         return Facts(
             is_open=self.box.is_open, periodic=self.box.periodic, shear_rate=self.box.shear_rate,
             walls=len(self.walls), pistons=sum(wall.piston is not None for wall in self.walls),
-            gravity=self.start_gravity, turns=isinstance(self.gravity, RotatingGravity),
+            gravity=self.start_gravity, rotating=isinstance(self.gravity, RotatingGravity),
             forces=frozenset[str]().union(*kinds), collapse=type(self.collapse).__name__ if self.collapse else "",
             law="" if self.law_class is IFRLaw else self.law_class.__name__, record=self.record,
             device=self.device.name, precision=self.device.precision, low_memory=self.device.low_memory, **others,

@@ -51,8 +51,8 @@ from .measuring.tracking import Statistics
 from .start import checks
 from .start.features import features_of
 from .start.start import StartCounts, StartSlice
+from .steps.rotation import GravityRotation
 from .steps.schedule import RunPoint
-from .steps.turning import TurningGravity
 
 if TYPE_CHECKING:
     from ..model.forces import Force
@@ -171,8 +171,8 @@ class Engine:
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(start.state.time)
-        self.turning = TurningGravity(setup.gravity, time)
-        self.gravity: tuple[float, float] = self.turning.gravity
+        self.rotation = GravityRotation(setup.gravity, time)
+        self.gravity: tuple[float, float] = self.rotation.gravity
         self._check_collapse(setup, self.gravity)
         for force in setup.forces:
             comm.run_on_all(lambda force=force: force.check(self.disks))
@@ -318,7 +318,7 @@ class Engine:
 
     def _next_change(self, force: float) -> float:
         """Time of the next event that ends a window [time], if a force acts at the time `force`."""
-        kick, now = min(force, self.turning.next_time), self.time
+        kick, now = min(force, self.rotation.next_time), self.time
         if self.arrays.uses.timed_walls:
             times = [time for wall in self.walls for time in wall.moving_times]
             times += [wall.opens_at for wall in self.walls if wall.opens_at is not None]
@@ -473,9 +473,9 @@ class Engine:
 
     def set_gravity(self, gravity: tuple[float, float]) -> None:
         """Set another gravity; InputError unless gravity is constant and can act in this direction."""
-        if self.turning.rotation is not None:
+        if self.rotation.rotating is not None:
             raise InputError(
-                f"gravity = {gravity}: cannot be set where gravity rotates ({self.turning.rotation}); begin a new "
+                f"gravity = {gravity}: cannot be set where gravity rotates ({self.rotation.rotating}); begin a new "
                 "simulation from this state"
             )
         setup = replace(self.setup, gravity=checked.PAIR("gravity", gravity))
@@ -484,7 +484,7 @@ class Engine:
         with self.exclusive_update():
             self._end_window()
             self._wake()
-            self.setup, self.turning = setup, TurningGravity(setup.gravity, self.time)
+            self.setup, self.rotation = setup, GravityRotation(setup.gravity, self.time)
             self.apply_gravity()
             self._mark_changed()
 
@@ -509,18 +509,18 @@ class Engine:
 
     def apply_gravity(self) -> None:
         """Apply the present gravity, at a window's beginning."""
-        self.gravity = self.turning.gravity
-        self.arrays.set_gravity(self.gravity, self.setup.resting_speed, self.turning.turned_at)
+        self.gravity = self.rotation.gravity
+        self.arrays.set_gravity(self.gravity, self.setup.resting_speed, self.rotation.rotated_at)
 
     def _turn_gravity(self) -> None:
         """Turn gravity, if it is time. No disk is woken: the next window first checks which disks still rest."""
-        if self.time < self.turning.next_time:
+        if self.time < self.rotation.next_time:
             return
         self._end_window()
         before = self._totals()[READOUT.fall]
-        self.turning.next_step += 1
+        self.rotation.next_step += 1
         self.apply_gravity()
-        self.turning.work += float(before - self._totals()[READOUT.fall])
+        self.rotation.work += float(before - self._totals()[READOUT.fall])
 
     def set_velocities(self, state: State) -> None:
         """Set the velocities and spins to those of another state (of ranks, of the slice); positions stay.
@@ -666,7 +666,7 @@ class Engine:
         self.windows.go_on(self.next_kick)
         walls_move = self.arrays.clock.wall_speed > 0.0 or self.arrays.uses.pistons
         all_sleep = self.setup.resting_speed and not self.windows.inside and self.asleep == self.n
-        verified = self.statistics.windows > 0 and self.time != self.turning.turned_at
+        verified = self.statistics.windows > 0 and self.time != self.rotation.rotated_at
         if all_sleep and verified:  # else the next window first checks whether they may
             return not walls_move
         forced = any(self.gravity) or walls_move or self.box.shear_rate
@@ -823,7 +823,7 @@ class Engine:
         next_motion = math.inf if resting else kick
         stop = min(t_end, next_motion)
         self._resting += 1
-        patience = max(PATIENCE, self.turning.steps_per_turn)  # after a whole turn all is as it was
+        patience = max(PATIENCE, self.rotation.steps_per_turn)  # after a whole turn all is as it was
         if not math.isfinite(ends) and (not math.isfinite(next_motion) or self._resting > patience):
             how = "have flown apart" if self.box.is_open else "all fly at one velocity"
             apart = f"the disks {how}, and none" if self._no_future_collisions and moving else "no disk"

@@ -561,7 +561,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         act no more and the change of potential energy where gravity turns count too.
         """
         done = self._engine.force_steps.energy_inputs
-        return math.fsum((*done, self.shear_work, self._engine.turning.work, self._external_energy))
+        return math.fsum((*done, self.shear_work, self._engine.rotation.work, self._external_energy))
 
     @property
     def dissipated_energy(self) -> float:

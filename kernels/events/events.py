@@ -219,7 +219,7 @@ def enter_losses(tile, regime, lost, gas: ti.template()):
     """Add the losses and the regime of a collision of two disks to the tally."""
     loss = NamedVector(lost, LOSS)
     add(tile, TALLY.losses.normal, loss.normal, gas)
-    add(tile, TALLY.losses.restitution, loss.restitution, gas)
+    add(tile, TALLY.losses.tangential_restitution, loss.tangential_restitution, gas)
     add(tile, TALLY.losses[friction_column(regime)], loss.friction, gas)
     add(tile, TALLY.losses.rolling, loss.rolling, gas)
     add(tile, TALLY.regimes[ti.min(regime, ELASTICALLY)], 1.0, gas)
@@ -230,7 +230,7 @@ def charge_half(i, regime, lost, gas: ti.template()):
     """Add half of the losses of a collision to those of the disk in slot i."""
     loss = NamedVector(lost, LOSS)
     charge(i, MECHANISM.normal, 0.5 * loss.normal, gas)
-    charge(i, MECHANISM.restitution, 0.5 * loss.restitution, gas)
+    charge(i, MECHANISM.tangential_restitution, 0.5 * loss.tangential_restitution, gas)
     charge(i, friction_column(regime), 0.5 * loss.friction, gas)
     charge(i, MECHANISM.rolling, 0.5 * loss.rolling, gas)
 

@@ -597,7 +597,7 @@ def update_resting(n, tile, region: ti.template(), gas: ti.template()):
     """
     offset = region.lane * gas.grid.lane_slots
     pull = ti.cast(ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2), ti.f64)
-    changed = ti.cast(gas.clock.begin == gas.clock.turned, ti.i32)
+    changed = ti.cast(gas.clock.begin == gas.clock.rotated, ti.i32)
     for i in range(offset, offset + n):
         rest = gas.rest[i]
         if rest.asleep == WOKEN:

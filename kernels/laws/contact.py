@@ -44,7 +44,7 @@ def losses_of(given: ti.template(), pair: ti.template()):
     lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     loss = NamedVector(lost, LOSS)
     loss.normal = ti.cast(given.P_n, ti.f64) * (pair.g_n - 0.5 * given.P_n * inverse_n)
-    loss.restitution = restitution
+    loss.tangential_restitution = restitution
     loss.friction = tangential - restitution
     if given.T != 0.0:  # a custom law may give a negative one, which drives spins
         free_i = pair.spin_i - pair.k_i * pair.inverse_mass_i / pair.radius_i * given.P_t

@@ -9,6 +9,7 @@ import pytest
 
 from ifrdem.kernels import columns
 from ifrdem.kernels.columns import Columns, Named, Several, named
+from ifrdem.quantities import MECHANISMS
 from ifrdem.simulation import backend
 
 PAIR = Columns(begin="begin", until="end")
@@ -121,3 +122,8 @@ def test_a_wrong_name_in_a_kernel_is_reported() -> None:
     disk = ti.Vector.ndarray(5, ti.f64, 2)
     with pytest.raises(CompilationError, match=r"no column 'mass'; columns are\n  x: position .*\n  y: "):
         wrong(disk)
+
+
+def test_mechanisms_of_kernels_are_those_of_files_in_their_order() -> None:
+    """The sums of a ledger are stored column by column: another order would be read as other mechanisms."""
+    assert tuple(columns.MECHANISM.texts) == MECHANISMS

@@ -57,7 +57,7 @@ def take(engine: Engine) -> Snapshot:
         )
         found["statistics"] = np.array(list(asdict(engine.statistics).values()), dtype=np.int64)
         found.update(steps.snapshot())
-        found["turning"] = np.array([engine.turning.next_step, engine.turning.work])
+        found["turning"] = np.array([engine.rotation.next_step, engine.rotation.work])
         for name, value in engine.past.items():
             found[f"before_{name}"] = np.asarray(value)
     return found
@@ -102,9 +102,9 @@ def _restore(engine: Engine, found: Snapshot) -> None:
         before[2],
         bool(separated),
     )
-    if engine.turning.rotation:
-        step, engine.turning.work = found["turning"].tolist()
-        engine.turning.next_step = int(step)
+    if engine.rotation.rotating:
+        step, engine.rotation.work = found["turning"].tolist()
+        engine.rotation.next_step = int(step)
         engine.apply_gravity()
     a.clock.overhang = found["protrudes"].max()
     engine.set_gates(found["gates"])

@@ -4,6 +4,6 @@
 `schedule`     times of output of a run
 `slow_run`     warning of a run that takes far too long
 `force_steps`  when each force acts, and its changes of the energy
-`turning`      rotating gravity
+`rotation`     rotating gravity
 =============  ===================================================
 """

@@ -759,14 +759,14 @@ class DeviceArrays:
         from_numpy(getattr(self, name), values)
 
     def set_gravity(
-        self, gravity: tuple[float, float], resting_speed: float, turned_at: float = -math.inf
+        self, gravity: tuple[float, float], resting_speed: float, rotated_at: float = -math.inf
     ) -> None:
         """Set another gravity, at a window's beginning. Windows are as long as resting disks may fall.
 
-        Sleeping disks are checked again where gravity `turned_at` [time] that the window begins.
+        Sleeping disks are checked again where gravity `rotated_at` [time] that the window begins.
         """
         self.scale.gx, self.scale.gy = gravity
-        self.clock.turned = turned_at
+        self.clock.rotated = rotated_at
         self.clock.longest = np.inf
         if resting_speed:
             pull = math.hypot(*gravity)

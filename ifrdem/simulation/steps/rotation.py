@@ -25,7 +25,7 @@ FASTEST_DRUM = 0.01
 """Froude number above which the frame of a drum is more than gravity that turns: the centrifugal acceleration in g."""
 
 
-class TurningGravity:
+class GravityRotation:
     """Gravity at the present time of a run, step after step; steps until `time` [time] are done.
 
     Attributes
@@ -37,35 +37,35 @@ class TurningGravity:
     """
 
     def __init__(self, gravity: Gravity, time: float) -> None:
-        self.rotation: RotatingGravity | None = gravity if isinstance(gravity, RotatingGravity) else None
+        self.rotating: RotatingGravity | None = gravity if isinstance(gravity, RotatingGravity) else None
         self._start = gravity.start if isinstance(gravity, RotatingGravity) else gravity
-        self.next_step: int = first_after(time, self._interval) if self.rotation else 0
+        self.next_step: int = first_after(time, self._interval) if self.rotating else 0
         self.work: float = 0.0
 
     @property
     def _interval(self) -> float:
-        return self.rotation.step / abs(self.rotation.rate) if self.rotation else math.inf
+        return self.rotating.step / abs(self.rotating.rate) if self.rotating else math.inf
 
     @property
     def steps_per_turn(self) -> float:
         """Steps of a whole turn; 0 for constant gravity."""
-        return self.rotation.steps_per_turn if self.rotation else 0.0
+        return self.rotating.steps_per_turn if self.rotating else 0.0
 
     @property
     def next_time(self) -> float:
         """Time of the next step [time]; infinite for constant gravity."""
-        return time_of(self.next_step, self._interval) if self.rotation else math.inf
+        return time_of(self.next_step, self._interval) if self.rotating else math.inf
 
     @property
-    def turned_at(self) -> float:
+    def rotated_at(self) -> float:
         """Time of the latest step [time]; minus infinity if there was none."""
         return time_of(self.next_step - 1, self._interval) if self.next_step > 0 else -math.inf
 
     @property
     def gravity(self) -> tuple[float, float]:
         """Present gravity [length/time^2]."""
-        if not self.next_step or self.rotation is None:
+        if not self.next_step or self.rotating is None:
             return self._start
-        angle = math.copysign(self.next_step * self.rotation.step, self.rotation.rate)
+        angle = math.copysign(self.next_step * self.rotating.step, self.rotating.rate)
         (x, y), c, s = self._start, math.cos(angle), math.sin(angle)
         return c * x - s * y, s * x + c * y
