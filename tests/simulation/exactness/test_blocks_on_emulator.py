@@ -1,6 +1,6 @@
 """Tiles by blocks of threads have the bits of the CPU, in any order of threads and without a race.
 
-On a stand-in for an NVIDIA driver, which runs the code of a GPU on the CPU (`support/emulator`).
+On a stand-in for an NVIDIA driver, which runs the code of a GPU on the CPU (`tests/emulator`).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 SUPPORT = Path(__file__).parents[2] / "support"
+EMULATOR = SUPPORT.parent / "emulator"
 SETTINGS = {
     "STUB_SM": "2",
     "STUB_ORDER": "7",  # threads in a shuffled order
@@ -37,7 +38,7 @@ def gases(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str
     """Report of `emulated_gases.py` for each gas, and messages of the emulator."""
     own = {"EMULATE_DIR": str(tmp_path_factory.mktemp("emulator")), "EMULATOR_PYTHON": sys.executable}
     done = subprocess.run(
-        [SUPPORT / "emulator" / "emulate", sys.executable, SUPPORT / "emulated_gases.py"],
+        [EMULATOR / "emulate", sys.executable, SUPPORT / "emulated_gases.py"],
         env=os.environ | SETTINGS | own,
         capture_output=True,
         text=True,

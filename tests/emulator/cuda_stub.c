@@ -15,13 +15,7 @@
 #include <time.h>
 #include <unistd.h>
 #define STACK (512u << 10)
-typedef struct Where Where;
-struct Where {  // as in ptx2c.py
-  uint32_t ctaid, tid, nctaid, ntid;
-  uint32_t (*meet)(Where *, int op, int site, uint32_t mask, uint32_t value, uint32_t arg, uint32_t clamp, uint8_t *pred);
-  void (*touch)(Where *, uint64_t address, int bytes, int kind);
-  uint32_t *visits;
-};
+#include "where.h"
 typedef void (*Fn)(void **, Where *);
 typedef struct { int id; void *so; char dir[512]; } Module;
 typedef struct { Module *m; char name[512]; Fn fn; int meets, blocks; void (*poison)(void); const uint16_t (*classes)[11], *cycles, *overlapped; } Func;
@@ -182,7 +176,6 @@ int cuModuleGetFunction(void **out, Module *m, const char *name) {
 // Each thread of a block runs until it waits for others. bar.sync waits for all threads of the block that have not
 // ended, the .sync operations of a warp for those of their mask. All must wait at the same instruction: if none can go
 // on, who waits where is told, and the process aborts.
-enum { BAR, BAR_POPC, BAR_AND, BAR_OR, WARP_BAR, BALLOT, ALL, ANY, UNI, IDX, UP, DOWN, BFLY, MATCH_ANY, MATCH_ALL };
 static const char *op_names[] = {"bar.sync", "bar.red.popc", "bar.red.and", "bar.red.or", "bar.warp.sync", "vote.ballot", "vote.all", "vote.any", "vote.uni",
                                  "shfl.idx", "shfl.up", "shfl.down", "shfl.bfly", "match.any", "match.all"};
 enum { FRESH, RUNS, WAITS, ENDED };

@@ -1,0 +1,1 @@
+"""An emulator of NVIDIA GPUs on a CPU; README.md says how it works."""
