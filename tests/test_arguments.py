@@ -148,7 +148,7 @@ WALL = ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0))
 PLACED = {"box": SMALL, "radius": RADIUS, "walls": ()}
 INITIAL: dict[str, dict[str, Any]] = {
     "gaussian_spins": {"n": 4, "spin_rms": 1.0, "seed": 1},
-    "grow": {"box": SMALL, "radius": RADIUS, "seed": 1, "walls": (), "progress": lambda _: None},
+    "grown_positions": {"box": SMALL, "radius": RADIUS, "seed": 1, "walls": (), "progress": lambda _: None},
     "hexagonal_positions": {**PLACED, "seed": 1},
     "maxwellian": {"mass": [1.0] * 4, "speed_rms": 1.0, "temperature": None, "seed": 1},
     "random_positions": {**PLACED, "seed": 1},

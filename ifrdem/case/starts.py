@@ -123,7 +123,7 @@ def as_moving(gas: CaseGas, velocity: NDArray[np.float64], spin: NDArray[np.floa
 
 
 def drift_of(gas: CaseGas, velocity: NDArray[np.float64]) -> tuple[tuple[float, float], float]:
-    """Mean velocity, weighted by mass, of velocities as in `_as_moving`, and its part of their energy."""
+    """Mean velocity, weighted by mass, of velocities as in `as_moving`, and its part of their energy."""
     if gas.n == 1 or gas.box.is_open:
         return (0.0, 0.0), 0.0
     comm = current()

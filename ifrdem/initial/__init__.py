@@ -1,7 +1,7 @@
 """Initial states: places without overlaps, velocities, spins, distributions of radii.
 
-`random_positions`, `hexagonal_positions` and `grow` (dense random packings) place disks; `separate` parts disks that
-overlap slightly; `maxwellian` and `gaussian_spins` draw velocities and spins; `radii` draws radii.
+`random_positions`, `hexagonal_positions` and `grown_positions` (dense random packings) place disks; `separate` parts
+disks that overlap slightly; `maxwellian` and `gaussian_spins` draw velocities and spins; `radii` draws radii.
 """
 
 from ..tools import lazy

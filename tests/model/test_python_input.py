@@ -123,8 +123,8 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
         "beyond 1e",
     ),
     "bits for the bytes of a file": (
-        lambda: TrajectoryWriter("none.h5", *gases_of_three(), precision="f64"),
-        r"must be one of 'f4', 'f8' \(did you mean 'f8'\?\)",
+        lambda: TrajectoryWriter("none.h5", *gases_of_three(), precision="f8"),
+        r"""must be one of 'f32', 'f64' \(it is called "f64" now\)""",
     ),
     "number for the file of a writer": (lambda: TrajectoryWriter(5, *gases_of_three()), "path = 5: must be a text"),
     "disks of a writer that are none": (lambda: TrajectoryWriter("n.h5", 3, Box((9, 9))), "disks = 3: must be a Disks"),
