@@ -11,8 +11,10 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
 EMULATE = Path(__file__).with_name("emulate")
 CAN_RUN = shutil.which("gcc") is not None and (sys.platform, platform.machine()) == ("linux", "x86_64")
@@ -38,6 +40,7 @@ class Device:
     """The stand-in for a driver, with one module of PTX; all its files are in `folder`."""
 
     def __init__(self, folder: Path, ptx: str) -> None:
+        self.folder = folder
         own = {"EMULATE_DIR": str(folder), "EMULATOR_PYTHON": sys.executable}
         done = subprocess.run(
             [EMULATE, "env"], env=os.environ | own, capture_output=True, text=True, check=True

@@ -251,18 +251,8 @@ def move(x: Instruction) -> str:
     return x.gives(x.value(1))
 
 
-COMPARISONS = {
-    "eq": "==",
-    "ne": "!=",
-    "lt": "<",
-    "le": "<=",
-    "gt": ">",
-    "ge": ">=",
-    "lo": "<",
-    "ls": "<=",
-    "hi": ">",
-    "hs": ">=",
-}
+COMPARISONS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
+OF_UNSIGNED = {**COMPARISONS, "lo": "<", "ls": "<=", "hi": ">", "hs": ">="}
 OF_FLOATS = {
     **{name: f"({{a}} {sign} {{b}})" for name, sign in COMPARISONS.items() if name != "ne"},
     "ne": "(({a} < {b}) || ({a} > {b}))",
@@ -280,17 +270,16 @@ LOGIC = {"and": "&", "or": "|", "xor": "^"}
 JOINS = {"and": "&&", "or": "||", "xor": "!="}
 
 
-@opcode("setp", modifiers=" ".join({**OF_FLOATS, **JOINS, "ftz": ""}))
+@opcode("setp", modifiers=" ".join({**OF_FLOATS, **OF_UNSIGNED, **JOINS, "ftz": ""}))
 def compare(x: Instruction) -> str:
     comparison, *others = x.modifiers
+    known = OF_FLOATS if is_float(x.kind) else OF_UNSIGNED if x.kind[0] == "u" else COMPARISONS
+    if comparison not in known:
+        raise CannotTranslate(x.text)
     if is_float(x.kind):
-        if comparison not in OF_FLOATS:
-            raise CannotTranslate(x.text)
         found = OF_FLOATS[comparison].format(a=x.value(1), b=x.value(2))
     else:
-        if comparison not in COMPARISONS:
-            raise CannotTranslate(x.text)
-        found = f"({x.value(1)} {COMPARISONS[comparison]} {x.value(2)})"
+        found = f"({x.value(1)} {known[comparison]} {x.value(2)})"
     if "|" in x.operands[0]:
         raise CannotTranslate(f"{x.text} (two destinations)")
     if set(others) & set(JOINS):
@@ -533,6 +522,8 @@ def extreme(x: Instruction) -> str:
 
 ROUNDING = {"rmi": "floor", "rpi": "ceil", "rni": "rint", "rzi": "trunc"}
 """Rounding to a whole number -> function of C."""
+
+
 def to_integer(value: str, of: str, to: str) -> str:
     """C of a whole number as an integer, or the nearest one. NaN gives 0, but to or from 64 bits the top bit alone."""
     n = 8 * BYTES[to]

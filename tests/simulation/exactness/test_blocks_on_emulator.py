@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from emulator.device import CAN_RUN, EMULATE, NEEDS
 
 SUPPORT = Path(__file__).parents[2] / "support"
