@@ -122,7 +122,7 @@ def any_but_zeros(*values: Any) -> bool:
 
 
 def within_range(*values: Any) -> bool:
-    """Not so large that the sine is one of its reduction."""
+    """Arguments so small that all programs reduce them to a period alike."""
     return all(abs(value) < 1e4 for value in values)
 
 
@@ -281,7 +281,7 @@ def floats() -> Iterator[Case]:
         yield Case(f"abs.{kind}", one, abs)
         yield Case(f"sqrt.rn.{kind}", one, np.sqrt)
         yield Case(f"rcp.rn.{kind}", one, lambda a: type(a)(1) / a)
-        # Approximate on a GPU: its bits are nobody's to rely on.
+        # Approximate on a GPU, within a bound of its error.
         yield Case(f"rsqrt.approx.{kind}", one, lambda a: type(a)(1) / np.sqrt(a), ulps=2)
         yield Case(f"copysign.{kind}", two, lambda a, b: np.copysign(b, a))
         yield Case(f"mov.{kind}", one, lambda a: a)

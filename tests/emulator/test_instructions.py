@@ -188,10 +188,9 @@ def as_array(values: Sequence[Any], kind: str) -> np.ndarray:
 
 
 def same(found: np.ndarray, expected: np.ndarray, ulps: int) -> np.ndarray:
-    """Whether numbers are the same: NaN is NaN, -0 is not 0, unless some ulps (of 1 at least) may differ."""
+    """Whether numbers are the same: NaN is NaN, -0 is not 0, unless some ulps may differ."""
     if ulps:
-        eps = ulps * np.finfo(found.dtype).eps
-        return np.isclose(found, expected, rtol=eps, atol=eps, equal_nan=True)
+        return np.isclose(found, expected, rtol=ulps * np.finfo(found.dtype).eps, atol=0.0, equal_nan=True)
     equal = (found == expected) & (np.signbit(found) == np.signbit(expected))
     return equal | (found != found) & (expected != expected)
 
