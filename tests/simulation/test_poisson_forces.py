@@ -184,7 +184,7 @@ def test_collisions_are_those_of_a_run_that_gets_the_same_kicks_from_outside() -
     )  # fmt: skip
     kicked.run(t_end=2.0)
     events = kicked.take_events()
-    check_bounds(kicked, events)
+    check_bounds(kicked, events.time, events.id, events.velocity_after)
     kicks = np.flatnonzero(events.partner == KICK)
     assert len(kicks) > 200
     reference = Simulation(disks, box, LOSSY, state)
