@@ -343,6 +343,8 @@ def test_all_instructions_of_the_table_are_tested() -> None:
         "mov.b32 %a, {%h, %h, %h, %h};",
         "mov.u32 %a, %smid;",
         "add.s32 %a, %b, %other;",
+        "add.s32 %a, %b, %p;",
+        "add.s32 %p, %a, %b;",
         "add.s32 %other, %a, %b;",
         "add.f64 %f, %f, %s;",
         "add.f64 %s, %f, %f;",
