@@ -364,7 +364,7 @@ def others() -> Iterator[Case]:
         "prototype_1 : .callprototype (.param .b32 _) _ (.param .b32 _);\n"
         f"call (retval0), %l0, (param0), prototype_1; {take}")  # fmt: skip
     yield Case("registers of a scope", "u32 -> u32", lambda a: a,
-        "mov.u32 %d, %a; { .reg .b32 %d; mov.u32 %d, 5; }")  # fmt: skip
+        "mov.u32 %d, %a; { .reg .f64 %d; mov.f64 %d, 0d3FF8000000000000; }")  # fmt: skip
 
 
 def memory() -> Iterator[Case]:

@@ -242,13 +242,16 @@ def test_an_atomic_instruction(device: Device, number: int, case: Atomic) -> Non
 @on_emulator
 @numbered(MEETINGS)
 def test_threads_meet(device: Device, number: int, case: Meeting) -> None:
-    """Two blocks of two warps: the same in any order of threads."""
-    a, b = np.random.default_rng(3).integers(0, 2**31, (2, 2, 2, 32)).astype(np.uint32)
-    a[1, 0] |= 1  # a warp, and then a block, that agrees
+    """Blocks of two warps: the same in any order of threads. Of some blocks and warps all threads agree on %p."""
+    a, b = np.random.default_rng(3).integers(0, 2**31, (2, 4, 2, 32)).astype(np.uint32)
+    a[1:3, 0] |= 1
+    a[2, 1] |= 1
+    a[1, 1] &= ~np.uint32(1)
+    a[3] &= ~np.uint32(1)
     expected = [case.expected(*each, p) for each, p in zip(zip(a, b, strict=True), a % 2 == 1, strict=True)]
     for order in (0, 1, 7):
         d, q = np.zeros_like(a), np.zeros_like(a)
-        device.launch(f"m{number}", a, b, d, q, threads=64, blocks=2, order=order)
+        device.launch(f"m{number}", a, b, d, q, threads=64, blocks=4, order=order)
         for block, (of_d, of_q) in enumerate(expected):
             np.testing.assert_array_equal(d[block], np.broadcast_to(of_d, (2, 32)))
             np.testing.assert_array_equal(q[block], np.broadcast_to(of_q, (2, 32)))
