@@ -560,7 +560,7 @@ def test_without_a_frame_nothing_is_left(tmp_path):
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match="number = 42: must be at most the number of disks, 41"):
         PartsWriter.create(tmp_path / "run.h5", disks, disks, BOX, number=N + 1)
-    with pytest.raises(InputError, match="must be one of 'f4', 'f8'"):
+    with pytest.raises(InputError, match="must be one of 'f32', 'f64'"):
         PartsWriter.create(tmp_path / "run.h5", disks, disks, BOX, number=2, precision="f9")
     assert list(tmp_path.iterdir()) == []
 

@@ -558,7 +558,7 @@ def test_impossible_outputs_are_refused(tmp_path):
     [
         ({"fields": ("positon",)}, "did you mean 'position'"),
         ({"fields": ("position", "position")}, "once"),
-        ({"precision": "f2"}, "must be one of 'f4', 'f8'"),
+        ({"precision": "f2"}, "must be one of 'f32', 'f64'"),
         ({"compression": "gzp"}, "did you mean 'gzip'"),
         ({"parameters": {"case": ["a"]}}, r"parameters\['case'\] = \['a'\]: must be"),
         ({"parameters": {"": 1}}, "name of parameter"),
