@@ -119,3 +119,22 @@ def test_keys_of_numbers_are_short_and_apart_from_columns(tmp_path: Path) -> Non
         assert not columns & set(keys)
         assert all(len(key) <= 26 for key in keys), keys
         assert any("errors from 3 rows: fewer than 20" in note for note in found.notes) == (name == "species")
+
+
+@pytest.mark.parametrize("collisions", [0, 1])
+def test_one_collision_is_enough_for_a_value_from_their_rate_and_none_is_said(
+    tmp_path: Path, collisions: int
+) -> None:
+    disks, draw = ifrdem.Disks(200, mass=1.0, radius=0.1), np.random.default_rng(3)
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, ifrdem.Box((20.0, 20.0))) as file:
+        for time in range(2):
+            position, velocity = draw.uniform(0.0, 20.0, (200, 2)), draw.normal(size=(200, 2))
+            state = ifrdem.State(position, velocity, np.zeros(200), float(time))
+            file.write(state, {"temperature": 1.0, "collisions": collisions * time})
+    with ifrdem.Trajectory(tmp_path / "a.h5") as trajectory:
+        if collisions:
+            rows = catalogue.FUNCTIONS["pressure"](trajectory, None).rows
+            assert "g_contact_from_rate" in [row.key for row in rows]
+        else:
+            with pytest.raises(ifrdem.InputError, match="there are no collisions"):
+                catalogue.FUNCTIONS["pressure"](trajectory, None)
