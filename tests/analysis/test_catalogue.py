@@ -9,6 +9,7 @@ import pytest
 
 import ifrdem
 from ifrdem.analysis import catalogue, motion, result
+from ifrdem.quantities import STRESS_SERIES
 
 
 def test_velocities_that_turn_forget_their_direction_where_the_cosine_does(tmp_path: Path) -> None:
@@ -138,3 +139,22 @@ def test_one_collision_is_enough_for_a_value_from_their_rate_and_none_is_said(
         else:
             with pytest.raises(ifrdem.InputError, match="there are no collisions"):
                 catalogue.FUNCTIONS["pressure"](trajectory, None)
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_two_rows_of_a_series_are_enough_for_a_stress(tmp_path: Path, rows: int) -> None:
+    """The stress of a row is the mean since the row before: p = (3 + 1) / 2, of the second row alone."""
+    disks = ifrdem.Disks(2, mass=1.0, radius=0.1)
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, ifrdem.Box((2.0, 2.0))) as file:
+        for time in range(2):
+            file.write(ifrdem.State([[0.5, 0.5], [1.5, 1.5]], np.zeros((2, 2)), np.zeros(2), float(time)))
+        for time in range(rows):
+            stress = [3.0, 0.0, 0.0, 1.0] if time else [9.0, 0.0, 0.0, 9.0]
+            file.write_series(float(time), dict.fromkeys(STRESS_SERIES, stress))
+    with ifrdem.Trajectory(tmp_path / "a.h5") as trajectory:
+        if rows == 2:
+            found = catalogue.FUNCTIONS["stress"](trajectory, None).rows
+            assert found[0].value == pytest.approx(2.0, rel=1e-12)
+        else:
+            with pytest.raises(ifrdem.InputError, match="two rows of the series"):
+                catalogue.FUNCTIONS["stress"](trajectory, None)
