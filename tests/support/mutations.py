@@ -52,7 +52,8 @@ TESTS = {
     "kernels/tiles/readout.py": f"{ALONE} tests/simulation/test_readout.py {ENGINE}",
     "kernels/walls/*": "tests/kernels/test_random.py tests/simulation/walls",
     "kernels/events/events.py": (
-        f"{ALONE} {ENGINE} tests/simulation/walls/test_walls.py tests/simulation/test_tracking.py"
+        f"{ALONE} {ENGINE} tests/simulation/walls/test_walls.py tests/simulation/test_tracking.py "
+        "tests/simulation/test_ledger.py tests/simulation/test_dissipation_per_disk.py"
     ),
     "kernels/disks/particle.py": TILES,
     "kernels/tiles/tiles.py": f"{TILES} tests/simulation/test_shear.py",
