@@ -85,7 +85,7 @@ def coverage(kind: str, sets: int, seed: int) -> Iterator[str]:
     make, n, errors = KINDS[kind]
     law, truth = "ifr-percussion", np.array(TRUTH["ifr-percussion"])
     rises = chdtri(1, 1.0 - np.array(LEVELS))
-    yield f"{kind}: {sets} data sets of {n}; part of the {LEVELS[0]:.0%} and {LEVELS[1]:.0%} intervals that hold the truth"  # noqa: E501
+    yield f"{kind}: {sets} data sets of {n}; part of the {LEVELS[0]:.0%} and {LEVELS[1]:.0%} intervals that hold the truth"
     for error in errors:
         rng = np.random.default_rng(seed)
         inside: dict[str, list[np.ndarray]] = {}
@@ -112,7 +112,7 @@ def robust(sets: int, seed: int, n: int = 30, error: float = 0.01) -> Iterator[s
     """Lines of the coverage of robust intervals, where a part of the collisions has errors ten times as large."""
     law, truth = "ifr-percussion", np.array(TRUTH["ifr-percussion"])
     names = LAWS[law].free
-    yield f"robust: {sets} data sets of {n} collisions; part of the {LEVELS[0]:.0%} and {LEVELS[1]:.0%} intervals that hold the truth"  # noqa: E501
+    yield f"robust: {sets} data sets of {n} collisions; part of the {LEVELS[0]:.0%} and {LEVELS[1]:.0%} intervals that hold the truth"
     for part in (0.0, 0.1, 0.3):
         rng = np.random.default_rng(seed)
         inside: dict[str, list[np.ndarray]] = {}

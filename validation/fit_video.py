@@ -29,7 +29,7 @@ LAW = ifrdem.IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 TABLE_FRICTION = 0.2
 COIN = ifrdem.coins["1 pta"]
 PLACE, VELOCITY, SPIN = 1.0e-4, 3.0e-3, 0.3  # errors of the start: [m], [m/s], [rad/s]
-MADE = "# SYNTHETIC: made by `python -m ifrdem.validation.fit_video` at e_n = 0.87, e_t = -0.88, mu = 0.21, table mu = 0.2\n"  # noqa: E501
+MADE = "# SYNTHETIC: made by `python -m ifrdem.validation.fit_video` at e_n = 0.87, e_t = -0.88, mu = 0.21, table mu = 0.2\n"
 
 
 def tracks(fps: float, noise: float, number: int, seed: int = 1, angle_noise: float = 0.01) -> str:
@@ -91,7 +91,7 @@ def table(seed: int = 1) -> tuple[str, str]:
     w = spin + SPIN * rng.standard_normal(12) * moving
     start = [MADE + "pos x (mm),pos y (mm),u (mm/s),v (mm/s),turn (rad/s),du (mm/s),dv (mm/s),dturn (rad/s)"]
     start += [
-        f"{1e3 * a:.2f},{1e3 * b:.2f},{1e3 * c:.1f},{1e3 * d:.1f},{e:.2f},{1e3 * VELOCITY * m:g},{1e3 * VELOCITY * m:g},{SPIN * m:g}"  # noqa: E501
+        f"{1e3 * a:.2f},{1e3 * b:.2f},{1e3 * c:.1f},{1e3 * d:.1f},{e:.2f},{1e3 * VELOCITY * m:g},{1e3 * VELOCITY * m:g},{SPIN * m:g}"
         for (a, b), (c, d), e, m in zip(seen, v, w, moving, strict=True)
     ]
     end = [MADE + "coin,rest x (mm),rest y (mm)"]

@@ -63,7 +63,7 @@ COLLISION_COLUMNS = (*CENTRES, *NORMAL, *MOTION, *AFTER)
 
 _COLLISION_SPELLINGS: Mapping[str, str] = {
     **{tables.plain(name): name for name in _KINDS},
-    **{f"{new}{i}{end}": f"spin_{i}{'_after' * bool(end)}" for new in ("w", "omega", "ω") for i in "12" for end in ("", "after", "'")},  # noqa: E501
+    **{f"{new}{i}{end}": f"spin_{i}{'_after' * bool(end)}" for new in ("w", "omega", "ω") for i in "12" for end in ("", "after", "'")},
     **{f"v{axis}{i}'": f"v{axis}_{i}_after" for axis in "xy" for i in "12"},
 }  # fmt: skip
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Style = tuple[str, Any, str]
 # Okabe and Ito's colours, distinct with every kind of colour blindness; and by line and marker too.
-STYLES: tuple[Style, ...] = (("#0072B2", "-", "o"), ("#D55E00", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "v"), ("#56B4E9", (0, (5, 1, 1, 1)), "D"), ("#E69F00", "-", "P"))  # fmt: skip  # noqa: E501
+STYLES: tuple[Style, ...] = (("#0072B2", "-", "o"), ("#D55E00", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "v"), ("#56B4E9", (0, (5, 1, 1, 1)), "D"), ("#E69F00", "-", "P"))  # fmt: skip
 _DATA, _OUT = "#222222", "#CC0000"
 SYMBOLS = {
     "e_n": "$e_n$",

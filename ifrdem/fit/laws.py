@@ -212,7 +212,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
         for law in (
             _ifr("ifr-percussion", "IFR, percussion centre (Eq. 15)", STICKING[0]),
             _ifr("ifr-contact", "IFR, contact point (Eq. 12)", STICKING[1]),
-            Law("walton", "Walton: constant restitution of the slip", Walton, {k: RANGES[k] for k in Walton.coefficients}, start_ranges=dict(_START_RANGES)),  # noqa: E501
+            Law("walton", "Walton: constant restitution of the slip", Walton, {k: RANGES[k] for k in Walton.coefficients}, start_ranges=dict(_START_RANGES)),
             _ifr("brach", "Brach: sliding until the slip stops (IFR, contact point, e_t = -1)", STICKING[1], e_t=-1.0),
             _ifr("smooth", "smooth disks (IFR, e_t = -1, mu = 0)", STICKING[1], e_t=-1.0, mu=0.0),
             _viscoelastic(),

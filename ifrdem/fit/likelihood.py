@@ -42,7 +42,7 @@ from .model import FitProblem, latent_slope
 Array = NDArray[np.float64]
 
 NU = 4.0
-"""Degrees of freedom of a robust fit: tails as heavy as tables of measurements have (Lange et al., JASA 84, 881, 1989)."""  # noqa: E501
+"""Degrees of freedom of a robust fit: tails as heavy as tables of measurements have (Lange et al., JASA 84, 881, 1989)."""
 
 _STEP = 1e-6  # of a one-sided difference by a coefficient, over its size: error 1e-6, round-off 1e-10
 _MOST_STEPS = 40

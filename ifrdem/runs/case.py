@@ -60,7 +60,7 @@ class Case(Sections):
     Traceback (most recent call last):
     ...
     ifrdem.errors.InputError: run.seed = -1: must be greater than or equal to 0 (seed of every random number [whole number]; one seed, one result)
-    """  # noqa: E501  (a message, as it is printed)
+    """
 
     _path: Path = PrivateAttr(Path("<Python>"))
     _text: str = PrivateAttr("")

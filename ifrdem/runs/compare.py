@@ -95,7 +95,7 @@ def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Me
     time = columns.get("t", np.full(n, math.inf))
     return Measured(
         ids[keep].astype(np.int64), np.where(np.isnan(time), math.inf, time)[keep],
-        np.stack([columns["x"], columns["y"]], axis=-1)[keep], np.stack(error, axis=-1)[keep], angle[keep], angle_error[keep],  # noqa: E501
+        np.stack([columns["x"], columns["y"]], axis=-1)[keep], np.stack(error, axis=-1)[keep], angle[keep], angle_error[keep],
     )  # fmt: skip
 
 

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 MOST_BYTES = 100_000_000
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
-        "angle": {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": math.degrees(1.0), "radian": math.degrees(1.0), "radians": math.degrees(1.0), "mrad": math.degrees(1e-3)},  # noqa: E501
+        "angle": {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": math.degrees(1.0), "radian": math.degrees(1.0), "radians": math.degrees(1.0), "mrad": math.degrees(1e-3)},
         "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "micron": 1e-6},
         "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6},
         "spin": {"rad/s": 1.0, "1/s": 1.0, "deg/s": math.radians(1.0), "rpm": math.pi / 30.0, "rev/s": 2.0 * math.pi},

@@ -685,7 +685,7 @@ def test_start_file_at_rest_cannot_be_run_to_a_number_of_collisions(
 
 
 def test_start_file_with_other_names_units_and_small_overlaps(tmp_path: Path) -> None:
-    """0.04 apart too little: each of the two moves by half of it; another pair beyond relax is named with all others."""  # noqa: E501
+    """0.04 apart too little: each of the two moves by half of it; another pair beyond relax is named with all others."""
     rows = "pos x (mm);v;y;nr\n1000,0;0;1,0;1\n1960,0;0;1,0;2\n"
     wanted = [
         *start_case(tmp_path, rows),

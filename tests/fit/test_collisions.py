@@ -30,7 +30,7 @@ def observed(
     wall: bool = False,
     frame: tuple[float, float] = (0.0, 0.0),
 ) -> fit.Collisions:
-    """Collisions by the public `ifrdem.collide`, with errors of velocities and R w `noise`, of the normal `noise` rad."""  # noqa: E501
+    """Collisions by the public `ifrdem.collide`, with errors of velocities and R w `noise`, of the normal `noise` rad."""
     rng = np.random.default_rng(seed)
     phi, psi = rng.uniform(0.0, 2.0 * np.pi, n), np.radians(rng.uniform(-75.0, 75.0, n))
     normal = np.stack([np.cos(phi), np.sin(phi)], axis=-1)

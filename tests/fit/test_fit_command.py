@@ -193,7 +193,7 @@ def test_disks_of_several_kinds_have_one_fit_each(folder: Path, capsys: pytest.C
         (["data.cvs", "--M", "1"], [r"data.cvs: there is no such file \(did you mean 'data.csv'"]),
         (["data.csv", "--M", "1", "--error", "psi=1"], ["delta_1: missing from errors", "delta_2: missing"]),
         (["data.csv", "--M", "1", "--kind", "1"], ["--kind: cannot be combined with a table of angles"]),
-        (["data.csv", "--M", "1", "--error", "1", "--rolling", "--R-1", "1", "--R-2", "1"], ["Rw_1 or Rw_2 or e_t_apparent"]),  # noqa: E501
+        (["data.csv", "--M", "1", "--error", "1", "--rolling", "--R-1", "1", "--R-2", "1"], ["Rw_1 or Rw_2 or e_t_apparent"]),
     ],
 )  # fmt: skip
 def test_bad_input_is_refused_all_at_once(

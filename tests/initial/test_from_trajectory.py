@@ -154,7 +154,7 @@ def test_rounding_of_an_exported_frame_is_undone(tmp_path: Path) -> None:
         (["start.positions=odl.h5"], 'start.positions = "odl.h5"', r"no such file \(did you mean 'old\.h5'"),
         (["start.frame=3"], 'start.positions = "old.h5"', r"frame 3 of .*: there are 3 frames \(0 to 2\)"),
         (["start.frame=-4"], 'start.positions = "old.h5"', "frame -4 of"),
-        (["start.frame=1.5"], "start.frame = 1.5", "must be a whole number"),
+        (["start.frame=1.5"], "start.frame = 1.5", "must be an integer"),
         (["species[0].number=61"], 'start.positions = "old.h5"', "has 60 disks: must be 61"),
         (
             ["box.packing_fraction=0.5"],

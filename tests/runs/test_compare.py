@@ -119,7 +119,7 @@ def test_ellipses_contain_the_stated_share_of_positions(members: int, error: flo
 
 
 def test_start_errors_spread_the_runs(run: Path) -> None:
-    """Of 0.1 m/s: disk 0 flies 1 s at v, then a second or so at 0.1 v; disk 1 takes 0.9 v: spreads follow by differences."""  # noqa: E501
+    """Of 0.1 m/s: disk 0 flies 1 s at v, then a second or so at 0.1 v; disk 1 takes 0.9 v: spreads follow by differences."""
     Path("rest.csv").write_text("id,x,y,t\n0,0.5,0,0.5\n", encoding="utf-8")
     observed = compare.read("rest.csv", {}, TableFormat())
     found = compare.compare(run, observed, errors={"velocities": 0.1}, members=6, seed=3)

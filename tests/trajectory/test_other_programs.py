@@ -374,7 +374,7 @@ def test_immovable_disks_come_back_from_extxyz_at_rest(tmp_path):
 
 
 def test_edges_are_absent_without_a_periodic_side_and_pyh5md_reads_both(run):
-    """H5MD 1.1: "If all values in boundary are none, edges may be omitted"; else those of a side of none are placeholders."""  # noqa: E501
+    """H5MD 1.1: "If all values in boundary are none, edges may be omitted"; else those of a side of none are placeholders."""
     import pyh5md
 
     path, box = run

@@ -42,7 +42,7 @@ def looked_at(
         Windows, "_compute", lambda self, *args, **more: computed.append(0) or compute(self, *args, **more)
     )
     disks, box, state, law, more = made(name)
-    kept = KEPT | ({"record": [*KEPT["record"], "wall"]} if "walls" in more else {})
+    kept = KEPT | ({"record": [*KEPT["record"], "wall_sums"]} if "walls" in more else {})
     engine = engine_of(disks, box, state, np.array([[law]]), **more, **kept, **options)
     found = []
     while due:
