@@ -185,6 +185,7 @@ IMPORTS_OF_KERNELS = {
     "math",
     "numpy",
     "operator",
+    "warnings",
     "os",
     "typing",
     "ast",

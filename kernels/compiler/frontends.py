@@ -12,7 +12,9 @@ import functools
 import hashlib
 import os
 import types
+from collections.abc import Iterator
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Any
 
 from . import runtime
@@ -23,16 +25,23 @@ _PACKAGE = __name__.rsplit(".", 2)[0]
 _USED = runtime.chosen() == "quadrants" and runtime.is_known()
 
 
-@functools.cache
-def _sources() -> str:
-    """Hash of the sources of this package."""
-    found, folders = hashlib.sha256(), [files(_PACKAGE)]
+def source_files() -> Iterator[Traversable]:
+    """The sources of this package, always in the same order."""
+    folders = [files(_PACKAGE)]
     for folder in folders:
         for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
             if entry.name.endswith(".py"):
-                found.update(f"{entry.name}\n".encode() + entry.read_bytes())
+                yield entry
             elif entry.is_dir() and entry.name != "__pycache__":
                 folders.append(entry)
+
+
+@functools.cache
+def _sources() -> str:
+    """Hash of the sources of this package."""
+    found = hashlib.sha256()
+    for entry in source_files():
+        found.update(f"{entry.name}\n".encode() + entry.read_bytes())
     return found.hexdigest()
 
 

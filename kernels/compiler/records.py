@@ -234,7 +234,7 @@ def gas_of(kernel: str, tables: Mapping[str, Columns], names: Sequence[str], *ar
                 NamedRow(array, (), tables[name]) if name in SINGLE else Records(array, tables[name])
             )
 
-    class Gas(namedtuple("Gas", names)):  # type: ignore[misc]
+    class Bundle(namedtuple("Bundle", names)):  # type: ignore[misc]
         """The arrays of the kernel."""
 
         __slots__ = ()
@@ -244,4 +244,4 @@ def gas_of(kernel: str, tables: Mapping[str, Columns], names: Sequence[str], *ar
                 f'kernel {kernel} has no array {name!r}: name it in its list, Arrays("{" ".join(names)}")'
             )
 
-    return Gas(*found)
+    return Bundle(*found)

@@ -14,11 +14,10 @@ import linecache
 import textwrap
 import types
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 from ..columns import AXES, TABLES, Columns
-from .frontends import look_up
+from .frontends import look_up, source_files
 from .language import Cube, Rows, Table, ti
 from .records import gas_of
 
@@ -30,7 +29,7 @@ def _keep_sources() -> None:
 
     Otherwise an edit meanwhile would compile a mixture of two texts, or end in errors about lines of others.
     """
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+    for path in source_files():
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
         # Without a time of change, which `linecache` would check.
         linecache.cache[str(path)] = (0, None, lines, str(path))

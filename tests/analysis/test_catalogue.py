@@ -9,6 +9,7 @@ import pytest
 
 import ifrdem
 from ifrdem.analysis import catalogue, motion, result
+from ifrdem.quantities import STRESS_SERIES
 
 
 def test_velocities_that_turn_forget_their_direction_where_the_cosine_does(tmp_path: Path) -> None:
@@ -119,3 +120,41 @@ def test_keys_of_numbers_are_short_and_apart_from_columns(tmp_path: Path) -> Non
         assert not columns & set(keys)
         assert all(len(key) <= 26 for key in keys), keys
         assert any("errors from 3 rows: fewer than 20" in note for note in found.notes) == (name == "species")
+
+
+@pytest.mark.parametrize("collisions", [0, 1])
+def test_one_collision_is_enough_for_a_value_from_their_rate_and_none_is_said(
+    tmp_path: Path, collisions: int
+) -> None:
+    disks, draw = ifrdem.Disks(200, mass=1.0, radius=0.1), np.random.default_rng(3)
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, ifrdem.Box((20.0, 20.0))) as file:
+        for time in range(2):
+            position, velocity = draw.uniform(0.0, 20.0, (200, 2)), draw.normal(size=(200, 2))
+            state = ifrdem.State(position, velocity, np.zeros(200), float(time))
+            file.write(state, {"temperature": 1.0, "collisions": collisions * time})
+    with ifrdem.Trajectory(tmp_path / "a.h5") as trajectory:
+        if collisions:
+            rows = catalogue.FUNCTIONS["pressure"](trajectory, None).rows
+            assert "g_contact_from_rate" in [row.key for row in rows]
+        else:
+            with pytest.raises(ifrdem.InputError, match="there are no collisions"):
+                catalogue.FUNCTIONS["pressure"](trajectory, None)
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_two_rows_of_a_series_are_enough_for_a_stress(tmp_path: Path, rows: int) -> None:
+    """The stress of a row is the mean since the row before: p = (3 + 1) / 2, of the second row alone."""
+    disks = ifrdem.Disks(2, mass=1.0, radius=0.1)
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, ifrdem.Box((2.0, 2.0))) as file:
+        for time in range(2):
+            file.write(ifrdem.State([[0.5, 0.5], [1.5, 1.5]], np.zeros((2, 2)), np.zeros(2), float(time)))
+        for time in range(rows):
+            stress = [3.0, 0.0, 0.0, 1.0] if time else [9.0, 0.0, 0.0, 9.0]
+            file.write_series(float(time), dict.fromkeys(STRESS_SERIES, stress))
+    with ifrdem.Trajectory(tmp_path / "a.h5") as trajectory:
+        if rows == 2:
+            found = catalogue.FUNCTIONS["stress"](trajectory, None).rows
+            assert found[0].value == pytest.approx(2.0, rel=1e-12)
+        else:
+            with pytest.raises(ifrdem.InputError, match="two rows of the series"):
+                catalogue.FUNCTIONS["stress"](trajectory, None)

@@ -33,14 +33,15 @@ def write(
     push: Moved = lambda v, frame: v,
     times: NDArray[np.float64] | None = None,
     temperature: NDArray[np.float64] | None = None,
+    **more: str,
 ) -> Path:
-    """An ideal gas in equilibrium that flies freely, but for what is done to its positions and velocities."""
+    """An ideal gas in equilibrium that flies freely, but for what is done to it; `more` parameters are stored."""
     rng = np.random.default_rng(12)
     begin, velocity = rng.random((N, 2)) * BOX.lengths, rng.normal(size=(N, 2))
     spin = rng.normal(size=N)
     times = np.linspace(0.0, 4.0, FRAMES) if times is None else times
     temperature = np.ones(len(times)) if temperature is None else temperature
-    parameters = {"name": "made up", "seed": 11}
+    parameters = {"name": "made up", "seed": 11} | more
     with TrajectoryWriter(
         path, Disks(N, mass=1.0, radius=0.2), BOX, parameters=parameters, units=SI
     ) as writer:
@@ -101,6 +102,21 @@ def test_a_stretch_of_a_changing_gas_that_is_steady_has_no_mark_and_one_frame_ha
             assert of(trajectory, list(range(15))).warnings == []
             assert of(trajectory, [20]).warnings == []
             assert len(of(trajectory, [0, 20]).warnings) == 1
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.5])
+def test_temperatures_of_species_are_marked_if_their_ratio_changes(tmp_path: Path, factor: float) -> None:
+    """A second species gets slower in the second half of the last 11 frames, or not; 2 % up and down in each."""
+
+    def push(v: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
+        other = (factor if frame >= 16 else 1.0) * (1.0 + 0.02 * (-1.0) ** frame)
+        return v * np.where(np.arange(N) < N // 2, 1.0, other)[:, None]
+
+    halves = json.dumps([{"name": name, "number": N // 2} for name in ("one", "other")])
+    with Trajectory(write(tmp_path / "run.h5", push=push, species=halves)) as trajectory:
+        warnings = catalogue.FUNCTIONS["species"](trajectory, None).warnings
+    marked = any(each.startswith(f"{NOT_STATIONARY}: T of other / T of one") for each in warnings)
+    assert marked == (factor != 1.0)
 
 
 def test_a_temperature_that_falls_by_itself_marks_no_scaled_distribution(tmp_path: Path) -> None:

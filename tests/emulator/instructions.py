@@ -251,18 +251,8 @@ def move(x: Instruction) -> str:
     return x.gives(x.value(1))
 
 
-COMPARISONS = {
-    "eq": "==",
-    "ne": "!=",
-    "lt": "<",
-    "le": "<=",
-    "gt": ">",
-    "ge": ">=",
-    "lo": "<",
-    "ls": "<=",
-    "hi": ">",
-    "hs": ">=",
-}
+COMPARISONS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
+OF_UNSIGNED = {**COMPARISONS, "lo": "<", "ls": "<=", "hi": ">", "hs": ">="}
 OF_FLOATS = {
     **{name: f"({{a}} {sign} {{b}})" for name, sign in COMPARISONS.items() if name != "ne"},
     "ne": "(({a} < {b}) || ({a} > {b}))",
@@ -280,17 +270,16 @@ LOGIC = {"and": "&", "or": "|", "xor": "^"}
 JOINS = {"and": "&&", "or": "||", "xor": "!="}
 
 
-@opcode("setp", modifiers=" ".join({**OF_FLOATS, **JOINS, "ftz": ""}))
+@opcode("setp", modifiers=" ".join({**OF_FLOATS, **OF_UNSIGNED, **JOINS, "ftz": ""}))
 def compare(x: Instruction) -> str:
     comparison, *others = x.modifiers
+    known = OF_FLOATS if is_float(x.kind) else OF_UNSIGNED if x.kind[0] == "u" else COMPARISONS
+    if comparison not in known:
+        raise CannotTranslate(x.text)
     if is_float(x.kind):
-        if comparison not in OF_FLOATS:
-            raise CannotTranslate(x.text)
         found = OF_FLOATS[comparison].format(a=x.value(1), b=x.value(2))
     else:
-        if comparison not in COMPARISONS:
-            raise CannotTranslate(x.text)
-        found = f"({x.value(1)} {COMPARISONS[comparison]} {x.value(2)})"
+        found = f"({x.value(1)} {known[comparison]} {x.value(2)})"
     if "|" in x.operands[0]:
         raise CannotTranslate(f"{x.text} (two destinations)")
     if set(others) & set(JOINS):
@@ -364,20 +353,23 @@ def leading_zeros(x: Instruction) -> str:
 
 @opcode("bfe")
 def extract_bits(x: Instruction) -> str:
-    if x.kind[0] == "s":
-        found = f"(int64_t)((uint64_t)(int64_t){x.value(1)} >> p_ << (64 - l_)) >> (64 - l_)"
-    else:
-        found = f"((uint64_t){x.value(1)} >> p_) & (l_ >= 64 ? ~0ull : (1ull << l_) - 1)"
     at = f"uint32_t p_ = {x.value(2, 'u32')} & 255, l_ = {x.value(3, 'u32')} & 255;"
-    return x.gives(f"({{ {at} l_ == 0 ? 0 : {found}; }})")
+    if x.kind[0] == "s":
+        value = f"int64_t v_ = (int64_t){x.value(1)} >> (p_ < 64 ? p_ : 63);"
+        found = "l_ == 0 ? 0 : l_ >= 64 ? v_ : (int64_t)((uint64_t)v_ << (64 - l_)) >> (64 - l_)"
+    else:
+        value = f"uint64_t v_ = p_ < 64 ? (uint64_t){x.value(1)} >> p_ : 0;"
+        found = "l_ >= 64 ? v_ : v_ & (1ull << l_) - 1"
+    return x.gives(f"({{ {at} {value} {found}; }})")
 
 
 @opcode("bfi")
 def insert_bits(x: Instruction) -> str:
     return x.gives(
         f"({{ uint64_t a_ = {x.value(1)}, b_ = {x.value(2)}; "
-        f"uint32_t p_ = {x.value(3, 'u32')}, l_ = {x.value(4, 'u32')}; "
-        "uint64_t m_ = (l_ >= 64 ? ~0ull : ((1ull << l_) - 1)) << p_; (b_ & ~m_) | ((a_ << p_) & m_); })"
+        f"uint32_t p_ = {x.value(3, 'u32')} & 255, l_ = {x.value(4, 'u32')} & 255; "
+        "uint64_t m_ = l_ >= 64 ? ~0ull : (1ull << l_) - 1; "
+        "p_ < 64 ? (b_ & ~(m_ << p_)) | ((a_ & m_) << p_) : b_; })"
     )
 
 
@@ -389,14 +381,15 @@ def with_carry(x: Instruction) -> str:
     bits = 8 * BYTES[x.kind]
     word, wide = f"uint{bits}_t", "uint64_t" if bits == 32 else "unsigned __int128"
     in_ = "+ cc_" if x.opcode.endswith("c") else ""
-    a, b = f"({wide}){x.value(1)}", f"({wide}){x.value(2)}"
+    kind = unsigned(x.kind)  # of signed numbers, too, the carry is that of their bits
     if x.opcode.startswith("mad"):
-        product = f"({wide})({word})({a} * {b}" + (f" >> {bits})" if "hi" in x.modifiers else ")")
-        found = f"{product} + ({wide}){x.value(3)} {in_}"
+        product = f"({wide})({word})(({wide}){x.value(1)} * ({wide}){x.value(2)}"
+        product += f" >> {bits})" if "hi" in x.modifiers else ")"
+        found = f"{product} + ({wide}){x.value(3, kind)} {in_}"
     elif x.opcode.startswith("add"):
-        found = f"{a} + {b} {in_}"
+        found = f"({wide}){x.value(1, kind)} + ({wide}){x.value(2, kind)} {in_}"
     else:
-        found = f"{a} - {b} {in_.replace('+', '-')}"
+        found = f"({wide}){x.value(1, kind)} - ({wide}){x.value(2, kind)} {in_.replace('+', '-')}"
     x.function.carries = True
     out = f"cc_ = (uint32_t)(w_ >> {bits}) & 1; " if "cc" in x.modifiers else ""
     return f"{{ {wide} w_ = {found}; {out}{set_register(x.operands[0], x.kind, f'({word})w_', x.function)} }}"
@@ -529,14 +522,15 @@ def extreme(x: Instruction) -> str:
 
 ROUNDING = {"rmi": "floor", "rpi": "ceil", "rni": "rint", "rzi": "trunc"}
 """Rounding to a whole number -> function of C."""
-LIMITS = {
-    "s32": ("-2147483648.0", "2147483647.0"),
-    "u32": ("0.0", "4294967295.0"),
-    "s64": ("-9223372036854775808.0", "9223372036854775808.0"),
-    "u64": ("0.0", "9223372036854775808.0"),
-    "s16": ("-32768.0", "32767.0"),
-}
-"""Integer type -> least and largest value, to which numbers beyond are set."""
+
+
+def to_integer(value: str, of: str, to: str) -> str:
+    """C of a whole number as an integer, or the nearest one. NaN gives 0, but to or from 64 bits the top bit alone."""
+    n = 8 * BYTES[to]
+    if to[0] not in "su":
+        raise CannotTranslate(f"cvt.{to}.{of}")
+    nan = f"1ull << {n - 1}" if 8 in (BYTES[to], BYTES[of]) else "0"
+    return f"d2{to[0]}({value}, {2.0 ** (n - (to[0] == 's')):.1f}, {nan})"
 
 
 @opcode("cvt", modifiers=" ".join([*ROUNDING, "rn", "ftz", "sat"]))
@@ -549,10 +543,7 @@ def convert(x: Instruction) -> str:
         if "sat" in x.modifiers:
             value = f"fmin(fmax({value}, 0.0), 1.0)"
     elif is_float(of):
-        if to not in LIMITS:
-            raise CannotTranslate(x.text)
-        least, most = LIMITS[to]
-        return x.gives(f"({C_TYPES[to]})d2i({x.one_of(ROUNDING)}((double){value}), {least}, {most})", to)
+        return x.gives(f"({C_TYPES[to]}){to_integer(f'{x.one_of(ROUNDING)}((double){value})', of, to)}", to)
     elif "sat" in x.modifiers:
         raise CannotTranslate(f"{x.text} (.sat)")
     return x.gives(f"(({C_TYPES[to]}){value})", to)

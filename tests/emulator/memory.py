@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+import struct
 from collections.abc import Iterator
 
 from .ptx_types import (
@@ -24,6 +26,7 @@ GLOBAL = re.compile(
     LINKAGE + r"(?:global|const)\s+(?:\.align\s+\d+\s+)?\.(\w+)\s+([\w$]+)(?:\[(\d*)\])?(?:\s*=\s*([^;]+))?;", re.M
 )  # fmt: skip
 SHARED = re.compile(LINKAGE + r"shared\s+(?:\.align\s+\d+\s+)?\.(\w+)\s+([\w$]+)\[(\d*)\];", re.M)
+LITERAL = re.compile(r"\b0(?:[dD]([0-9A-Fa-f]{16})|[fF]([0-9A-Fa-f]{8}))\b")
 MOST_SHARED = 49152
 """Bytes of shared arrays that a kernel of Taichi can have: it launches with none beside those declared."""
 NEW = {
@@ -37,6 +40,14 @@ NEW = {
 """Atomic operation -> what replaces the old value `o_`, of that and of `v`."""
 
 
+def float_of(literal: re.Match[str]) -> str:
+    """A constant of C, in hexadecimal digits, of the bits of a floating-point number."""
+    (number,) = struct.unpack(">d" if literal[1] else ">f", bytes.fromhex(literal[1] or literal[2]))
+    if not math.isfinite(number):
+        raise CannotTranslate(f"the initial value {literal[0]}")
+    return float.hex(number)
+
+
 def variables(source: str, module: Module) -> Iterator[str]:
     """C declarations of the variables of a module, whose names it learns; and M_poison, which fills shared ones."""
     for m in GLOBAL.finditer(source):
@@ -44,6 +55,7 @@ def variables(source: str, module: Module) -> Iterator[str]:
         if start and re.search(r"[A-Za-z_$]", re.sub(r"0[xdfXDF][0-9A-Fa-f]+", "", start)):
             raise CannotTranslate(f"the initial value of {name}: {start}")
         module.variables.add(name)
+        start = LITERAL.sub(float_of, start or "")
         braced = start if not start or start.strip().startswith("{") else "{" + start + "}"
         yield (
             f"static {C_TYPES[kind]} G_{c_name(name)}[{int(length or 1)}] __attribute__((aligned(16)))"

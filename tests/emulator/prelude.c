@@ -22,7 +22,9 @@
 #define ST(T, a, s) LD(T, a, s)
 #define AT(p, s) p
 #endif
-static int64_t d2i(double x, double lo, double hi) { return isnan(x) ? 0 : x <= lo ? (int64_t)lo : x >= hi ? (hi > 9e18 ? INT64_MAX : (int64_t)hi) : (int64_t)x; }
+// A whole number as an integer from -top or 0 to top - 1, or the nearest of these.
+static int64_t d2s(double x, double top, int64_t nan) { return isnan(x) ? nan : x <= -top ? (int64_t)-top : x < top ? (int64_t)x : top > 9e18 ? INT64_MAX : (int64_t)top - 1; }
+static uint64_t d2u(double x, double top, uint64_t nan) { return isnan(x) ? nan : x <= 0 ? 0 : x < top ? (uint64_t)x : top > 1e19 ? UINT64_MAX : (uint64_t)top - 1; }
 static void F_vprintf(void *ret, void **a, Where *w) { fprintf(stderr, "vprintf: %s\n", *(char **)a[0]); *(int *)ret = 0; }
 static void F___assertfail(void *ret, void **a, Where *w) { fprintf(stderr, "assertfail: %s\n", *(char **)a[0]); abort(); }
 static void F_malloc(void *ret, void **a, Where *w) { *(void **)ret = malloc(*(uint64_t *)a[0]); }

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -96,8 +97,8 @@ class Blocks:
     def tables(self) -> Iterator[str]:
         """C of the tables that cuda_stub.c reads."""
         yield f"int M_blocks = {len(self.code)};"
-        counts = ([sum(class_of(each) == k for each in code) for k in CLASSES] for code in self.code)
-        rows = ", ".join("{" + ", ".join(map(str, row)) + "}" for row in counts)
+        counts = (Counter(map(class_of, code)) for code in self.code)
+        rows = ", ".join("{" + ", ".join(str(count[k]) for k in CLASSES) + "}" for count in counts)
         yield f"const uint16_t M_classes[][{len(CLASSES)}] = {{{rows}}};"
         yield f"const uint16_t M_cycles[] = {{{', '.join(str(CYCLES[k]) for k in CLASSES)}}};"
         chains = ", ".join(str(min(overlapped(code), 65535)) for code in self.code)

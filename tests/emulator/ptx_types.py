@@ -132,7 +132,7 @@ def value_of_register(name: str, kind: str, function: Function) -> str:
         raise CannotTranslate(f"unknown register {name}")
     c = c_name(name)
     if own == "pred":
-        return c
+        raise CannotTranslate(f"{name} is a predicate used as {kind}")
     if is_float(own) and is_float(kind):
         if own != kind:
             raise CannotTranslate(f"{name} is {own} used as {kind}")
@@ -181,7 +181,7 @@ def set_register(name: str, kind: str, expression: str, function: Function) -> s
         raise CannotTranslate(f"destination {name}")
     c = c_name(name)
     if own == "pred":
-        return f"{c} = {expression};"
+        raise CannotTranslate(f"destination {name} is a predicate, given {kind}")
     if is_float(own) and is_float(kind):
         if own != kind:
             raise CannotTranslate(f"destination {name} is {own}, given {kind}")

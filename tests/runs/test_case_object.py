@@ -120,11 +120,11 @@ def test_differences_are_the_assignments_between(old: Any, new: Any, found: list
 @pytest.mark.parametrize(
     ("section", "key", "value", "says"),
     [
-        ("run", "seed", -1, ("run.seed = -1", "greater than or equal to 0")),
+        ("run", "seed", -1, ("run.seed = -1", "must be an integer from 0 to")),
         ("run", "seed", 1.5, ("run.seed = 1.5", "whole number")),
         ("run", "sede", 1, ("run.sede = 1", "unknown key (did you mean 'seed'?)")),
         ("run", "device", "cdua", ('run.device = "cdua"', "did you mean 'cuda'?")),
-        ("box", "packing_fraction", float("nan"), ("box.packing_fraction = nan", "finite")),
+        ("box", "packing_fraction", float("nan"), ("box.packing_fraction = nan", "must be a number above 0")),
         ("start", "positions", "randm", ('start.positions = "randm"', "did you mean 'random'?")),
         (None, "box", 3, ("box = 3", "must be a table ([box])")),
         (None, "wall", [{"shape": "lin"}], ('wall[0].shape = "lin"', "did you mean 'line'?")),

@@ -22,6 +22,7 @@ from ifrdem.case import starts
 from ifrdem.case.case import CaseSections
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
+from ifrdem.kernels.events.events import MOST_EVENTS_OF_A_LAUNCH
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
 from ifrdem.runs import run
@@ -465,7 +466,7 @@ def test_a_signal_within_a_window_of_a_million_events_ends_the_run_there(tmp_pat
     with h5py.File(tmp_path / "gas.h5") as file:
         speed = abs(float(file["particles/all/velocity/value"][0, 0, 1]))
     reached = json.loads((tmp_path / "gas.status.json").read_text())["time"]
-    assert reached == pytest.approx(1e6 * 2e-7 / speed, rel=1e-3)  # after a million crossings
+    assert reached == pytest.approx(0.5 * MOST_EVENTS_OF_A_LAUNCH * 2e-7 / speed, rel=1e-3)
     assert [reached < min(window, 0.26) for window in windows] == [True]
     assert cli.main(["resume", str(tmp_path)]) == 0
     (hits,) = re.findall(r"(\d+) collisions with walls", capsys.readouterr().out)

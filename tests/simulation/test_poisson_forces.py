@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.bounds import check_bounds
 from support.force_examples import SMOOTH, still
 from support.gases import COIN, equal_disks, gas_of, mixture, run_to, start
 
@@ -183,6 +184,7 @@ def test_collisions_are_those_of_a_run_that_gets_the_same_kicks_from_outside() -
     )  # fmt: skip
     kicked.run(t_end=2.0)
     events = kicked.take_events()
+    check_bounds(kicked, events.time, events.id, events.velocity_after)
     kicks = np.flatnonzero(events.partner == KICK)
     assert len(kicks) > 200
     reference = Simulation(disks, box, LOSSY, state)

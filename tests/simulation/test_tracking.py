@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.bounds import check_bounds
 from support.gases import equal_disks, mixture, start
 
 from ifrdem import VelocityCutoff
@@ -155,6 +156,7 @@ def test_walls_gravity_and_heat_are_in_the_path(device):
     events, end = simulation.take_events(), simulation.state
     for disk in range(40):
         check_path(rows_of(events, disk), state, end, disk, box, (0.0, -1.0))
+    check_bounds(simulation, events.time, events.id, events.velocity_after, (0.0, -1.0))
     assert np.count_nonzero(events.partner <= -2) == simulation.wall_collisions
     floor, ceiling = events.partner == -2, events.partner == -3
     assert floor.any()
@@ -184,6 +186,7 @@ def test_kicks_are_rows_so_that_driven_paths_are_exact_too(device):
     simulation.run(t_end=1.0)
     events, end = simulation.take_events(), simulation.state
     assert np.count_nonzero(events.partner == KICK) == 40 * (10 + 14)
+    check_bounds(simulation, events.time, events.id, events.velocity_after)
     kicked = set()
     for disk in range(40):
         rows = rows_of(events, disk)

@@ -46,12 +46,14 @@ TESTS = {
     "kernels/disks/force_times.py": "tests/simulation/test_poisson_forces.py",
     "ifrdem/model/forces.py": f"{FORCES} tests/simulation/test_poisson_forces.py",
     "ifrdem/model/laws/*": "tests/model/laws",
+    "kernels/disks/stress.py": "tests/simulation/test_stress.py",
     "kernels/disks/shear.py": "tests/simulation/test_shear.py",
     "kernels/events/rest.py": "tests/simulation/walls/test_rest.py tests/simulation/walls/test_turning_gravity.py",
     "kernels/tiles/readout.py": f"{ALONE} tests/simulation/test_readout.py {ENGINE}",
     "kernels/walls/*": "tests/kernels/test_random.py tests/simulation/walls",
     "kernels/events/events.py": (
-        f"{ALONE} {ENGINE} tests/simulation/walls/test_walls.py tests/simulation/test_tracking.py"
+        f"{ALONE} {ENGINE} tests/simulation/walls/test_walls.py tests/simulation/test_tracking.py "
+        "tests/simulation/test_ledger.py tests/simulation/test_dissipation_per_disk.py"
     ),
     "kernels/disks/particle.py": TILES,
     "kernels/tiles/tiles.py": f"{TILES} tests/simulation/test_shear.py",
@@ -122,6 +124,16 @@ def mutations(file: str) -> Iterator[Mutation]:
     yield from visit(ast.parse(data), False)
 
 
+class Default:
+    """Plugin of pytest that leaves out what needs `--full`, also of files that are named."""
+
+    def pytest_collection_modifyitems(self, items: list[Any]) -> None:
+        from conftest import beyond
+
+        out = set(beyond(items))
+        items[:] = [item for item in items if item not in out]
+
+
 class Lines:
     """Plugin of pytest that finds the lines of this folder that each test executes."""
 
@@ -140,19 +152,24 @@ class Lines:
         sys.settrace(trace)
 
 
-def run(tests: list[str], seconds: float, lines: Path | None = None) -> tuple[bool, float]:
-    """True if tests of the present folder all pass, within CPU seconds, and how many it took; to the first failure."""
+def run(tests: list[str], seconds: float, lines: Path | None = None, *, full: bool) -> tuple[bool, float]:
+    """True if tests of the present folder all pass, within CPU seconds, and how many it took; to the first failure.
+
+    Without `full`, of files those of the default run; `lines` gets the lines of Python that each executes.
+    """
     if (child := os.fork()) == 0:
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds)))
         import pytest
 
-        plugin = Lines(f"{os.getcwd()}/ifrdem/")
-        failed = pytest.main(
-            ["-q", "-x", "--full", "-p", "no:cacheprovider", *tests], [plugin] if lines else []
-        )
+        observer = Lines(f"{os.getcwd()}/ifrdem/")
+        plugins: list[Any] = [observer] if lines else []
+        if not full and "::" not in tests[0]:
+            plugins.append(Default())
+        options = ["-q", "-x", *(["--full"] if full else []), "-p", "no:cacheprovider"]
+        failed = pytest.main([*options, *tests], plugins)
         sys.settrace(None)
         if lines:
-            lines.write_text(json.dumps({name: sorted(observed) for name, observed in plugin.found.items()}))
+            lines.write_text(json.dumps({name: sorted(seen) for name, seen in observer.found.items()}))
         os._exit(int(failed))
     _, status, used = os.wait4(child, 0)
     return status == 0, used.ru_utime + used.ru_stime
@@ -167,6 +184,7 @@ def main() -> None:
     parser.add_argument(
         "--tests", action="store_true", help="only print the tests that belong to each of FILES"
     )
+    parser.add_argument("--default", action="store_true", help="without tests that need `--full`")
     parser.add_argument("--out", type=Path, help="lines of JSON; mutations that are there are left out")
     given = parser.parse_args()
     if given.tests:
@@ -192,7 +210,8 @@ def main() -> None:
             Path(folder, name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(name, Path(folder, name), follow_symlinks=False)
         os.chdir(folder)
-        os.environ |= {"PYTHONPATH": folder, "TI_OFFLINE_CACHE_FILE_PATH": f"{folder}/.kernels"}
+        os.environ["PYTHONPATH"] = folder
+        os.environ.setdefault("TI_OFFLINE_CACHE_FILE_PATH", f"{folder}/.kernels")
         os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
         sys.dont_write_bytecode = True
         sys.path[:0] = [folder, f"{folder}/tests"]
@@ -212,15 +231,17 @@ def main() -> None:
             if any(one.items() <= line.items() for line in known):
                 continue
             tests = tests_of(one["file"])
+            full = not given.default
             if tests not in usual:
-                passed, seconds = run(tests.split(), 3600, Path("lines.json"))
+                lines = None if one["file"].startswith("kernels/") else Path("lines.json")
+                passed, seconds = run(tests.split(), 3600, lines, full=full)
                 assert passed, f"{tests}: there are failures without a mutation"
-                usual[tests] = seconds, json.loads(Path("lines.json").read_text())
+                usual[tests] = seconds, json.loads(lines.read_text()) if lines else {}
             at = f"{folder}/{one['file']}:{one['line']}"
-            some = [name for name, lines in usual[tests][1].items() if at in lines and "/kernels/" not in at]
+            some = [name for name, seen in usual[tests][1].items() if at in seen]
             data = Path(one["file"]).read_bytes()
             Path(one["file"]).write_bytes(data[: one["begin"]] + one["new"].encode() + data[one["end"] :])
-            survived, seconds = run(some or tests.split(), 3.0 * usual[tests][0] + 60.0)
+            survived, seconds = run(some or tests.split(), 3.0 * usual[tests][0] + 60.0, full=full)
             Path(one["file"]).write_bytes(data)
             with out.open("a") as file:
                 file.write(json.dumps(one | {"survived": survived, "seconds": round(seconds, 1)}) + "\n")

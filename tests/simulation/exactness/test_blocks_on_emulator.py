@@ -7,17 +7,15 @@ from __future__ import annotations
 
 import json
 import os
-import platform
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from emulator.device import CAN_RUN, EMULATE, NEEDS
 
 SUPPORT = Path(__file__).parents[2] / "support"
-EMULATOR = SUPPORT.parent / "emulator"
 SETTINGS = {
     "STUB_SM": "2",
     "STUB_ORDER": "7",  # threads in a shuffled order
@@ -26,10 +24,7 @@ SETTINGS = {
 
 pytestmark = [
     pytest.mark.full,
-    pytest.mark.skipif(
-        shutil.which("gcc") is None or (sys.platform, platform.machine()) != ("linux", "x86_64"),
-        reason="the emulator needs gcc, and Linux on x86-64",
-    ),
+    pytest.mark.skipif(not CAN_RUN, reason=NEEDS),
 ]
 
 
@@ -38,7 +33,7 @@ def gases(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str
     """Report of `emulated_gases.py` for each gas, and messages of the emulator."""
     own = {"EMULATE_DIR": str(tmp_path_factory.mktemp("emulator")), "EMULATOR_PYTHON": sys.executable}
     done = subprocess.run(
-        [EMULATOR / "emulate", sys.executable, SUPPORT / "emulated_gases.py"],
+        [EMULATE, sys.executable, SUPPORT / "emulated_gases.py"],
         env=os.environ | SETTINGS | own,
         capture_output=True,
         text=True,

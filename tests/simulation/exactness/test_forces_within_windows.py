@@ -372,7 +372,9 @@ def test_forces_may_choose_disks_by_species_id_and_material(order: str) -> None:
         Sudden(20.0, of_species=1024.0, of_disk=1024.0, of_material=0.0),
     ]
     smooth = np.broadcast_to((0.9, -1.0, 0.0, 0.0, 0.0), (2, 2, 5)).copy()
-    engine = Engine(disks, box, state, smooth, forces=forces, device=ONE, seed=3, order=order, tile_disks=60)
+    engine = engine_of(
+        disks, box, state, smooth, forces=forces, device=ONE, seed=3, order=order, tile_disks=60
+    )
     run_to(engine, 2.1)
     assert engine.collisions > 100
     species = (ids >= 100) & (ids < 260)
@@ -392,6 +394,8 @@ def test_without_named_species_all_disks_are_of_number_0() -> None:
     disks = equal_disks(60)
     box, state = start(disks, 0.2)
     force = Shared(0.05, of_species=1.0, of_disk=2.0, of_material=0.0)
-    engine = Engine(disks, box, state, np.array([[(0.9, -1.0, 0.0, 0.0, 0.0)]]), forces=[force], device=ONE)
+    engine = engine_of(
+        disks, box, state, np.array([[(0.9, -1.0, 0.0, 0.0, 0.0)]]), forces=[force], device=ONE
+    )
     run_to(engine, 1.0)
     np.testing.assert_allclose(engine.state().spin - state.spin, 2.0 * (np.arange(60) == 7), atol=1e-12)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
+from support.bounds import check_bounds
 from support.gases import boxed
 
 from ifrdem import Device, Rest
@@ -311,6 +312,21 @@ def test_a_hard_hit_wakes_and_is_a_collision_of_two_disks() -> None:
     run.run(t_end=5000.0)  # without friction they slide until walls have slowed them
     assert run.asleep == 2
     closes(run)
+
+
+@pytest.mark.parametrize("sleeper", [0, 1])
+def test_the_bound_of_a_speed_is_that_of_a_disk_that_was_woken(sleeper: int) -> None:
+    """Far from walls, whose hits raise it too, a sleeping disk gets (1 + .9) / 2 of a speed of 3.
+
+    It is hit at t = .02 / 3, before its missing support is noticed.
+    """
+    position, velocity = np.array([[6.0, 5.0], [4.98, 5.0]]), np.array([[0.0, 0.0], [3.0, 0.0]])
+    order = [sleeper, 1 - sleeper]
+    run = set_asleep(gas(position[order], velocity[order]), [1 - sleeper, sleeper], e_n=0.9, e_t=-1.0, mu=0.0)
+    run.collide(1)
+    state = run.state
+    assert state.velocity[sleeper, 0] == pytest.approx(2.85, rel=1e-6)  # both fell 2e-5
+    check_bounds(run, np.full(2, state.time), np.arange(2), state.velocity, gravity=(0.0, -1.0))
 
 
 def test_a_slow_hit_wakes_no_disk() -> None:

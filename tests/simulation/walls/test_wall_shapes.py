@@ -204,7 +204,7 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
     position = random_positions(BOX, disks.radius, seed=5, walls=below)
     state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=5), np.zeros(60))
 
-    def engine_of(state: State, walls: list[Wall]) -> Engine:
+    def behind(state: State, walls: list[Wall]) -> Engine:
         return engine_of(
             disks,
             BOX,
@@ -218,7 +218,7 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
 
     def gated(**options: float) -> Engine:
         wall = Wall.segment(ends["start"], ends["end"], **options)  # type: ignore[arg-type]
-        return engine_of(state, [wall, *CORNER])
+        return behind(state, [wall, *CORNER])
 
     closed = gated()
     by_time, by_count = gated(opens_at=2.5), gated(opens_after=40)
@@ -230,7 +230,7 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
     same(by_count.state(), closed.state())
     # From then on it is a gas without the gate, at once.
     opened = by_count.state()
-    free = engine_of(opened, CORNER)
+    free = behind(opened, CORNER)
     t = opened.time + 1.0
     np.testing.assert_allclose(run_to(by_count, t).position, run_to(free, t).position, rtol=0.0, atol=1e-9)
     assert run_to(by_time, 2.5).position[:, 1].max() <= 14.6 + 1e-9
