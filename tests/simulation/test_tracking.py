@@ -245,7 +245,7 @@ def test_what_cannot_be_tracked_is_refused():
         with pytest.raises(InputError, match=reason):
             Simulation(disks, box, COIN, state, histories=tracked)
     sheared = Box(box.lengths, shear_rate=0.1)
-    with pytest.raises(InputError, match=r"tracked: cannot be combined with box\.shear_rate"):
+    with pytest.raises(InputError, match=r"histories: cannot be combined with box\.shear_rate"):
         Simulation(disks, sheared, COIN, state, histories=[0])
     with pytest.raises(InputError, match=r"histories=\[0, 1\]"):
         Simulation(disks, box, COIN, state).take_events()

@@ -132,7 +132,7 @@ def test_a_drum_flows_its_ledger_closes_and_looks_and_checkpoints_change_no_bit(
     ("change", "message"),
     [
         ({"box": Box((12.0, 12.0), periodic=(True, False))}, r"combined with box.periodic = \(True, False\)"),
-        ({"tracked": [0]}, "tracked: cannot be combined with gravity = Rot"),
+        ({"histories": [0]}, "histories: cannot be combined with gravity = Rot"),
     ],
 )
 def test_gravity_that_cannot_turn_is_refused(change: dict[str, Any], message: str) -> None:
