@@ -149,7 +149,7 @@ def _replica(
     contact = analysis.contact_value([state.position for state in states], gas.box, radius=0.5).g
     if not tracked:
         return np.nan, analysis.compressibility(phi, chi), contact
-    gas = restarted(gas, tracked=range(n))
+    gas = restarted(gas, histories=range(n))
     gas.run(collisions_per_disk=tracked)
     events = gas.take_events()
     pressure = analysis.pressure_from_impulses(

@@ -119,7 +119,7 @@ def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     np.testing.assert_allclose(found[2], found[0], rtol=1e-7)
 
 
-RECORDED: dict[str, Any] = {"record": ["dissipated", "wall_sums"], "tracked": range(30)}
+RECORDED: dict[str, Any] = {"record": ["dissipated", "wall_sums"], "histories": range(30)}
 
 
 def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:
