@@ -41,7 +41,7 @@ def write(
     spin = rng.normal(size=N)
     times = np.linspace(0.0, 4.0, FRAMES) if times is None else times
     temperature = np.ones(len(times)) if temperature is None else temperature
-    parameters = {"name": "made up", "seed": 11} | more
+    parameters: dict[str, str | int | float] = {"name": "made up", "seed": 11, **more}
     with TrajectoryWriter(
         path, Disks(N, mass=1.0, radius=0.2), BOX, parameters=parameters, units=SI
     ) as writer:

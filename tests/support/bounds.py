@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,8 +24,8 @@ def check_bounds(
     Bounds are those of a window, on speeds in the falling frame. One that misses an event, or keeps the smallest,
     makes halos too narrow, or takes a copy that went another way for right: bits of a gas hardly show it.
     """
-    windows, info = simulation._engine.windows, to_numpy(simulation._engine.arrays.event_info)
-    info = named(info[: simulation.disks.n], "event_info")
+    windows, arrays = simulation._engine.windows, cast(Any, simulation._engine.arrays)
+    info = named(to_numpy(arrays.event_info)[: simulation.disks.n], "event_info")
     bound = np.empty(simulation.disks.n)
     bound[info.id] = (info.max_speed_sq.astype(np.int64) << 32).view(np.float64)
     latest = time >= windows.time_origin
