@@ -37,7 +37,7 @@ from .gravity import Gravity, RotatingGravity
 from .laws.files import source_of
 from .laws.ifr import IFRLaw
 from .laws.law import CollisionLaw
-from .laws.pairs import rows_of
+from .laws.pairs import rows_of, table_of
 from .laws.records import ARGUMENTS, from_record, is_custom, to_record
 from .rules import Facts
 from .walls.wall import Wall, from_json, sides, to_json
@@ -219,11 +219,9 @@ class Setup:
             raise InputError(f"device = {chosen}: must be {was}; only threads and low_memory may differ")
         gravity, collapse = record["gravity"], record["collapse"]
         table = laws_of(record, path) if law is None else law
-        if isinstance(table, CollisionLaw):
-            table = [[table] * len(record["law"])] * len(record["law"])
         return cls(
             box=Box(**_with_tuples(record["box"])),
-            law=tuple(map(tuple, table)),
+            law=tuple(map(tuple, table_of(table, len(record["law"])))),
             walls=tuple(from_json(json.dumps(record["walls"]))),
             gravity=RotatingGravity(**_with_tuples(gravity)) if isinstance(gravity, dict) else gravity,
             forces=_forces_of(record["forces"]) if forces is None else forces,  # type: ignore[arg-type]  # checked there

@@ -54,7 +54,7 @@ class PairLaws:
         coefficient.
         """
         of_walls = set(of_walls)
-        table = _table(law, max(int(disks.material.max()) if disks.n else 0, *of_walls, 0) + 1)
+        table = table_of(law, max(int(disks.material.max()) if disks.n else 0, *of_walls, 0) + 1)
         kind = _kind(table, table_given=not isinstance(law, CollisionLaw))
         check_symmetric(table)
         _check_energy(table, disks, of_walls)
@@ -95,7 +95,7 @@ def rows_of(table: Sequence[Sequence[CollisionLaw]]) -> Array:
     return np.array([[one.table_row() or (0.0,) for one in row] for row in table], dtype=np.float64)
 
 
-def _table(law: Any, materials: int) -> Laws:
+def table_of(law: Any, materials: int) -> Laws:
     """One law for all pairs of so many materials as a table, or a table that is large enough."""
     if isinstance(law, CollisionLaw):
         return [[law] * materials for _ in range(materials)]
