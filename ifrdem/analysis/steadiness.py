@@ -120,9 +120,10 @@ def beyond_chance(changes: Sequence[Change], level: float) -> str:
     `level` is the probability that chance alone gives such a text, at most.
     """
     return ", ".join(
-        f"{one.what} goes from {one.early:.3g} to {one.late:.3g} ({abs(one.t):.1f} standard errors)"
+        f"{one.what} goes from {one.early:.3g} to {one.late:.3g} "
+        f"({f'{abs(one.t):.1f} standard errors' if math.isfinite(one.t) else 'each is constant'})"
         for one in changes
-        if math.isfinite(one.t) and abs(one.t) > student_t(one.degrees + 1, 1.0 - level / len(changes))
+        if not math.isnan(one.t) and abs(one.t) > student_t(one.degrees + 1, 1.0 - level / len(changes))
     )
 
 
@@ -135,14 +136,19 @@ def between(what: str, early: MeanValue, late: MeanValue) -> Change:
     squares = np.array([early.error, late.error]) ** 2
     own = np.maximum(np.array([early.n_eff, late.n_eff]) - 1.0, 1.0)
     error = float(np.sqrt(squares.sum()))
-    degrees = float(squares.sum() ** 2 / np.sum(squares**2 / own)) if error > 0.0 else math.nan
+    degrees = float(squares.sum() ** 2 / np.sum(squares**2 / own)) if error > 0.0 else 1.0
     return _change(what, early.mean, late.mean, error, degrees)
 
 
 def _change(what: str, early: float, late: float, error: float, degrees: float) -> Change:
-    """A change with its standard error; what may be rounding has t = 0."""
+    """A change with its standard error, nan if it is not known; what may be rounding has t = 0.
+
+    A change from one constant to another one has no error, and is no chance.
+    """
     change = late - early if abs(late - early) > ROUNDING * max(abs(early), abs(late)) else 0.0
-    return Change(what, early, late, change / error if error > 0.0 else float("nan"), degrees)
+    if error == 0.0 and change:
+        return Change(what, early, late, math.copysign(math.inf, change), degrees)
+    return Change(what, early, late, change / error if error > 0.0 else math.nan, degrees)
 
 
 def between_cells(what: str, values: Sequence[Array], positions: Sequence[Array], box: Box) -> Change:
@@ -160,7 +166,7 @@ def between_cells(what: str, values: Sequence[Array], positions: Sequence[Array]
     parts = (sums - mean[:, None] * counts) / total[:, None]
     parts = parts[:, counts.any(axis=0)]  # cells above a heap carry no information on its scatter
     cells = parts.shape[1]
-    error = float(np.std(parts[1] - parts[0], ddof=1) * np.sqrt(cells)) if cells > 1 else 0.0
+    error = float(np.std(parts[1] - parts[0], ddof=1) * np.sqrt(cells)) if cells > 1 else math.nan
     return _change(what, float(mean[0]), float(mean[1]), error, cells - 1)
 
 

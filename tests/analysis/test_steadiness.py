@@ -281,3 +281,12 @@ def test_noise_of_a_temperature_is_no_change() -> None:
     assert np.mean(steady) > 0.98
     # Noise that may be correlated is not told apart from a change in every case: 1.6 % of 1000 had no mark.
     assert np.mean(falling) < 0.05
+
+
+def test_a_jump_from_one_constant_to_another_is_no_chance() -> None:
+    """Neither half scatters: the change had nan standard errors and no mark. Equal constants and unknown errors have none."""
+    constant = [MeanValue(mean, 0.0, 10.0) for mean in (1.0, 2.0)]
+    jump = steadiness.between("T", *constant)
+    assert steadiness.beyond_chance([jump], 0.003) == "T goes from 1 to 2 (each is constant)"
+    for late in (constant[0], MeanValue(2.0, np.nan, np.nan)):
+        assert steadiness.beyond_chance([steadiness.between("T", constant[0], late)], 0.003) == ""
