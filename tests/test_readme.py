@@ -22,6 +22,8 @@ from support.manual import block, blocks, page
 
 import ifrdem
 from ifrdem import Trajectory, analysis
+from ifrdem.analysis import catalogue
+from ifrdem.analysis.names import ANALYSES, OF_FRAMES, OVER_TIME
 from ifrdem.case import report, shipped, template
 from ifrdem.case.case import CaseSections
 from ifrdem.case.gas import CaseGas
@@ -33,6 +35,8 @@ from ifrdem.model.observables import measure
 from ifrdem.model.walls.motion import Motion, Piston
 from ifrdem.model.walls.wall import Wall
 from ifrdem.plots import pictures
+from ifrdem.plots.analyses import PANELS
+from ifrdem.plots.pictures import LAYOUTS
 from ifrdem.theory import sheared_gas
 
 ROOT = Path(__file__).parents[1]
@@ -362,6 +366,26 @@ def test_table_of_analyses_lists_what_there_is() -> None:
     for row in shown[1].splitlines()[1:]:
         for name in re.findall(r"`(\w+)`", row.split("|")[1]):
             assert callable(getattr(analysis, name))
+
+
+def test_lists_of_analyses_name_each_of_them() -> None:
+    """A new analysis would be missing from one of them, or end in a KeyError at its name."""
+    assert ANALYSES.keys() == catalogue.FUNCTIONS.keys()
+    assert {name for name, each in ANALYSES.items() if each.picture} == PANELS.keys() | (
+        {*LAYOUTS} & {*ANALYSES}
+    )
+    frames = re.search(
+        r"Analyses of single frames \((.*?)\) are computed.*?The others \((.*?)\) are",
+        page("studies.md"),
+        re.DOTALL,
+    )
+    assert frames is not None
+    assert [set(re.split(r",\s+", names)) for names in frames.groups()] == [
+        {*OF_FRAMES},
+        {*OVER_TIME},
+    ]
+    table = page("analysis.md").split("| analysis | frames |")[1].split("\n\n")[0]
+    assert {*ANALYSES} <= {*re.findall(r"`([\w-]+)", table)}
 
 
 def test_study_example_prints_errors(tmp_path, monkeypatch, capsys) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, TheoryWarning
+from ..errors import InputError, TheoryWarning, cut
 from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw
 from ..model.state import Disks
@@ -129,9 +129,11 @@ def gas_of(trajectory: Trajectory) -> TheoryGas | str:
                 return "materials that never meet: no kinetic theory here"
             if any(getattr(one, "rho", 0.0) > 0.0 for line in laws for one in line):
                 return "rolling friction: no kinetic theory here"
+            if not all(one.has_averages for line in laws for one in line):
+                return "a law without averages: no kinetic theory here"
             _, which = Mixture.of(disks, laws, phi)
         except InputError as error:
-            return f"no kinetic theory here: {error}"
+            return f"no kinetic theory here: {cut(error.reason)}"
     forces = trajectory.record("forces", _forces, "[]")
     if kinds == 1:
         start = [trajectory.observables[name][:1] for name in ("temperature", "rotational_temperature")]

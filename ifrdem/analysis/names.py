@@ -103,6 +103,8 @@ ANALYSES = {
 }
 """The analyses by name, in the order in which they are done."""
 OVER_TIME = tuple(name for name, each in ANALYSES.items() if each.over_time)
-"""Analyses of a whole run; the others are of single frames, at chosen places of it."""
+"""Analyses of a whole run."""
+OF_FRAMES = tuple(name for name, each in ANALYSES.items() if not each.over_time)
+"""Analyses of single frames."""
 OPTIONS = {option: name for name, each in ANALYSES.items() for option in each.options}
 """Option -> the analysis that takes it."""

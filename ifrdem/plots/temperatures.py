@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import warnings
 from typing import TYPE_CHECKING
 
@@ -162,7 +163,7 @@ def _theory(
             if axes is not None:
                 axes.plot(when if over == "t" else tau, positive(values), "--", lw=1.5, color=colour)
     style = "--" if drawn is not None else "none"
-    upper.plot([], [], color=foreground(upper), ls=style, lw=1.5, label=note)
+    upper.plot([], [], color=foreground(upper), ls=style, lw=1.5, label=textwrap.fill(note, 60))
     if steady is not None:
         ratio = steady[1] / steady[0]
         for axes, value, colour in zip((upper, upper, lower), (*steady, ratio), COLOURS, strict=True):

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..analysis.names import ANALYSES, OVER_TIME
+from ..analysis.names import ANALYSES, OF_FRAMES, OVER_TIME
 from ..case import file as case_file
 from ..case import shipped
 from ..case.case import CaseSections
@@ -96,8 +96,9 @@ seeds = 20
 # Rows of the time series after the first, evenly in what ends the run, or "log".
 series = 50
 # series_spacing = "log"
-# Analyses of every run, as in `ifrdem analyse`; those of frames (velocity, rdf, structure-factor, fields, clusters,
-# psi6) at these collisions per disk (times, where the run ends at a time).
+# Analyses of every run, as in `ifrdem analyse`; those of frames
+# (OF_FRAMES)
+# at these collisions per disk (times, where the run ends at a time).
 # analyses = ["velocity", "rdf"]
 # analyses_at = [5.0, 10.0, 20.0]
 # Where averages over a run begin (stress, species, profiles, ...), in the same; without it, driven and sheared gases
@@ -113,7 +114,7 @@ series = 50
 # kind = "slurm"                       # or pbs, sge, lsf: jobs of a batch system, by dask-jobqueue
 # jobs = 10
 # options = { cores = 16, memory = "16 GB", walltime = "02:00:00", queue = "short" }
-"""
+""".replace("OF_FRAMES", ", ".join(OF_FRAMES))
 """The study file that `ifrdem new study` writes."""
 
 
