@@ -59,7 +59,7 @@ class Case(Sections):
     >>> case.run.seed = -1
     Traceback (most recent call last):
     ...
-    ifrdem.errors.InputError: run.seed = -1: must be greater than or equal to 0 (seed of every random number [whole number]; one seed, one result)
+    ifrdem.errors.InputError: run.seed = -1: must be an integer from 0 to 9223372036854775807 (seed of every random number [whole number]; one seed, one result)
     """
 
     _path: Path = PrivateAttr(Path("<Python>"))
