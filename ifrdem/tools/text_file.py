@@ -14,8 +14,12 @@ from ..errors import InputError, nearest_file
 
 MOST_LINE = 100_000
 """Characters of a line of a table at most."""
-_AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe is opened without waiting for a writer
 _ESCAPED = re.compile("[\udc80-\udcff]")  # bytes that are no UTF-8, as the handler "surrogateescape" has them
+
+
+def at_once(name: str, flags: int) -> int:
+    """Open a file without waiting for a writer of a pipe, or for content: an `opener` of `open`."""
+    return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def opened(path: Path) -> io.BufferedReader:
@@ -23,7 +27,7 @@ def opened(path: Path) -> io.BufferedReader:
     if "\0" in str(path):
         raise InputError("cannot be read: a null character stands in its name")
     try:
-        file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | _AT_ONCE))  # noqa: SIM115
+        file = open(path, "rb", opener=at_once)  # noqa: SIM115
     except FileNotFoundError:
         folder = path.parent
         near = sorted((*folder.glob("*.toml"), *folder.glob("*.csv"))) if folder.is_dir() else []

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DamageError, InputError, ReadError
+from ..tools.text_file import at_once
 
 FAULTS = (
     OSError, RuntimeError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError,
@@ -83,7 +84,7 @@ def check_system(error: BaseException, path: str | os.PathLike[str]) -> None:
 
 def check_readable(path: str | os.PathLike[str]) -> None:
     """Raise ReadError if the system does not read a file; `h5py.is_hdf5` then says that it is none of HDF5."""
-    with system_errors(path), open(path, "rb") as file:
+    with system_errors(path), open(path, "rb", opener=at_once) as file:
         file.read(1)
 
 

@@ -1003,6 +1003,7 @@ def check_file(path: Path) -> None:
         what = "a folder" if os.path.isdir(path) else "a device or pipe"
         raise InputError(f"{path} is {what}: must be a trajectory file")
     if not os.path.getsize(path):
+        damage.check_readable(path)  # files of the system have no size
         raise InputError(f"{path} is empty: must be a trajectory file")
 
 

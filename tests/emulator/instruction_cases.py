@@ -426,8 +426,9 @@ def all_cases() -> Iterator[Case]:
         yield from make()
 
 
+# None below the normal numbers: libraries may have set the processor to flush those to 0.
 FLOATS = [
-    0.0, -0.0, 1.0, -1.0, 0.1, 0.5, -0.5, 1.5, 2.5, -2.5, 3.7, -3.7, 1e-310, 1e-40, 1e30, -1e300, 127.5, -32768.5,
+    0.0, -0.0, 1.0, -1.0, 0.1, 0.5, -0.5, 1.5, 2.5, -2.5, 3.7, -3.7, 1e-300, 1e-37, 1e30, -1e300, 127.5, -32768.5,
     2**31 - 0.5, -(2.0**31) - 1.5, 2.0**32, 2.0**53 + 2, 2.0**63, 1.5 * 2.0**63, -(2.0**63), np.inf, -np.inf, np.nan,
 ]  # fmt: skip
 INTEGERS = [0, 1, 2, 3, 7, 16, 31, 32, 33, 63, 64, 65, 128, 256, 0x5DEECE66D, 0xCAFEBABE12345678]

@@ -76,7 +76,7 @@ def test_lines_of_centres_are_where_the_disks_touch() -> None:
         ),
         (["start.speed="], r"speed is missing"),
         (["start.positions=random"], r"psi, speed: requires positions = \"impact_scan\""),
-        (["start.psi=[0.0, 95.0]"], r"start\.psi\[1\] = 95\.0: must be less than 90"),
+        (["start.psi=[0.0, 95.0]"], r"start\.psi\[1\] = 95\.0: must be an angle above -90 and below 90"),
         (["box.packing_fraction=0.1"], r"box\.packing_fraction: cannot be combined with box\.open = true"),
         (['force=[{kind="drag", step=0.1, rate=1.0}]'], r"no \[\[force\]\] can act in a scan"),
     ],

@@ -186,7 +186,7 @@ def test_a_coefficient_pair_is_checked_for_the_extreme_masses_of_both_species() 
         ('radii = { distribution = "lognorml" }', "species[0].radii.distribution", "did you mean 'lognormal'"),
         ('radii = { distribution = "lognormal", mena = 0.01, deviation = 0.1 }', "species[0].radii.mean", "missing"),
         ('radii = { distribution = "uniform", low = 0.02, high = 0.01 }', "species[0].radii", "low = 0.02: must"),
-        ('radii = { distribution = "uniform", low = -1.0, high = 0.01 }', "species[0].radii.low = -1.0", "greater"),
+        ('radii = { distribution = "uniform", low = -1.0, high = 0.01 }', "species[0].radii.low = -1.0", "must be a positive number"),
         ("radii = 0.01", "species[0].radii = 0.01", r"must be a table \(radii = "),
         (LOGNORMAL + "radius = 0.01", "species[0]", "exactly one of radius, diameter, radii"),
     ],
