@@ -16,7 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 import ifrdem
-from ifrdem.case import file
+from ifrdem.case import file, starts
 from ifrdem.initial.from_csv import StartData
 from ifrdem.mpi import Communicator, distribution
 
@@ -128,7 +128,7 @@ for name, changes in (("case", []), ("random case", ["start.positions=random"]),
     gas_of_case = file.read(sys.argv[1], changes).gas
     whole = gas_of_case.simulation().state if COMM.rank == 0 else None
     if name == "given" and COMM.rank == 0:
-        gas_of_case = replace(gas_of_case, given=StartData(gas_of_case.start().position, None, None))
+        gas_of_case = replace(gas_of_case, given=StartData(starts.start(gas_of_case).position, None, None))
     sliced = gas_of_case.simulation(comm=COMM)
     found[name] = differing(sliced.state, whole, FIELDS[:3])
     found["case sliced"] = sliced.comm.is_distributed
