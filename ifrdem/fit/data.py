@@ -662,7 +662,7 @@ def _rows(
 
 
 def _at(rows: NDArray[np.bool_], text: str) -> list[RowProblem]:
-    """The same mistake in some rows, shape (n,)."""
+    """The same problem for each row that is marked, shape (n,)."""
     return [(int(i), text) for i in np.flatnonzero(rows)]
 
 

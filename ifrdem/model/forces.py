@@ -190,7 +190,7 @@ class Force(ReadOnlyAttributes):
         p : struct
             The force's parameters and constants, by name.
         """
-        # Abstract: `check_forces` refuses a force without its own, by name, before anything is compiled.
+        # Abstract: `Setup` refuses a force without its own, by name, before anything is compiled.
         raise NotImplementedError
 
     @staticmethod

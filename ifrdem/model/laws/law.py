@@ -50,7 +50,7 @@ class Key(NamedTuple):
     allowed: Number | tuple[str, ...]
     """The range of a number, or the choices of a text."""
     text: str
-    """What it is, with the unit in brackets, as `ifrdem check --keys` shows it."""
+    """Description of the quantity, with the unit in brackets, for the list of keys (`ifrdem docs case`)."""
     example: float | str
 
 

@@ -31,7 +31,7 @@ class NamedLaw:
     kind: type[CollisionLaw]
     """The class of the law."""
     make: Callable[..., CollisionLaw]
-    """What makes it of its keys: the class, or a function."""
+    """Constructor of the law from its keys: the class, or a function."""
     keys: Mapping[str, Key]
 
     @property

@@ -1,4 +1,4 @@
-"""What a run gives, and to which functions."""
+"""Output of a run: times of frames and of rows of series, and the callbacks that get them."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Output:
 
 
 def _nothing(*_: Any) -> None:
-    """What the other ranks call where the root calls a callback."""
+    """Callback without effect, for ranks other than the root."""
 
 
 def _trigger(name: str, given: int | Trigger) -> Trigger:

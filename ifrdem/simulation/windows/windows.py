@@ -34,7 +34,7 @@ ROUNDING = 8  # last digits by which a window is longer than the moment that it 
 
 
 class WindowState(enum.Enum):
-    """Where the host stands in the present window."""
+    """State of the present window: how far it is planned and has been run."""
 
     BETWEEN = "at the beginning of a window that has no end yet"
     PLANNED = "at the beginning of a window that has an end, and has not been run"
@@ -85,7 +85,7 @@ class Sums:
 
 @dataclass
 class Watched:
-    """What was written down of collisions in the present window.
+    """Records of collisions in the present window.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Watched:
 
 
 class StoredWindow(NamedTuple):
-    """What a checkpoint holds of the present window, in this order.
+    """Numbers of the present window in a checkpoint, in this order.
 
     Its `moment` is the present time since its beginning; 0 there. `planned` is 1 if it has an end.
     """
