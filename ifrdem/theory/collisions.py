@@ -51,6 +51,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..model.laws.ifr import smooth_disks
 from ..model.laws.law import CollisionLaw
+from ..model.laws.records import LAWS
 from ..tools.checked import (
     Array,
     NonNegative,
@@ -90,12 +91,9 @@ def checked_law(name: str, law: Any) -> CollisionLaw:
     InputError if they are not, or it has rolling friction.
     """
     if not isinstance(law, CollisionLaw) or not law.has_averages:
-        raise must_be(
-            name,
-            law,
-            "an IFRLaw, Walton or Viscoelastic, or a law that says has_averages: those are known "
-            "(ifrdem.DSMC takes any law)",
-        )
+        known = dict.fromkeys(each.kind.__name__ for each in LAWS.values() if each.kind.has_averages)
+        known_laws = f"({', '.join(known)} do): those are known"
+        raise must_be(name, law, f"a law that says has_averages {known_laws} (ifrdem.DSMC takes any law)")
     for needed in ("mu",) if law.depends_on_speed else ("e_n", "mu"):
         if not hasattr(law, needed):
             raise InputError(

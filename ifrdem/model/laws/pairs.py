@@ -71,13 +71,23 @@ class PairLaws:
         """Refuse laws that hold for no pair of these disks at the mean approach speed of disks with this rms speed.
 
         Collisions of a Maxwellian gas have sqrt(pi / 2) of the rms speed as mean of g_n. The law is taken at its most
-        elastic: of the heaviest disks, with the smallest radius.
+        elastic: of the heaviest disks, with the smallest radius; of one disk and a flat wall where no disk has one of
+        the two materials.
         """
         movable = np.isfinite(disks.mass)
-        if speed_rms > 0.0 and movable.any():
-            m_n, R = 0.5 * float(disks.mass[movable].max()), 0.5 * float(disks.radius.min())
-            for law in {law for row in self.table for law in row}:
-                law.check_speed(MEAN_APPROACH * speed_rms, m_n, R)
+        if speed_rms == 0.0 or not movable.any():
+            return
+        m, radius, of_disks = (
+            float(disks.mass[movable].max()),
+            float(disks.radius.min()),
+            {*disks.material.tolist()},
+        )
+        for i, row in enumerate(self.table):
+            for j, law in enumerate(row):
+                number = 2 if {i, j} <= of_disks else 1  # of disks that move, whose variances and 1/m add
+                law.check_speed(
+                    MEAN_APPROACH * speed_rms * math.sqrt(number / 2), m / number, radius / number
+                )
 
     @property
     def is_sampled(self) -> bool:
