@@ -252,6 +252,8 @@ def count_by_cell(n, me, region: ti.template(), block: ti.template()):
         ti.atomic_add(block.head[cell], 1)
         m += THREADS
     ti.simt.block.sync()
+    # Each thread adds up a part of the cells, a warp the sums of its threads, all threads those of the warps before:
+    # then a thread knows where the disks of its first cell begin.
     cells = region.nx * region.ny
     chunk = (cells + THREADS - 1) // THREADS
     first, last = ti.min(me * chunk, cells), ti.min((me + 1) * chunk, cells)
@@ -309,6 +311,7 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
                 reach = sigma + margin
                 square = reach * reach
             if k != i and rx * rx + ry * ry < square:
+                # Each pair is tested once, by the later slot: both motions have been loaded here.
                 if k < i:
                     ux, uy = block.motion[k].vx - vx + faster, block.motion[k].vy - vy
                     if contact_signs(rx, ry, ux, uy, sigma, window) < 0:
@@ -324,6 +327,7 @@ def list_neighbors(i, margin, region: ti.template(), block: ti.template()):
                         block.near[i * NEAR_WORDS + (many >> 2)] = word
                         word = ti.u64(0)
             k += 1
+    # The last word, which is not full; the first one has the number in place 0, and is written last.
     if many % 4 != 3 and many > 3 and many <= MOST_NEAR:
         block.near[i * NEAR_WORDS + many // 4] = word
     block.near[i * NEAR_WORDS] = first | ti.cast(ti.min(many, MOST_NEAR), ti.u64)
@@ -379,12 +383,14 @@ def list_images(me, way, region: ti.template(), block: ti.template()):
         x = region.x + 0.5 * region.nx * region.side_x
         y = region.y + 0.5 * region.ny * region.side_y
         many, image, images = 0, me, 9 * block.grid.walls
+        # All lanes stay in the loop: each votes, also where its own image is beyond the last.
         while image - me < images:
             near = 0
             if image < images:
                 near = may_touch(image, x, y, extent + way, region, block)
             votes = ti.cast(ti.simt.warp.ballot(near), ti.u32)
             earlier = votes & ((ti.u32(1) << ti.cast(me, ti.u32)) - ti.u32(1))
+            # Votes of lanes before give each its place: the list has one order, whichever lane is first.
             at = many + ti.cast(ti.math.popcnt(earlier), ti.i32)
             if near == 1 and at < block.slots:
                 block.image_list[at] = image
@@ -443,6 +449,7 @@ def look_around(i, first, t, best, partner, mask, region: ti.template(), block: 
     ti.simt.warp.sync(mask)  # keeps the loads above together: the compiler moves none past it
     while m <= end:
         start, rx, ry, ux, uy, sigma = separation(j, x, y, vx, vy, tau, radius, 0.0 * x, 0.0 * x, info, block)
+        # The certificate: j has collided later already, so the two must have been too far apart to meet before that.
         ahead = block.motion[j].tau - t
         if ahead > 0.0:
             dx = block.motion[j].x - (x + vx * (t - tau))
@@ -454,6 +461,7 @@ def look_around(i, first, t, best, partner, mask, region: ti.template(), block: 
                 top = ti.sqrt(square) + ti.abs(rows * block.scale.drift)
                 square = top * top
             fastest = ti.max(vx * vx + vy * vy, square)
+            # Wider than the rounding of what stands here: it may mark a tile in vain, not miss a meeting.
             margin = ti.static(1.00001 if is_single_precision() else 1.000001)
             way = sigma + margin * ti.sqrt(fastest) * ahead
             if dx * dx + dy * dy < way * way:
@@ -537,6 +545,8 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
     choose_disks(tile, halo, me, region, block)
     ti.simt.block.sync()
     n = block.note.gathered
+    # Disks may become faster than they are: `faster` times the fastest near this tile, but not much more than the
+    # fastest of the gas. Two of them approach by `way` at most in the window. What adds speed within it is added below.
     square = ti.bit_cast(ti.cast(block.note.speed, ti.i64) << ti.i64(32), ti.f64) * (faster * faster)
     bound = block.clock.fastest * ti.max(faster / FASTER * FASTEST_OF_ALL, FASTEST_OF_ALL)
     square = ti.min(square, bound * bound)
@@ -555,8 +565,10 @@ def prepare_block(tile, me, wider, faster, region: ti.template(), block: ti.temp
         speed = ti.sqrt(square) + ti.sqrt(block.clock.action_square) * (faster / FASTER)
         square = speed * speed
         way = 2.0 * ti.cast(speed, float) * block.scale.window
+    # Longer lists than the window needs make the certificate hold more often.
     margin = ti.max(way, wider * ti.max(way, MARGIN * block.scale.widest))
     if n > block.slots:
+        # All threads go on with no disk, so that each comes to every `sync`.
         n = 0
         if me == 0:
             block.note.mark = TOO_MANY
@@ -626,11 +638,13 @@ def queue_events(n, me, block: ti.template()):
             j = i - lane + leader
             p = partner_of(j, block)
             key = block.key[j]
+            # Half a warp looks at the list of one disk, half at that of its partner.
             a = ti.select(lane < 16 or p < 0, j, p)
             late, m, end = 0, 1 + lane % 16, entry_of(a, 0, block)
             k = entry_of(a, m, block)
             ti.simt.warp.sync(ti.u32(0xFFFFFFFF))  # as in `look_around`
             while m <= end:
+                # A disk near either of them has an event that is not later, and might come in between.
                 if k != j and k != p and block.low[k] <= key:
                     late = 1
                 m += 16
@@ -725,12 +739,14 @@ def predict_queue(me, horizon, limit, fastest, region: ti.template(), block: ti.
     while q < many:
         i = ti.cast(block.queue[q], ti.i32)
         p, t = partner_of(i, block), block.motion[i].t_hit
+        # One half looks for the disk, the other for its partner, which keeps its own event where this one was stale.
         looks = half == 0 or (block.key[i] == MET and p >= 0)
         a = ti.select(half == 0 or p < 0, i, p)
         square = block.event_info[a].max_speed_sq
         first = place % ABREAST + 1
         if not looks:
             first = MOST_NEAR + 1  # at none
+        # Each thread begins with what happens without a meeting; the earliest of all threads then wins.
         best, partner = nothing_before(a, horizon, block)
         best, partner, wrong = look_around(a, first, t, best, partner, mask, region, block)
         for step in ti.static([2**k for k in reversed(range(ABREAST.bit_length() - 1))]):
@@ -787,6 +803,7 @@ def run_rounds(
             block.note.queued, block.note.least = 0, NONE
             if rounds > MOST_ROUNDS:
                 block.note.mark = ENDLESS
+        # The same number for all threads: none leaves the loop while others wait for it. It is a barrier too.
         going = ti.simt.block.sync_count_nonzero(pending)
         if block.note.mark > 0:
             going = 0
@@ -798,7 +815,9 @@ def run_rounds(
                 queue_least(n, me, block)
             ti.simt.block.sync()
             many = block.note.queued
+            # Keys are rounded times. Where none is before all around it, or several are least, times decide.
             if many == 0 or (serial == 1 and many > 1):
+                # All have read `queued` before one changes it.
                 ti.simt.block.sync()
                 if me == 0:
                     queue_earliest(n, block)
@@ -819,6 +838,7 @@ def act_by_block(n, row, tile, me, limit, fastest, region: ti.template(), block:
     Returns the row of the forces that act next.
     """
     t = kick_time(row, block)
+    # Forces at one time act as one: disks look around after the last of them only.
     end = row + 1
     while kick_time(end, block) == t:
         end += 1
@@ -845,6 +865,7 @@ def run_stages(n, tile, me, fastest, serial, region: ti.template(), block: ti.te
         row = ti.cast(block.clock.acted, ti.i32)
     while going > 0:
         limit = block.scale.moment[stage]
+        # Keys of events after this stage's end were NONE: some of them are within the next stage.
         if stage > 0 or limit < FAR:
             i = me
             while i < n:
@@ -857,6 +878,7 @@ def run_stages(n, tile, me, fastest, serial, region: ti.template(), block: ti.te
         acts = 0
         if ti.static(block.uses.forced):
             at = kick_time(row, block)
+            # A moment at the time of a force is written after the force has acted.
             acts = ti.cast(at <= block.scale.window and at <= limit and block.note.mark == 0, ti.i32)
             ti.simt.block.sync()
             if acts == 1:
@@ -883,6 +905,7 @@ def write_block(n, tile, me, region: ti.template(), block: ti.template()):
         share.max_displacement = ti.max(share.max_displacement, shuffled(share.max_displacement, step, warp))
         share.overhang = ti.max(share.overhang, shuffled(share.overhang, step, warp))
     ti.simt.block.sync()
+    # Flights have been written: their shared memory takes the shares of the warps.
     if me % 32 == 0:
         row = me // 32
         block.motion[row].x, block.motion[row].y = share.fastest, share.excursion
@@ -932,12 +955,15 @@ def run_tile_by_block(tile, me, block: ti.template()):
         if block.note.mark == 0 and block.note.room == 1:
             run_stages(n, tile, me, fastest, serial, region, block)
         ti.simt.block.sync()
+        # Read by all before the next attempt clears it.
         mark = block.note.mark
         ti.simt.block.sync()
         attempt += 1
+        # Other lists mend none of the other marks; and records of a window are written once.
         if mark == 0 or mark >= TOO_MANY or block.grid.watching > 0:
             attempt = ATTEMPTS
         elif attempt < ATTEMPTS:
+            # Shorter lists fit; longer ones look further, so that the order is certain more often.
             if (mark & LIST_FULL) > 0:
                 wider *= 0.8
             elif (mark & UNCERTAIN) > 0:
@@ -976,6 +1002,7 @@ def start_tile(tile, me, block: ti.template()):
     """Begin the window of a tile, and run it unless it needs more room."""
     begin(tile, me, THREADS, block)
     ti.simt.block.sync()
+    # Tiles that are run again have wider halos, so more disks: larger blocks run them.
     if block.counter.again == 0:
         run_tile_by_block(tile, me, block)
     elif me == 0:
