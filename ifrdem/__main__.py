@@ -1,9 +1,25 @@
-"""`python -m ifrdem`, the same as the command `ifrdem`."""
+"""The command `ifrdem`, and `python -m ifrdem`, the same."""
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
-from .cli.main import main
+from .tools.versions import SHOWN
 
-sys.exit(main())
+
+def main() -> int:
+    """Run the command line and return its exit status."""
+    if sys.argv[1:] == ["--version"]:  # without the imports of all commands
+        with contextlib.suppress(
+            OSError, AttributeError
+        ):  # no output, or a closed one: reported below as always
+            print(SHOWN, flush=True)
+            return 0
+    from .cli.main import main as run
+
+    return run()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

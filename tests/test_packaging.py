@@ -85,7 +85,7 @@ def test_wheel_holds_type_marker_cases_licence_and_command(wheel):
     assert shipped == {Path(n).name for n in wheel if n.startswith("ifrdem/cases/") and n.endswith(".toml")}
     info = {Path(name).name: content for name, content in wheel.items() if ".dist-info/" in name}
     assert info["LICENSE"] == (ROOT / "LICENSE").read_bytes()
-    assert b"ifrdem = ifrdem.cli.main:main" in info["entry_points.txt"]
+    assert b"ifrdem = ifrdem.__main__:main" in info["entry_points.txt"]
 
 
 def test_listed_packages_are_the_folders_on_disk():

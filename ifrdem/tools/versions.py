@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import functools
-import importlib.metadata
-import platform
-import subprocess
 from pathlib import Path
 
-from ..kernels.compiler import runtime
-
 __version__ = "0.1.0"
+SHOWN = f"ifrdem {__version__}"
+"""What `ifrdem --version` prints. Functions import what they need, so that it does so at once."""
 
 
 def package_versions() -> dict[str, str]:
     """Versions of Python, this package, the runtime of kernels (by its name), NumPy and h5py; imports none of them."""
+    from ..kernels.compiler import runtime
+
     return dict(_versions(runtime.chosen()))
 
 
 @functools.cache
 def _versions(of_kernels: str) -> dict[str, str]:
+    import importlib.metadata
+    import platform
+
     versions = {"python": platform.python_version(), "ifrdem": __version__}
     for package in (of_kernels, "numpy", "h5py"):
         try:
@@ -31,6 +33,8 @@ def _versions(of_kernels: str) -> dict[str, str]:
 
 def revision() -> str:
     """The git commit of the program's own source tree, or why there is none."""
+    import subprocess
+
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return "not a git checkout"
