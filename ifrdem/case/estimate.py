@@ -33,8 +33,6 @@ from ..theory import driven_gas, sheared_gas
 from ..theory.cooling_gas import cooling_until
 from ..theory.driven_gas import Driving
 from ..tools.checked import Array
-from ..trajectory import layout
-from ..trajectory.file import on_pages
 from . import starts
 from .case import CaseSections, KicksAtRandomTimes, SteppedForce
 from .output_section import OutputSection
@@ -517,6 +515,9 @@ def _field_bytes(output: OutputSection, name: str) -> int:
 
 def _trajectory_bytes(n: int, case: CaseSections, *, frames: int, rows: int, events: int) -> int:
     """Bytes of a trajectory file of n disks without compression, with so many events of tracked disks, about."""
+    from ..trajectory import layout  # imports h5py
+    from ..trajectory.file import on_pages
+
     output = case.output
     pistons = sum(each.piston is not None for each in case.wall)
     totals = numbers_of(OBSERVABLES) + len(PISTON_SERIES) * pistons

@@ -20,8 +20,6 @@ from ..quantities import FIELDS
 from ..tools import tables
 from ..tools.checked import Array
 from ..tools.tables import TableFormat
-from ..trajectory.export import CSV_KEYS, csv_names
-from ..trajectory.reader import SPIN
 
 POSITION = ("x", "y")
 MOTION = ("vx", "vy", "spin")
@@ -31,7 +29,9 @@ KINDS = {
     "spin": "spin",
     "id": "number",
 }
-EXPORTED = {"x": "position_x", "y": "position_y", "vx": "velocity_x", "vy": "velocity_y", "spin": SPIN}
+EXPORTED = {
+    "x": "position_x", "y": "position_y", "vx": "velocity_x", "vy": "velocity_y", "spin": "angular_velocity"
+}  # fmt: skip
 """Names of the columns in the CSV of `ifrdem export`."""
 MOST_BYTES = 1_000_000_000  # the start of some 10 million disks
 MOST_REPORTED = 5  # wrong lines that are listed one by one
@@ -82,6 +82,8 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
     except InputError as error:
         lines = [line.removeprefix(f"{path}: ") for line in str(error).splitlines()]
         raise InputError("\n".join(lines)) from None
+    from ..trajectory.export import CSV_KEYS, csv_names  # imports h5py
+
     comm, columns = current(), table.columns
     names = [name for name in columns if not name.endswith("_error")]
     unused = table.unused

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +17,11 @@ from ..model.walls.wall import Wall, sides
 from ..mpi import current
 from ..quantities import PISTON_SERIES
 from ..tools.checked import Array
-from ..trajectory.reader import Frame, Trajectory
 from . import packing
 from .from_csv import StartData
+
+if TYPE_CHECKING:  # imports h5py
+    from ..trajectory.reader import Frame, Trajectory
 
 NEARLY = 16.0
 """Times the overlap that rounding explains: below it an overlap may be due to it all the same."""
@@ -47,6 +50,8 @@ def read(
     the images above are displaced by shear_rate Ly t. So the frame's box must have the same shear rate, and the clock
     continues; or it has none, and the clock begins at 0.
     """
+    from ..trajectory.reader import Trajectory
+
     comm = current()
     ids, n = comm.number(len(radius))
 
@@ -190,6 +195,8 @@ def _other_radii(path: Path, radius: Array, ids: range) -> str:
     """A likely cause of an overlap: the first disk whose radius in the trajectory differs; else empty."""
 
     def found() -> str:
+        from ..trajectory.reader import Trajectory
+
         with Trajectory(path) as trajectory:
             there = trajectory.constants("radius", slice(ids.start, ids.stop))
         other = np.abs(there - radius) > 1e-6 * radius  # more than rounding
