@@ -28,7 +28,7 @@ from ..tools.checked import Array, Integer, Positive, validated
 from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
 
-ROWS_AT_ONCE, BYTES_AT_ONCE, WAIT = 256, 4 << 20, 2.0
+ROWS_AT_ONCE, BYTES_AT_ONCE, WAIT = 256, 16 << 20, 2.0
 """Rows of the time series and bytes of frames that are written together at most, and seconds after which the next row
 or frame has those written that wait: each commit costs a run, however little there is in it."""
 BYTES_PER_DISK = 64

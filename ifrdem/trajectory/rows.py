@@ -93,8 +93,13 @@ class CommitLog:
                     each.resize(self.committed, axis=0)
 
     def _append(self, dataset: h5py.Dataset, values: NDArray[Any]) -> None:
-        dataset.resize(self.committed + len(values), axis=0)
-        dataset[self.committed :] = values
+        # As `dataset.resize(...)` and `dataset[committed:] = values` do, without looking at how it is indexed: a
+        # commit appends to some twenty datasets, most of which get a number.
+        end = (self.committed + len(values), *values.shape[1:])
+        dataset.id.set_extent(end)
+        space = dataset.id.get_space()
+        space.select_hyperslab((self.committed, *[0] * (values.ndim - 1)), values.shape)
+        dataset.id.write(h5py.h5s.create_simple(values.shape), space, np.ascontiguousarray(values))
 
     def _compare(self, name: str, values: NDArray[Any]) -> None:
         stored = self.datasets[name][self.at : self.at + len(values)]
