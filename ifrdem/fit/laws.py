@@ -22,15 +22,21 @@ from ..model.laws.files import is_law
 from ..model.laws.ifr import REQUIRED_COEFFICIENTS, STICKING, EnergyWarning, IFRLaw
 from ..model.laws.law import CollisionLaw
 from ..model.laws.walton import Walton
-from ..tools.checked import validated
+from ..tools.checked import Number, validated
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 RANGES: Mapping[str, Range] = MappingProxyType(
-    {"e_n": (0.0, 1.0), "e_t": (-1.0, 1.0), "mu": (0.0, 10.0), "beta_0": (-1.0, 1.0)}
+    {
+        name: (key.allowed.low, key.allowed.high)
+        for kind in (IFRLaw, Walton)
+        for name, key in kind.keys.items()
+        if isinstance(key.allowed, Number) and name != "rho"  # a length
+    }
+    | {"mu": (0.0, 10.0)}
 )
-"""Lowest and highest values of coefficients by name; a real mu is well below 10."""
+"""Lowest and highest values of coefficients by name: those of the laws; a real mu is well below 10."""
 
 _START_RANGES: Mapping[str, Range] = {
     "e_n": (0.3, 0.98),
