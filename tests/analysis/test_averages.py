@@ -9,11 +9,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.cases import Written, case_text
 
+import ifrdem
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, Wall, analysis
 from ifrdem.analysis import averages, catalogue
 from ifrdem.analysis.bins import Strips
-from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 
 BOX = Box((20.0, 10.0))
@@ -235,54 +236,23 @@ def test_species_have_their_own_averages_by_name(tmp_path: Path) -> None:
 
 # -- real gases --------------------------------------------------------------------------------------------
 
-CASE = """
-[run]
-name = "{name}"
-seed = 1
-t_end = 20.0
-units = "reduced"
-[box]
-lengths = [20.0, 16.0]
-periodic = [true, false]
-material = "a"
-[[material]]
-name = "a"
-e_n = {e_n}
-e_t = {e_t}
-mu = {mu}
-[[species]]
-name = "small"
-number = 120
-material = "a"
-mass = 1.0
-diameter = 0.8
-speed_rms = 1.5
-[[species]]
-name = "large"
-number = 60
-material = "a"
-mass = 2.0
-diameter = 1.2
-speed_rms = 1.0
-[start]
-positions = "random"
-[output]
-frames = 100
-series = 100
-stress = true
-wall_sums = true
-{histories}
-fields = ["position", "velocity", "angular_velocity", "collisions"]
-"""
-
-
-def ran(
-    folder: Path, name: str, histories: str, e_n: float = 1.0, e_t: float = -1.0, mu: float = 0.3
-) -> Path:
-    path = folder / f"{name}.toml"
-    path.write_text(CASE.format(name=name, histories=histories, e_n=e_n, e_t=e_t, mu=mu))
-    assert cli.main(["run", str(path), "--no-picture"]) == 0
-    return folder / f"{name}.h5"
+CASE = case_text({
+    "run.seed": 1, "run.t_end": 20.0,
+    "box": {"lengths": [20.0, 16.0], "periodic": [True, False], "material": "coin"},
+    "material[0].e_n": 1.0, "material[0].e_t": -1.0, "material[0].mu": 0.3,
+    "species": [
+        {"name": "small", "number": 120, "material": "coin", "mass": 1.0, "radius": 0.4, "speed_rms": 1.5},
+        {"name": "large", "number": 60, "material": "coin", "mass": 2.0, "radius": 0.6, "speed_rms": 1.0},
+    ],
+    "start": {"positions": "random"},
+    "output": {
+        "frames": 100, "series": 100, "stress": True, "wall_sums": True, "histories_all": True,
+        "fields": ["position", "velocity", "angular_velocity", "collisions"],
+    },
+})  # fmt: skip
+FROM_FILE = {
+    "start": {"file": "start.csv"}, "species[0].speed_rms": None, "species[1].speed_rms": None,
+}  # fmt: skip
 
 
 def recorded(run: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -310,11 +280,10 @@ def test_momentum_to_an_immovable_disk_goes_on_to_its_centre() -> None:
 
 @pytest.mark.parametrize(("e_n", "e_t", "mu"), [(1.0, -1.0, 0.0), (0.9, -0.5, 0.3)], ids=["elastic", "rough"])
 def test_collisions_shared_among_bins_add_up_to_the_recorded_stress(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, e_n: float, e_t: float, mu: float
+    written: Written, e_n: float, e_t: float, mu: float
 ) -> None:
     """The virial that the engine adds up and the pieces of histories: the same to rounding, with walls."""
-    monkeypatch.chdir(tmp_path)
-    with Trajectory(ran(tmp_path, "a", "histories_all = true", e_n, e_t, mu)) as run:
+    with written({"material[0].e_n": e_n, "material[0].e_t": e_t, "material[0].mu": mu}) as run:
         every = range(len(run))
         found = [analysis.profiles(run, axis, 9, frames=every) for axis in ("x", "y")]
         found.append(analysis.mean_fields(run, (4, 7), frames=every))
@@ -332,24 +301,12 @@ def test_collisions_shared_among_bins_add_up_to_the_recorded_stress(
         assert np.abs(mean / pressure - 1.0).max() < 0.08
 
 
-def test_rings_of_a_container_add_up_to_the_recorded_trace(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rings_of_a_container_add_up_to_the_recorded_trace(written: Written) -> None:
     """P_rr + P_tt = P_xx + P_yy whatever the directions are: over rings, times their areas, the recorded virial."""
-    monkeypatch.chdir(tmp_path)
-    text = CASE.format(name="a", histories="histories_all = true", e_n=0.9, e_t=-0.5, mu=0.3).replace(
-        "t_end = 20.0", "t_end = 5.0"
-    )
-    text = text.replace("periodic = [true, false]", "periodic = [false, false]").replace(
-        "20.0, 16.0", "20.0, 20.0"
-    )
-    text = text.replace(
-        "[start]",
-        '[[wall]]\nshape = "container"\ncenter = [10.0, 10.0]\nradius = 9.9\nmaterial = "a"\n[start]',
-    )
-    (tmp_path / "a.toml").write_text(text)
-    assert cli.main(["run", "a.toml", "--no-picture"]) == 0
-    with Trajectory("a.h5") as run:
+    rough = {"run.t_end": 5.0, "material[0].e_n": 0.9, "material[0].e_t": -0.5}
+    box = {"box.lengths": [20.0, 20.0], "box.periodic": [False, False]}
+    container = {"shape": "container", "center": [10.0, 10.0], "radius": 9.9, "material": "coin"}
+    with written(rough | box | {"wall": [container]}) as run:
         found = analysis.profiles(run, "r", 12, frames=range(len(run)))
         collisional, _ = recorded(run)
     areas = np.pi * np.diff(found.edges[0] ** 2)
@@ -357,7 +314,9 @@ def test_rings_of_a_container_add_up_to_the_recorded_trace(
     assert areas @ part / areas.sum() == pytest.approx(np.trace(collisional), rel=1e-9)
 
 
-def test_a_gas_that_drifts_carries_no_heat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gas_that_drifts_carries_no_heat(
+    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """In equilibrium q = 0; with the work of the collisional pressure at the drift 6, it would be 6 P_c."""
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(4)
@@ -365,14 +324,10 @@ def test_a_gas_that_drifts_carries_no_heat(tmp_path: Path, monkeypatch: pytest.M
     velocity = rng.normal(size=(80, 2))
     rows = np.column_stack((place, velocity - velocity.mean(axis=0) + (6.0, 0.0), np.zeros(80)))
     np.savetxt("start.csv", rows, delimiter=",", header="x,y,v_x,v_y,spin", comments="")
-    text = CASE.format(name="a", histories="histories_all = true", e_n=1.0, e_t=-1.0, mu=0.3)
-    text = text.replace("number = 120", "number = 40").replace("number = 60", "number = 40")
-    text = text.replace('positions = "random"', 'file = "start.csv"').replace("speed_rms = 1.5\n", "")
-    text = text.replace("speed_rms = 1.0\n", "").replace("[true, false]", "[true, true]")
-    text = text.replace('material = "a"\n[[mat', "[[mat").replace("wall_sums = true", "")
-    (tmp_path / "a.toml").write_text(text)
-    assert cli.main(["run", "a.toml", "--no-picture"]) == 0
-    with Trajectory("a.h5") as run:
+    numbers = {"species[0].number": 40, "species[1].number": 40}
+    with pytest.warns(ifrdem.errors.RunWarning, match="the whole gas drifts"):
+        run = written(FROM_FILE | numbers | {"box": {"lengths": [20.0, 16.0]}, "output.wall_sums": None})
+    with run:
         found = analysis.profiles(run, "y", 1, frames=range(len(run)))
     mean, error = found.mean, found.error
     np.testing.assert_allclose(mean.velocity[0], (6.0, 0.0), atol=0.3)
@@ -381,10 +336,9 @@ def test_a_gas_that_drifts_carries_no_heat(tmp_path: Path, monkeypatch: pytest.M
     assert 4.5 * error.heat_flux[0, 0] < 0.3 * 6.0 * collisional
 
 
-def test_a_sample_of_disks_is_scaled_to_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sample_of_disks_is_scaled_to_all(written: Written) -> None:
     """A third of the disks: the recorded stress within some 5 % of their impulses."""
-    monkeypatch.chdir(tmp_path)
-    with Trajectory(ran(tmp_path, "a", "histories_sample = 90")) as run:
+    with written({"output.histories_all": None, "output.histories_sample": 90}) as run:
         found = analysis.profiles(run, "y", 6, frames=range(len(run)))
         collisional, _ = recorded(run)
     part = (found.mean.stress - found.mean.stress_kinetic).mean(axis=0)
@@ -393,7 +347,7 @@ def test_a_sample_of_disks_is_scaled_to_all(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_an_impulse_is_shared_along_the_line_of_centres(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two disks, of diameters 0.8 and 1.2, collide head-on at x = 7: momentum from 6.6 to 7.6, energy as it is lost.
 
@@ -403,13 +357,8 @@ def test_an_impulse_is_shared_along_the_line_of_centres(
     monkeypatch.chdir(tmp_path)
     start = tmp_path / "start.csv"
     start.write_text("x,y,v_x,v_y,spin\n2.6,8,3,0,0\n7.6,8,0,0,0\n")
-    text = CASE.format(name="a", histories="histories_all = true", e_n=1.0, e_t=-1.0, mu=0.3)
-    text = text.replace("number = 120", "number = 1").replace("number = 60", "number = 1")
-    text = text.replace('positions = "random"', 'file = "start.csv"').replace("speed_rms = 1.5\n", "")
-    text = text.replace("speed_rms = 1.0\n", "").replace("t_end = 20.0", "t_end = 2.0")
-    (tmp_path / "a.toml").write_text(text)
-    assert cli.main(["run", "a.toml", "--no-picture"]) == 0
-    with Trajectory("a.h5") as run:
+    numbers = {"species[0].number": 1, "species[1].number": 1}
+    with written(FROM_FILE | numbers | {"run.t_end": 2.0}) as run:
         assert run.series["collisions"][-1] == 1
         found = analysis.profiles(run, "x", 40, frames=range(len(run)))
     area_time = 0.5 * 16.0 * 2.0

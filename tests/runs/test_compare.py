@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.cases import case_text
 from support.layout_files import some_disks
 
 import ifrdem
@@ -17,28 +18,12 @@ from ifrdem.runs import compare
 from ifrdem.tools.tables import TableFormat
 from ifrdem.trajectory.writer import TrajectoryWriter
 
-CASE = """\
-[run]
-name = "two"
-t_end = 2.0
-[box]
-open = true
-[[material]]
-name = "m"
-e_n = 0.8
-e_t = -1.0
-mu = 0.0
-[[species]]
-name = "a"
-number = 2
-material = "m"
-mass = 1.0
-radius = 0.5
-[start]
-file = "start.csv"
-[output]
-frames = 4
-"""
+CASE = case_text({
+    "run.name": "two", "run.t_end": 2.0, "run.units": None, "box.open": True, "box.packing_fraction": None,
+    "material[0].name": "m", "material[0].e_n": 0.8, "material[0].e_t": -1.0, "material[0].mu": 0.0,
+    "species[0].name": "a", "species[0].number": 2, "species[0].material": "m",
+    "species[0].speed_rms": None, "start": {"file": "start.csv"}, "output": {"frames": 4},
+})  # fmt: skip
 
 
 @pytest.fixture

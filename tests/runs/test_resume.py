@@ -17,6 +17,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from support.cases import case_text
 
 from ifrdem.case import starts
 from ifrdem.case.case import CaseSections
@@ -35,42 +36,16 @@ from ifrdem.tools.versions import package_versions
 from ifrdem.trajectory.background import AsyncWriter
 from ifrdem.trajectory.reader import Trajectory
 
-CASE = """
-[run]
-name = "gas"
-seed = 3
-t_end = 2.0
-units = "reduced"
-
-[box]
-packing_fraction = 0.3
-
-[[material]]
-name = "coin"
-e_n = 0.87
-e_t = -0.88
-mu = 0.21
-
-[[species]]
-name = "coins"
-number = 400
-material = "coin"
-mass = 1.0
-diameter = 1.0
-speed_rms = 1.4
-
-[[force]]
-kind = "random_kicks"
-step = 0.05
-power = 0.5
-
-[output]
-frames = 12
-fields = ["position", "velocity", "angle", "angular_velocity", "collisions", "image", "last_partner"]
-series = 70
-histories_sample = 20
-picture = false
-"""
+CASE = case_text({
+    "run.seed": 3, "run.t_end": 2.0, "box.packing_fraction": 0.3, "material[0].e_n": 0.87,
+    "material[0].e_t": -0.88, "material[0].mu": 0.21, "species[0].number": 400,
+    "species[0].speed_rms": 1.4, "force": [{"kind": "random_kicks", "step": 0.05, "power": 0.5}],
+    "output": {
+        "frames": 12,
+        "fields": ["position", "velocity", "angle", "angular_velocity", "collisions", "image", "last_partner"],
+        "series": 70, "histories_sample": 20, "picture": False,
+    },
+})  # fmt: skip
 
 
 def contents(path: Path) -> dict[str, bytes]:
@@ -412,37 +387,12 @@ def test_signals_end_a_run_with_a_checkpoint(tmp_path, monkeypatch, capsys, numb
         assert 5 < len(file["particles/all/box/edges/step"]) < 100  # of 4001
 
 
-SLOT = """
-[run]
-name = "gas"
-t_end = 0.26
-units = "reduced"
-threads = 1
-
-[box]
-lengths = [10.0, 1.0000002]
-periodic = [true, false]
-material = "coin"
-
-[[material]]
-name = "coin"
-e_n = 1.0
-e_t = -1.0
-mu = 0.0
-
-[[species]]
-name = "coins"
-number = 1
-material = "coin"
-mass = 1.0
-diameter = 1.0
-speed_rms = 1.4
-
-[output]
-frames = 1
-picture = false
-views = false
-"""
+SLOT = case_text({
+    "run.t_end": 0.26, "run.threads": 1, "box.lengths": [10.0, 1.0000002], "box.periodic": [True, False],
+    "box.material": "coin", "box.packing_fraction": None, "material[0].e_n": 1.0, "material[0].e_t": -1.0,
+    "material[0].mu": 0.0, "species[0].number": 1, "species[0].diameter": 1.0, "species[0].speed_rms": 1.4,
+    "species[0].radius": None, "output": {"frames": 1, "picture": False, "views": False},
+})  # fmt: skip
 
 
 def test_a_signal_within_a_window_of_a_million_events_ends_the_run_there(tmp_path, monkeypatch, capsys):

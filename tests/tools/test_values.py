@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from cyclopts import App, CycloptsError
 from pydantic import ValidationError
+from support.cases import case_text
 
 from ifrdem.case import file as case_file
 from ifrdem.case.section import Section
@@ -21,23 +22,12 @@ from ifrdem.tools import values
 from ifrdem.tools.checked import validated
 from ifrdem.tools.values import Count, Fraction, NonNegative, Positive, Ratio, Real, is_integer, is_number
 
-CASE = """
-[run]
-collisions_per_disk = 1.0
-[box]
-lengths = [8.0, 8.0]
-[[material]]
-name = "steel"
-e_n = 0.9
-e_t = -0.9
-mu = 0.1
-[[species]]
-name = "coins"
-number = 2
-material = "steel"
-mass = 1.0
-radius = 0.5
-"""
+CASE = case_text({
+    "run.collisions_per_disk": 1.0, "run.name": None, "run.t_end": None, "run.units": None,
+    "box.lengths": [8.0, 8.0], "box.packing_fraction": None, "material[0].name": "steel",
+    "material[0].e_t": -0.9, "material[0].mu": 0.1, "species[0].number": 2, "species[0].material": "steel",
+    "species[0].speed_rms": None,
+})  # fmt: skip
 RANGE = "must be a positive number from 1e-50 to 1e+50"
 
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 from support import manual
+from support.cases import case_text
 
 import ifrdem
 from ifrdem import Device
@@ -35,19 +36,11 @@ from ifrdem.validation.speed.table import Cost, Memory, Speed
 
 SMALL = ["--n", "200", "--phi", "0.2", "--threads", "1", "--runs", "2", "--seconds", "0.01"]
 
-CASE = """
-[run]
-name = "coins"
-t_end = 1.0
-threads = 1
-[box]
-packing_fraction = 0.2
-[[species]]
-name = "coins"
-coin = "1 pta"
-number = 150
-speed_rms = 1.0
-"""
+CASE = case_text({
+    "run.name": "coins", "run.threads": 1, "run.units": None, "species[0].coin": "1 pta",
+    "species[0].number": 150, "species[0].material": None, "species[0].mass": None,
+    "species[0].radius": None, "material": None,
+})  # fmt: skip
 
 
 @pytest.fixture
