@@ -185,7 +185,7 @@ def test_arrays_are_checked_as_files_are() -> None:
         Data(psi=psi, measured={"delta2": psi}, errors={"psi": 1.0})
     with pytest.raises(InputError, match=r"delta_2: missing from errors"):
         Data(psi=psi, measured={"delta_2": psi}, errors={"psi": 1.0})
-    with pytest.raises(InputError, match=r"key of measured = 0: must be a name"):
+    with pytest.raises(InputError, match=r"key of measured = 0: must be"):
         Data(psi=psi, measured={0: psi}, errors={"psi": 1.0})  # type: ignore[dict-item]
 
 

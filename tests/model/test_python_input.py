@@ -83,7 +83,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "number for a shape": (lambda: Wall(3, (0, 0)), "shape = 3: must be one of"),
     "huge radius": (
         lambda: Wall.post((0, 0), 1e200),
-        r"radius = 1e\+200: must be 0, or a number from 1e-50 to 1e\+50: choose other units",
+        r"radius = 1e\+200: must be",
     ),
     "huge place": (lambda: Wall.line((0, 1e300), (0, 1)), r"point\[1\] = 1e\+300: must be a finite"),
     "text for a speed": (lambda: Motion("steady", speed="fast"), "speed = 'fast'"),

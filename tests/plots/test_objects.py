@@ -112,9 +112,7 @@ def test_colours_are_those_of_the_quantity(gas: ifrdem.Simulation) -> None:
             np.testing.assert_allclose(np.asarray(drawn.get_array())[:3], values, atol=1e-15)
             assert axes.child_axes[0].get_ylabel()
     assert not gas.plot(color="none").child_axes
-    with pytest.raises(
-        InputError, match=r"color = sped: must be one of spin, speed, .* \(did you mean 'speed'"
-    ):
+    with pytest.raises(InputError, match=r"color = sped: .*did you mean 'speed'"):
         gas.plot(color="sped")
 
 
@@ -237,7 +235,7 @@ def test_wrong_axes_are_refused(tmp_path: Path, gas: ifrdem.Simulation) -> None:
             InputError, match=r"no picture is called 'temperature'.*did you mean 'temperatures'"
         ):
             run.plot("temperature")
-    with pytest.raises(InputError, match="ax = 3: must be Axes of Matplotlib"):
+    with pytest.raises(InputError, match="ax = 3: must be"):
         gas.plot(3)  # type: ignore[arg-type]
 
 

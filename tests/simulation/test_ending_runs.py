@@ -339,7 +339,7 @@ def test_run_for_adds_to_what_has_been_and_run_is_a_total() -> None:
     [
         ({}, "exactly one of time and collisions_per_disk"),
         ({"time": 1.0, "collisions_per_disk": 1.0}, "exactly one of"),
-        ({"time": 0.0}, "time = 0.0: must be a positive number from 1e-50"),
+        ({"time": 0.0}, "time = 0.0: must be"),
         ({"time": float("inf")}, "time = inf: must be"),
         ({"collisions_per_disk": -1.0}, "collisions_per_disk = -1.0: must be"),
         ({"collisions_per_disk": "x"}, "collisions_per_disk = 'x': must be"),

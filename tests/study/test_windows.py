@@ -106,7 +106,7 @@ def test_a_start_that_is_given_wins_and_must_lie_in_the_run(tmp_path):
     assert found.values("stress_N_1") == pytest.approx(normal_difference(late), rel=1e-9)
     assert found.values("analyses_from") == 1.5
     (tmp_path / "study.toml").write_text(text.format(2.0))
-    with pytest.raises(InputError, match=r"analyses_from = 2: must be before 2, the end of the run"):
+    with pytest.raises(InputError, match=r"analyses_from = 2: must be"):
         ifrdem.Study(tmp_path / "study.toml")
     (tmp_path / "study.toml").write_text(text.format(3.0).replace('["stress"]', '["velocity"]'))
     with pytest.raises(InputError, match=r"analyses_from = 3: requires an analysis over time: msd, "):
