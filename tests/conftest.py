@@ -17,7 +17,7 @@ from support import own_folders  # isort: skip (before matplotlib and Taichi)
 import pytest
 from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
-from support import cases
+from support import cases, gases
 
 import ifrdem
 from ifrdem.kernels.compiler import runtime
@@ -235,6 +235,12 @@ def toml(base: str, tmp_path: Path) -> Path:
     path = tmp_path / f"{cases.changed(text=base)['run']['name']}.toml"
     path.write_text(base, encoding="utf-8")
     return path
+
+
+@pytest.fixture
+def gas(request: pytest.FixtureRequest) -> gases.MakeGas:
+    """Makes gases with the law of the module, its LAW, on a lattice: `gas(100, 0.3, forces=[...])`."""
+    return partial(gases.gas_of, law=getattr(request.module, "LAW", gases.ROUGH))
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ BOX = Box((20.0, 10.0))
 N = 4000
 
 
-def write(path: Path, make, *, frames=10, box=BOX, n=N, **options) -> Path:
+def write_frames(path: Path, make, *, frames=10, box=BOX, n=N, **options) -> Path:
     """Frames at t = 0, 1, ...: `make(rng, disks)` gives positions, velocities and spins."""
     rng = np.random.default_rng(7)
     disks = Disks(n, np.where(np.arange(n) % 2 == 0, 1.0, 3.0), 0.1)
@@ -53,7 +53,7 @@ def test_a_gas_that_flows_has_this_flow_and_temperatures_about_it(tmp_path: Path
         v, spin = thermal(rng, disks)
         return position, v + np.stack((2.0 + 0.2 * position[:, 1], np.zeros(disks.n)), axis=1), spin
 
-    with Trajectory(write(tmp_path / "a.h5", make, frames=40)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, frames=40)) as run:
         found = analysis.profiles(run, "y", 10, frames=range(40))
         grid = analysis.mean_fields(run, (4, 5), frames=range(40))
     (y,) = found.middles
@@ -90,7 +90,7 @@ def test_velocities_of_third_moments_carry_heat(tmp_path: Path) -> None:
         spin = np.where(fast, np.sqrt(3.0 / disks.inertia), 0.0)
         return rng.random((disks.n, 2)) * BOX.lengths, velocity + np.array((5.0, 7.0)), spin
 
-    with Trajectory(write(tmp_path / "a.h5", make, frames=60)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, frames=60)) as run:
         found = analysis.profiles(run, "x", 5, frames=range(60))
     within(found, "velocity", (5.0, 7.0))
     within(found, "heat_flux_kinetic", [0.0, 3.0 * N / 200.0])
@@ -102,7 +102,7 @@ def test_errors_are_those_of_many_independent_gases(tmp_path: Path) -> None:
     def make(rng, disks):
         return (rng.random((disks.n, 2)) * BOX.lengths, *thermal(rng, disks))
 
-    with Trajectory(write(tmp_path / "a.h5", make, frames=100)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, frames=100)) as run:
         found = analysis.profiles(run, "x", 60, frames=range(100))
     n = N / 200.0
     expected = {
@@ -130,7 +130,7 @@ def test_errors_know_that_frames_are_correlated(tmp_path: Path) -> None:
             held.append(held[-1])
         return held[-1]
 
-    with Trajectory(write(tmp_path / "a.h5", make, frames=200, n=1000)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, frames=200, n=1000)) as run:
         all_ = analysis.profiles(run, "x", 40, frames=range(200))
         once = analysis.profiles(run, "x", 40, frames=range(0, 200, 5))
     np.testing.assert_allclose(all_.mean.velocity, once.mean.velocity, rtol=1e-9)
@@ -153,7 +153,7 @@ def test_rings_of_a_rotating_gas(tmp_path: Path) -> None:
         v, spin = thermal(rng, disks, 4.0, 4.0)
         return 5.0 + away, v + 0.5 * away[:, ::-1] * (-1.0, 1.0), spin
 
-    with Trajectory(write(tmp_path / "a.h5", make, box=box, walls=[drum, post], frames=20)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, box=box, walls=[drum, post], frames=20)) as run:
         found = analysis.profiles(run, "r", 7, frames=range(20))
     (r,) = found.middles
     assert (found.axes, found.directions) == (("r",), ("r", "t"))
@@ -179,7 +179,7 @@ def test_a_sheared_box_has_its_flow_and_no_heat_of_it_in_the_temperature(tmp_pat
         v, spin = thermal(rng, disks)
         return position, v + box.flow(position), spin
 
-    with Trajectory(write(tmp_path / "a.h5", make, box=box, frames=40)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, box=box, frames=40)) as run:
         found = analysis.profiles(run, "y", 5, frames=range(40))
     within(found, "velocity", np.stack((3.0 * (found.middles[0] - 5.0), np.zeros(5)), axis=1))
     within(found, "temperatures", [4.0, 9.0])  # with the flow within a strip T_x would be 4 + 6
@@ -192,7 +192,7 @@ def test_an_open_box_has_temperatures_and_cells_but_no_area_of_strips(tmp_path: 
 
     floor = Wall.line((0.0, -6.0), (0.0, 1.0))
     post = Wall.post((50.0, 50.0), 1.0)
-    with Trajectory(write(tmp_path / "a.h5", make, box=Box.open(), walls=[floor, post])) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, box=Box.open(), walls=[floor, post])) as run:
         found = analysis.profiles(run, "y", 5, frames=range(10))
         grid = analysis.mean_fields(run, (4, 2), frames=range(10))
         rings = analysis.profiles(run, "r", 5, frames=range(10))
@@ -216,7 +216,7 @@ def test_species_have_their_own_averages_by_name(tmp_path: Path) -> None:
         return position, v, spin
 
     species = json.dumps([{"name": "cold", "number": half}, {"name": "hot", "number": N - half}])
-    with Trajectory(write(tmp_path / "a.h5", make, parameters={"species": species}, frames=20)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, parameters={"species": species}, frames=20)) as run:
         found = analysis.profiles(run, "x", 4, frames=range(20))
     assert list(found.species) == ["cold", "hot"]
     cold, hot = found.species.values()
@@ -434,7 +434,7 @@ def test_a_bin_with_a_disk_in_some_frames_is_no_extreme_of_means_over_disks(tmp_
             position[0], v[0] = (10.0, 9.5), (100.0, 0.0)
         return position, v, spin
 
-    with Trajectory(write(tmp_path / "a.h5", make, n=400)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, n=400)) as run:
         found = catalogue.of_profiles(run, range(10), axis="y", bins=5)
     rows = {row.name: row.value for row in found.rows}
     assert found.result.disks[-1] == 2
@@ -464,7 +464,7 @@ def test_bad_input_is_refused(tmp_path: Path, given: dict, message: str) -> None
         return (rng.random((disks.n, 2)) * BOX.lengths, *thermal(rng, disks))
 
     with (
-        Trajectory(write(tmp_path / "a.h5", make, frames=2, n=10)) as run,
+        Trajectory(write_frames(tmp_path / "a.h5", make, frames=2, n=10)) as run,
         pytest.raises(InputError, match=message),
     ):
         analysis.profiles(run, **given)

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from support.gases import COIN, ELASTIC, equal_disks, equilibrated, partners, run_to
+from support.gases import COIN, ELASTIC, equal_disks, equilibrated, partners, run, run_to
 from support.serial_reference import simulate
 
 from ifrdem import ContactTime, Device, Rest, VelocityCutoff
@@ -25,18 +25,6 @@ from ifrdem.validation.rows import engine_of
 
 ORDERS = ("serial", "tiled")
 INELASTIC = (0.6, *ELASTIC[1:])
-
-
-def run(engine: Engine, count: int) -> list[tuple[int, int]]:
-    """The pairs of exactly `count` further collisions, in order."""
-    engine.keep_collisions = True
-    target = engine.collisions + count
-    pairs: list[tuple[int, int]] = []
-    while engine.collisions < target:
-        engine.advance(collisions=target)
-        assert engine.last_collisions is not None
-        pairs += [(int(a), int(b)) for a, b in engine.last_collisions.pair]
-    return pairs
 
 
 def n_elastic(n: int, collisions: list[tuple[float, int, int]], contact_time: float) -> int:
@@ -73,7 +61,7 @@ def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
     elastic = n_elastic(disks.n, expected, contact_time)
     assert 0.15 * count < elastic < 0.7 * count
     np.testing.assert_array_equal(
-        partners(np.array(run(engine, count))), partners(np.array([sorted(one[1:]) for one in expected]))
+        partners(run(engine, count).pair), partners(np.array([sorted(one[1:]) for one in expected]))
     )
     assert engine.statistics.windows > 2
     assert engine.statistics.elastic == elastic
@@ -95,10 +83,10 @@ def test_a_stored_state_has_the_latest_collision_times() -> None:
     run(first, 500)
     half = first.state()
     assert np.isfinite(half.latest_collision).mean() > 0.5
-    on = run(first, 500)
-    assert np.array_equal(partners(np.array(run(engine(half), 500))), partners(np.array(on)))
-    forgot = run(engine(replace(half, latest_collision=None)), 500)
-    assert not np.array_equal(partners(np.array(forgot)), partners(np.array(on)))
+    on = run(first, 500).pair
+    assert np.array_equal(partners(run(engine(half), 500).pair), partners(on))
+    forgot = run(engine(replace(half, latest_collision=None)), 500).pair
+    assert not np.array_equal(partners(np.array(forgot)), partners(on))
 
 
 @pytest.mark.full

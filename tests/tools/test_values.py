@@ -11,8 +11,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pytest
 from cyclopts import App, CycloptsError
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 from support.cases import case_text
+from support.drawn import examples
 
 from ifrdem.case import file as case_file
 from ifrdem.case.section import Section
@@ -114,6 +117,26 @@ def test_a_wrong_value_gets_the_same_sentence_at_all_doors(
         assert error["msg"] == sentence
     assert str(of_argument.value) == f"{name} = {value!r}: {sentence}"
     assert of_option.value.msg == f"--{name} {text}: {sentence}"
+
+
+NUMBERS = st.one_of(st.floats(), st.floats(0.0, 2.0), st.integers(), st.integers(-2, 2))
+
+
+@given(st.sampled_from(("speed", "ratio", "rate", "spin", "part", "number")), NUMBERS)
+@examples(100)
+def test_all_doors_take_the_same_numbers(name: str, value: float) -> None:
+    """A number that one of them takes, the others take as the same; what one refuses, all refuse."""
+    answers: list[Any] = []
+    for door in (
+        lambda: getattr(Keys(**{name: value}), name),
+        lambda: function(**{name: value})[name],
+        lambda: run(name, repr(value)),
+    ):
+        try:
+            answers.append(door())
+        except (ValidationError, InputError, CycloptsError):
+            answers.append("refused")
+    assert answers == [answers[0]] * 3
 
 
 def test_a_key_says_the_sentence_with_its_text(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
 
 
 @pytest.fixture(scope="module")
-def gas(tmp_path_factory):
+def described(tmp_path_factory):
     folder = tmp_path_factory.mktemp("described")
     (folder / "gas.toml").write_text(CASE)
     case = ifrdem.Case.read(folder / "gas.toml")
@@ -61,8 +61,8 @@ def gas(tmp_path_factory):
     return folder / "gas.h5"
 
 
-def test_each_dataset_of_a_run_has_units_and_a_description(gas):
-    with h5py.File(gas) as file:
+def test_each_dataset_of_a_run_has_units_and_a_description(described):
+    with h5py.File(described) as file:
         found = datasets(file)
         assert len(found) > 80
         for name, dataset in found.items():
@@ -79,15 +79,15 @@ def test_each_dataset_of_a_run_has_units_and_a_description(gas):
     assert units["observables/temperature/value"] == units["particles/all/dissipated/value"] == "J"
 
 
-def test_the_example_of_the_manual_prints_a_description(gas, tmp_path, monkeypatch, capsys):
-    shutil.copy(gas, tmp_path / "cooling.h5")
+def test_the_example_of_the_manual_prints_a_description(described, tmp_path, monkeypatch, capsys):
+    shutil.copy(described, tmp_path / "cooling.h5")
     monkeypatch.chdir(tmp_path)
     exec(compile(block("describe-python"), "format.md", "exec"), {})
     assert capsys.readouterr().out == "angular velocities, counter-clockwise [ rad s-1 ]\n"
 
 
-def test_species_are_not_materials(gas):
-    with h5py.File(gas) as file:
+def test_species_are_not_materials(described):
+    with h5py.File(described) as file:
         particles = file["particles/all"]
         assert particles["species"][:].tolist() == [0] * 12 + [1] * 8
         names = [one["name"] for one in json.loads(file["parameters/species"].asstr()[()])]
