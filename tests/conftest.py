@@ -15,7 +15,7 @@ from pathlib import Path
 from support import own_folders  # isort: skip (before matplotlib and Taichi)
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 from matplotlib.figure import Figure
 from support import cases, gases
 
@@ -37,7 +37,12 @@ for name in (
     "full",
 ):  # examples: the same in each run, of fixtures that they share, however long
     settings.register_profile(
-        name, derandomize=True, deadline=None, print_blob=False, suppress_health_check=list(HealthCheck)
+        name,
+        derandomize=True,
+        deadline=None,
+        print_blob=False,
+        suppress_health_check=list(HealthCheck),
+        phases=(Phase.explicit, Phase.generate, Phase.shrink),
     )
 
 
@@ -232,7 +237,7 @@ def problems(base: str) -> cases.Problems:
 @pytest.fixture
 def toml(base: str, tmp_path: Path) -> Path:
     """The file of the case of the module, alone in a folder and named as its run."""
-    path = tmp_path / f"{cases.changed(text=base)['run']['name']}.toml"
+    path = tmp_path / f"{cases.changed(text=base)['run'].get('name', 'case')}.toml"
     path.write_text(base, encoding="utf-8")
     return path
 

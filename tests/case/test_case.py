@@ -276,9 +276,7 @@ def test_one_disk_alone_has_no_expected_collisions(case: MakeCase) -> None:
     assert "nothing moves" not in shown
 
 
-def test_every_mistake_is_reported_at_once(tmp_path: Path) -> None:
-    path = tmp_path / "wrong.toml"
-    path.write_text(CASE, encoding="utf-8")
+def test_every_mistake_is_reported_at_once(toml: Path) -> None:
     types = {
         "run.sede": "3",
         "box.packing_fraction": "0.95",
@@ -289,13 +287,13 @@ def test_every_mistake_is_reported_at_once(tmp_path: Path) -> None:
     # keys, types and ranges first; then what needs several sections
     for wrong, keys in ((rules | types, set(types)), (rules, {*rules, "box"} - {"species[0].number"})):
         with pytest.raises(InputError) as error:
-            case_file.read(path, [f"{key}={value}" for key, value in wrong.items()])
+            case_file.read(toml, [f"{key}={value}" for key, value in wrong.items()])
         lines = str(error.value).splitlines()
-        assert {line.split(" = ")[0] for line in lines} == {f"{path}: {key}" for key in keys}
+        assert {line.split(" = ")[0] for line in lines} == {f"{toml}: {key}" for key in keys}
         assert all(line.endswith("[set on the command line]") for line in lines if "box = " not in line)
 
 
-def test_a_run_validates_its_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_validates_its_case_once(toml: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From reading it to the first frame: a start file is read and pairs are judged once."""
     done: list[str] = []
 
@@ -305,13 +303,11 @@ def test_a_run_validates_its_case_once(tmp_path: Path, monkeypatch: pytest.Monke
 
     monkeypatch.chdir(tmp_path)
     rows = "x,y,vx,vy,spin\n1,1,1,0,0\n3,1,-1,0,0\n"
-    path = tmp_path / "case.toml"
-    path.write_text(CASE, encoding="utf-8")
     wanted = [*start_case(tmp_path, rows), "species[0].speed_rms=", "run.collisions_per_disk=1.0"]
     for module, name in ((from_csv, "read"), (pair_rules, "verdicts")):
         counted(module, name)
     assert (
-        main(["run", str(path), "--no-picture", *(word for each in wanted for word in ("--set", each))]) == 0
+        main(["run", str(toml), "--no-picture", *(word for each in wanted for word in ("--set", each))]) == 0
     )
     assert sorted(done) == ["read", "verdicts"]
 
@@ -839,12 +835,10 @@ def test_brackets_and_dots_in_comments_and_texts_are_no_nesting(tmp_path, commen
             case_file.read(path)
 
 
-def test_keys_of_the_command_line_are_those_of_cases(tmp_path):
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
+def test_keys_of_the_command_line_are_those_of_cases(toml):
     for key in ("run.²", "run.séed", ".".join("a" * 50_000), f"species[{'9' * 5000}].k"):
         with pytest.raises(InputError, match=r"must be KEY=VALUE") as caught:
-            case_file.read(path, [f"{key}=1"])
+            case_file.read(toml, [f"{key}=1"])
         assert len(str(caught.value)) < 200
 
 
@@ -873,32 +867,26 @@ UNITS = ": choose other units (r"
         ("box.shear_rate", -1e300, UNITS),
     ],
 )
-def test_numbers_whose_products_overflow_are_refused_by_key_and_range(tmp_path, key, value, says):
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
+def test_numbers_whose_products_overflow_are_refused_by_key_and_range(toml, key, value, says):
     with pytest.raises(InputError) as caught:
-        case_file.read(path, [f"{key}={value}"])
+        case_file.read(toml, [f"{key}={value}"])
     (line,) = str(caught.value).splitlines()
     assert f"{key} = {value}: must be" in line
     assert says in line
     assert ("units" in line) == (says == UNITS)
 
 
-def test_a_second_error_next_to_a_wrong_choice_is_reported_too(tmp_path):
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
+def test_a_second_error_next_to_a_wrong_choice_is_reported_too(toml):
     with pytest.raises(InputError) as caught:
-        case_file.read(path, ["run.t_end=1e300"])
+        case_file.read(toml, ["run.t_end=1e300"])
     printed = str(caught.value)
     assert "exactly one of t_end" in printed
     assert "run.t_end = 1e+300: must be" in printed
 
 
-def test_a_collapse_that_is_no_text_is_refused(tmp_path):
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
+def test_a_collapse_that_is_no_text_is_refused(toml):
     with pytest.raises(InputError, match=r"run\.collapse: must be"):
-        case_file.read(path, ['run.collapse=["rest"]'])
+        case_file.read(toml, ['run.collapse=["rest"]'])
 
 
 @pytest.mark.parametrize(
@@ -934,12 +922,10 @@ BEYOND = 'output.precision = "f32": the field dissipated: energies of disks of'
         ),
     ],
 )
-def test_a_check_refuses_the_magnitudes_that_a_run_refuses(case, tmp_path, overrides, reason):
+def test_a_check_refuses_the_magnitudes_that_a_run_refuses(case, toml, overrides, reason):
     """Speeds of 1e40 are beyond single precision, 3.4e38; their squares at 1e-17, 1e-34, below what f32 resolves."""
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
     with pytest.raises(InputError, match=reason):
-        case_file.read(path, overrides)
+        case_file.read(toml, overrides)
     made = case(*overrides)
     with pytest.raises(InputError, match=reason):
         CaseGas.from_case(made)
@@ -949,17 +935,15 @@ def test_a_check_refuses_the_magnitudes_that_a_run_refuses(case, tmp_path, overr
             gas.simulation()
 
 
-def test_a_flow_too_fast_for_theory_to_follow_collides_as_in_its_steady_state(tmp_path):
+def test_a_flow_too_fast_for_theory_to_follow_collides_as_in_its_steady_state(toml):
     """Times count in units of 1 / rate there, so collisions in a given time go with the rate.
 
     At 1e4 theory follows the heating, too, and the anisotropy of the temperature, which takes 1 % of the collisions.
     """
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
 
     def expected(rate: str) -> float:
         overrides = [f"box.shear_rate={rate}", "run.t_end=1.0", "run.collisions_per_disk="]
-        return RunEstimate.of(CaseGas.from_case(case_file.read(path, overrides).case)).collisions
+        return RunEstimate.of(CaseGas.from_case(case_file.read(toml, overrides).case)).collisions
 
     assert expected("1e10") == pytest.approx(1e2 * expected("1e8"), rel=1e-9)
     assert expected("1e10") == pytest.approx(1e6 * expected("1e4"), rel=0.02)

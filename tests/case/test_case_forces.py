@@ -189,10 +189,8 @@ def test_a_run_with_a_rate_records_it_and_keeps_its_ledger(
     )
 
 
-def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    case = tmp_path / "kicked.toml"
-    case.write_text(CASE)
-    assert main(["check", str(case), "--set", "species[0].speed_rms=2.0"]) == 0
+def test_check_predicts_a_driven_gas(toml: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(toml), "--set", "species[0].speed_rms=2.0"]) == 0
     shown = capsys.readouterr().out
     assert re.search(
         r"force 0 +random_kicks \(power = 3\)\n +force 0: step +0\.05\n"
@@ -204,14 +202,14 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert free_time
     for part, warned in ((0.19, False), (0.25, True)):
         sets = ["species[0].speed_rms=2.0", f"force[0].step={part * float(free_time[1])}"]
-        assert main(["check", str(case), *(word for each in sets for word in ("--set", each))]) == 0
+        assert main(["check", str(toml), *(word for each in sets for word in ("--set", each))]) == 0
         err = capsys.readouterr().err
         assert ("force[0].step = " in err) == warned
     most = re.search(r"0\.25 mean free times at the start; use at most ([\d.]+) \(0\.05 mean", err)
     assert most
     assert float(most[1]) == pytest.approx(0.05 * float(free_time[1]), rel=2e-3)
     at_random = [word for each in AT_RANDOM_TIMES for word in ("--set", each)]
-    assert main(["check", str(case), *at_random]) == 0
+    assert main(["check", str(toml), *at_random]) == 0
     assert re.search(
         r"force 0 +poisson_kicks \(power = 3\)\n +force 0: mean time between two kicks of a disk +0\.05\n"
         r" +force 0: acts +within windows, on each disk at random times\n",
@@ -222,7 +220,7 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
         0,
     )
     assert re.search(rf"kinetic theory: T +{T:.4g}\n.*kinetic theory: T_rot +{T_rot:.4g}\n", shown)
-    assert main(["check", str(case), "--set", "force[0].kind=random_kick"]) == 2
+    assert main(["check", str(toml), "--set", "force[0].kind=random_kick"]) == 2
     assert "did you mean 'random_kicks'" in capsys.readouterr().err
 
 

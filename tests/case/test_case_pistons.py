@@ -125,14 +125,12 @@ def test_a_stopped_run_with_a_piston_resumes_to_the_same_file(
 
 
 def test_check_advises_a_remedy_for_collapse_that_pistons_take(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    toml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
-    assert main(["check", str(path)]) == 0
+    assert main(["check", str(toml)]) == 0
     assert 'set run.collapse = "velocity_cutoff" or "contact_time"' in capsys.readouterr().out
     for remedy, value in (
         ("velocity_cutoff", "run.velocity_cutoff=0.01"),
         ("contact_time", "run.contact_time=0.01"),
     ):
-        assert main(["check", str(path), "--set", f"run.collapse={remedy}", "--set", value]) == 0
+        assert main(["check", str(toml), "--set", f"run.collapse={remedy}", "--set", value]) == 0

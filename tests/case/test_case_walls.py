@@ -412,10 +412,8 @@ def test_check_names_walls_on_which_no_disk_can_rest(
     assert "moves, and supports no disks" in capsys.readouterr().err
 
 
-def test_check_describes_the_motion_of_walls(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "shaken.toml"
-    path.write_text(CASE)
-    assert main(["check", str(path)]) == 0
+def test_check_describes_the_motion_of_walls(toml: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(toml)]) == 0
     shown = capsys.readouterr().out
     area = 20.0 * 23.5 - 4.0 * math.pi
     assert "100 disks in a box of 20 x 24, between walls, reduced units" in shown
@@ -436,7 +434,7 @@ def test_check_describes_the_motion_of_walls(tmp_path: Path, capsys: pytest.Capt
     assert re.search(
         r"estimated wall collision rate \(homogeneous, Maxwellian\) +[\d.]+ +per unit time", shown
     )
-    assert main(["check", str(path), "--set", "wall[0].shape=lin"]) == 2
+    assert main(["check", str(toml), "--set", "wall[0].shape=lin"]) == 2
     assert "did you mean 'line'" in capsys.readouterr().err
 
 

@@ -78,7 +78,7 @@ def odd(dice: Dice) -> Any:
     )  # fmt: skip
 
 
-TEXTS_OF_CASES = sources()
+TEXTS_OF_CASES = sorted(sources(), key=len)
 
 
 @st.composite

@@ -265,12 +265,10 @@ def test_a_checkpoint_that_cannot_be_written_reports_what_remains(
     same(tmp_path / "gas.h5", whole)
 
 
-def test_a_changed_case_is_refused_with_what_changed(whole, tmp_path, stopping, capsys):
-    case = tmp_path / "gas.toml"
-    case.write_text(CASE)
+def test_a_changed_case_is_refused_with_what_changed(whole, toml, tmp_path, stopping, capsys):
     stopping += [20]
-    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
-    case.write_text(CASE.replace("mu = 0.21", "mu = 0.3"))
+    assert cli.main(["run", str(toml), "-o", f"{tmp_path}/"]) == 130
+    toml.write_text(CASE.replace("mu = 0.21", "mu = 0.3"))
     capsys.readouterr()
     assert cli.main(["resume", str(tmp_path)]) == 2
     printed = capsys.readouterr().err
@@ -433,12 +431,10 @@ def stopped_with_a_checkpoint(folder: Path, word: str, printed: str) -> None:
     assert content["state"] == "interrupted"
 
 
-def test_a_killed_run_resumes_to_the_same_file(whole, tmp_path):
+def test_a_killed_run_resumes_to_the_same_file(whole, toml, tmp_path):
     """SIGKILL at moments of its life drawn at random; the checkpoint is the one of the beginning."""
     rng = random.Random(5)
-    case = tmp_path / "gas.toml"
-    case.write_text(CASE)
-    process = launched(case)
+    process = launched(toml)
     while not (tmp_path / "gas.checkpoint.h5").exists():
         assert process.poll() is None, process.communicate()[1]
         time.sleep(0.005)

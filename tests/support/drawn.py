@@ -67,6 +67,13 @@ def random_cases(draw: Any, kinds: Sequence[str] = cases.KINDS) -> tuple[dict[st
     return cases.random_case(Dice(draw), draw(st.sampled_from(kinds)))  # type: ignore[arg-type]
 
 
+class Whole(bytes):
+    """The bytes of a whole file; the report of a failure does not list them."""
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} bytes>"
+
+
 class Damage(NamedTuple):
     """What is done to the bytes of a file: from `at` on, `size` bytes become `new`."""
 

@@ -139,17 +139,15 @@ def test_all_doors_take_the_same_numbers(name: str, value: float) -> None:
     assert answers == [answers[0]] * 3
 
 
-def test_a_key_says_the_sentence_with_its_text(tmp_path: Path) -> None:
+def test_a_key_says_the_sentence_with_its_text(toml: Path) -> None:
     """As the argument of Python does; behind it, what the key means."""
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
     for key, value, sentence in (
         ("species[0].radius", "1e60", f"{RANGE}: choose other units (radius [m])"),
         ("run.precision", "f46", "must be one of 'f64', 'f32' (did you mean 'f64'?)"),
         ("box.gravity", "[0.0, 1e60]", "must be a finite number, at most 1e+50 in size: choose other units"),
     ):
         with pytest.raises(InputError) as refused:
-            case_file.read(path, [f"{key}={value}"])
+            case_file.read(toml, [f"{key}={value}"])
         assert sentence in str(refused.value)
         assert f"{key}[1] = 1e+60" in str(refused.value) or key != "box.gravity"
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.drawn import damaged, examples, flips
+from support.drawn import Whole, damaged, examples, flips
 from support.layout_files import BOX, add_histories, add_series, some_disks, some_state
 
 from ifrdem.cli import main as cli
@@ -78,7 +78,7 @@ def make(path: Path, compression: str = "none") -> Path:
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("whole")
-    return {each: make(folder / f"{each}.h5", each).read_bytes() for each in ("none", "gzip")}
+    return {each: Whole(make(folder / f"{each}.h5", each).read_bytes()) for each in ("none", "gzip")}
 
 
 def read(path: Path) -> None:
@@ -391,7 +391,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     chance = np.random.default_rng(1)
     arrays = {"flight": chance.normal(size=(N, 5)), "clock": np.array([1.0]), "one": np.array(3)}
     checkpoint.write(path, arrays, {"fingerprint": "f", "extra": {"plan": {}, "case": "text" * 50}})
-    return path.read_bytes()
+    return Whole(path.read_bytes())
 
 
 @given(st.data())
