@@ -237,7 +237,6 @@ def test_a_law_that_adds_energy_is_reported_by_check_and_run(
 
 PASSIVE = """
 import ifrdem
-from support.cases import case_text
 import numpy as np
 
 

@@ -589,7 +589,6 @@ def run_it(toml: Path, out: Path, engine: str) -> subprocess.Popen[str]:
     """A study of eight runs of two processes, in a process group of its own; it says when a run is done."""
     program = f"""
 import ifrdem
-from support.cases import case_text
 from ifrdem.study import workers
 workers.has_dask = lambda: {engine == "dask"}
 if __name__ == "__main__":

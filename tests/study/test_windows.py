@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.cases import case_text
 from test_study import CASE
 
 import ifrdem
@@ -23,13 +24,10 @@ from ifrdem.study.results import Results, warnings_of
 from ifrdem.study.task import Task, Variable
 from ifrdem.study.windows import SAME_RUN, window_of
 
-SHEARED = (
-    CASE.replace("e_n = 0.9", "e_n = 0.8")
-    .replace("collisions_per_disk = 4.0", "t_end = 20.0")
-    .replace("packing_fraction = 0.2", "packing_fraction = 0.2\nshear_rate = 1.0")
-    .replace("speed_rms = 1.4", "speed_rms = 6.0")
-    .replace("series = 5", "series = 80\nstress = true\nframes = 20")
-)
+SHEARED = case_text({
+    "material[0].e_n": 0.8, "run.collisions_per_disk": None, "run.t_end": 20.0, "box.shear_rate": 1.0,
+    "species[0].speed_rms": 6.0, "output": {"series": 80, "stress": True, "frames": 20},
+}, text=CASE)  # fmt: skip
 STUDY = """
 case = "gas.toml"
 [ensemble]
