@@ -167,26 +167,10 @@ def test_good_case_has_no_mistakes(problems: Problems) -> None:
         ("run.device=cdua", 'run.device = "cdua"', r"must be one of 'cpu', 'cuda' \(did you mean 'cuda'\?\)"),
         ("run.units=SI units", 'run.units = "SI units"', "must be one of 'SI', 'reduced'"),
         ("run.threads=0", "run.threads = 0", "must be"),
-        (
-            "run.collisions_per_disk=nan",
-            "run.collisions_per_disk = nan",
-            "must be",
-        ),
-        (
-            "run.collisions_per_disk=inf",
-            "run.collisions_per_disk = inf",
-            "must be",
-        ),
-        (
-            "run.collisions_per_disk=0",
-            "run.collisions_per_disk = 0",
-            "must be",
-        ),
-        (
-            "run.t_end=1.0",
-            "run",
-            "must have exactly one of t_end, collisions_per_disk; given: t_end, coll",
-        ),
+        ("run.collisions_per_disk=nan", "run.collisions_per_disk = nan", "must be"),
+        ("run.collisions_per_disk=inf", "run.collisions_per_disk = inf", "must be"),
+        ("run.collisions_per_disk=0", "run.collisions_per_disk = 0", "must be"),
+        ("run.t_end=1.0", "run", "must have exactly one of t_end, collisions_per_disk; given: t_end, coll"),
         ("run.collisions_per_disk=", "run", "must have exactly one of .*; given: none"),
         ("run=3", "run = 3", r"must be a table \(\[run\]"),
         (
@@ -277,12 +261,7 @@ def test_one_disk_alone_has_no_expected_collisions(case: MakeCase) -> None:
 
 
 def test_every_mistake_is_reported_at_once(toml: Path) -> None:
-    types = {
-        "run.sede": "3",
-        "box.packing_fraction": "0.95",
-        "material[0].e_n": "1.2",
-        "output.frames": "0",
-    }
+    types = {"run.sede": "3", "box.packing_fraction": "0.95", "material[0].e_n": "1.2", "output.frames": "0"}
     rules = {"species[0].material": "steel", "species[0].number": "2", "output.histories": "[100]"}
     # keys, types and ranges first; then what needs several sections
     for wrong, keys in ((rules | types, set(types)), (rules, {*rules, "box"} - {"species[0].number"})):

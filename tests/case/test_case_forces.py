@@ -49,11 +49,7 @@ def test_the_case_is_in_order(problems: Problems) -> None:
     [
         (["force[0].kind=random_kick"], 'force[0].kind = "random_kick"', "did you mean 'random_kicks'"),
         (["force[0].powr=1.0"], "force[0].powr = 1.0", "did you mean 'power'"),
-        (
-            ["force[0].power="],
-            "force[0]",
-            "must have exactly one of power, diffusion; given: none",
-        ),
+        (["force[0].power="], "force[0]", "must have exactly one of power, diffusion; given: none"),
         (["force[0].diffusion=1.0"], "force[0]", "given: power, diffusion"),
         (["force[0].power=0"], "force[0].power = 0", "must be"),
         (["force[0].step=-1.0"], "force[0].step = -1.0", "must be"),
@@ -68,11 +64,7 @@ def test_the_case_is_in_order(problems: Problems) -> None:
             "force[0].step = 0.05",
             "requires kind = 'random_kicks', ",
         ),
-        (
-            [*AT_RANDOM_TIMES, "force[0].rate=0.0"],
-            "force[0].rate = 0",
-            "must be",
-        ),
+        ([*AT_RANDOM_TIMES, "force[0].rate=0.0"], "force[0].rate = 0", "must be"),
         (
             ["force[0].quadratic=1.0"],
             "force[0].quadratic = 1",

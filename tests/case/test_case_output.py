@@ -87,14 +87,8 @@ def test_any_of_the_keys_of_histories_stores_them(toml):
         (("series_spacing=log",), "series, the number of rows, is missing"),
         (("log_from=0.1",), "log_from requires"),
         (("frames_interval=0.0",), "output.frames_interval = 0"),
-        (
-            ("frames_interval=1e-300",),
-            "frames_interval = 1e-300: must be",
-        ),
-        (
-            ("series_collisions=1e-300",),
-            "series_collisions = 1e-300: must be",
-        ),
+        (("frames_interval=1e-300",), "frames_interval = 1e-300: must be"),
+        (("series_collisions=1e-300",), "series_collisions = 1e-300: must be"),
         (("frames=1000000000000",), "output.frames = 1000000000000: must be an integer from 1 to 10000000"),
         (("histories=[]",), "output.histories = []: must have at least 1 entry, none given"),
         (

@@ -45,11 +45,7 @@ CASE = case_text({
             'wall[0].piston: cannot be combined with run.precision = "f32"',
         ),
         ("number = 40", "number = 30000", "wall[0].piston: cannot be combined with 30000 disks"),
-        (
-            "piston =",
-            'motion = { kind = "steady", speed = 0.1 }\npiston =',
-            "wall[0]: line wall, piston",
-        ),
+        ("piston =", 'motion = { kind = "steady", speed = 0.1 }\npiston =', "wall[0]: line wall, piston"),
         (
             'shape = "line"\nmaterial = "coin"\npoint = [0.0, 12.0]\nnormal = [0.0, -1.0]',
             'shape = "post"\nmaterial = "coin"\ncenter = [5.0, 5.0]\nradius = 1.0',

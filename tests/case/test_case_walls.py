@@ -73,11 +73,7 @@ def test_the_case_is_in_order(problems: Problems) -> None:
         (["wall[0].normal=[0.0, 0.0]"], "wall[0]", "no direction"),
         (["wall[0].normal=[0.0]"], "wall[0].normal", "at least 2 entries"),
         (["wall[1].radius=-1.0"], "wall[1].radius = -1.0", "must be"),
-        (
-            ["wall[1].shape=container", "wall[1].radius=0"],
-            "wall[1].radius = 0",
-            "must be",
-        ),
+        (["wall[1].shape=container", "wall[1].radius=0"], "wall[1].radius = 0", "must be"),
         (["wall[1].surface_sped=1.0"], "wall[1].surface_sped = 1.0", "did you mean 'surface_speed'"),
         (["wall[0].material="], "wall[0]", "must have either material or temperature"),
         (["wall[0].temperature=2.0"], "wall[0]", "must have either material or temperature"),
@@ -89,11 +85,7 @@ def test_the_case_is_in_order(problems: Problems) -> None:
             "requires kind = 'steady', not with 'sine'",
         ),
         (["wall[0].motion.direction=[0.0, 0.0]"], "wall[0].motion", "it has no direction"),
-        (
-            ["wall[0].motion.frequency=0.0"],
-            "wall[0].motion.frequency = 0.0",
-            "must be",
-        ),
+        (["wall[0].motion.frequency=0.0"], "wall[0].motion.frequency = 0.0", "must be"),
         (
             ["wall[0].material=stele"],
             "pair",
@@ -120,11 +112,7 @@ def test_the_case_is_in_order(problems: Problems) -> None:
         ),
         (["wall[1].center=[10.0, 27.0]"], "wall[1]", "the post lies outside of the box, which reaches from"),
         (["wall[0].point=[0.0, 23.5]"], "wall", "the walls leave no room for a disk of diameter 1"),
-        (
-            ["box.lengths=", "box.packing_fraction=0.2"],
-            "box.packing_fraction",
-            "give box.lengths",
-        ),
+        (["box.lengths=", "box.packing_fraction=0.2"], "box.packing_fraction", "give box.lengths"),
         (["run.collapse=velocity"], 'run.collapse = "velocity"', "did you mean 'velocity_cutoff'"),
         (["run.collapse=velocity_cutoff"], "run", 'collapse = "velocity_cutoff": velocity_cutoff missing'),
         (["run.collapse=rest"], "run", 'collapse = "rest": resting_speed missing'),
@@ -358,10 +346,7 @@ def test_check_refuses_rest_where_the_run_would(case: MakeCase) -> None:
 
 
 def test_rotating_gravity_reaches_the_engine_and_check_gives_its_rate(
-    case: MakeCase,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    case: MakeCase, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given: dict[str, object] = {}
     monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
@@ -449,10 +434,7 @@ ELASTIC = case_text({
 
 
 def test_a_run_between_walls_stores_them_and_its_ledger(
-    case: MakeCase,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    case: MakeCase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("shaken.toml").write_text(CASE)

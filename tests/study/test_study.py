@@ -599,10 +599,7 @@ if __name__ == "__main__":
     script = out.with_suffix(".py")
     script.write_text(program)
     return subprocess.Popen(
-        [sys.executable, str(script)],
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        [sys.executable, str(script)], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
 
 
