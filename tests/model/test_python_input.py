@@ -199,7 +199,7 @@ class Own(CollisionLaw):
 def things(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """One of each public class that holds anything."""
     path: Path = tmp_path_factory.mktemp("things") / "gas.h5"
-    one = gas_of(histories=[0])
+    one = gas_of(20, histories=[0])
     writer = TrajectoryWriter(path, one.disks, one.box)
     writer.begin_histories([0], one.state)
     one.run(t_end=1.0, frame_callbacks=[lambda state, measure: writer.write(state)])
