@@ -139,7 +139,7 @@ def sheared(threads: int | None = None) -> Simulation:
 
 
 def freed(threads: int | None = None) -> Simulation:
-    return gas_of(equal_disks(100), 0.4, COIN, Box.open(), device=Device(threads=threads), record=RECORD)
+    return gas_of(100, 0.4, COIN, Box.open(), device=Device(threads=threads), record=RECORD)
 
 
 def driven(threads: int | None = None) -> Simulation:
@@ -338,7 +338,7 @@ def test_writing_a_checkpoint_changes_nothing(tmp_path):
 
 def test_a_return_to_the_beginning_of_a_window_forgets_that_it_was_run(tmp_path):
     """The window that followed was taken for one that is run again, and `statistics` did not count it."""
-    one, other = (gas_of(equal_disks(100), 0.3, COIN) for _ in range(2))
+    one, other = (gas_of(100, 0.3, COIN) for _ in range(2))
     one.save_checkpoint(tmp_path / "begin.h5")
     one.run(t_end=0.01)
     one.load_checkpoint(tmp_path / "begin.h5")
