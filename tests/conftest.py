@@ -9,13 +9,17 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 from support import own_folders  # isort: skip (before matplotlib and Taichi)
 
 import pytest
+from hypothesis import HealthCheck, Phase, settings
 from matplotlib.figure import Figure
+from support import cases, gases
 
+import ifrdem
 from ifrdem.kernels.compiler import runtime
 from ifrdem.plots import run
 from ifrdem.simulation import backend
@@ -28,6 +32,18 @@ os.environ.update(dict.fromkeys(OPTIMIZATION, "0"))
 
 CUDA = any(device.name == "cuda" for device in backend.available())
 COSTS = Path(__file__).with_name("costs.txt")
+for name in (
+    "default run",
+    "full",
+):  # examples: the same in each run, of fixtures that they share, however long
+    settings.register_profile(
+        name,
+        derandomize=True,
+        deadline=None,
+        print_blob=False,
+        suppress_health_check=list(HealthCheck),
+        phases=(Phase.explicit, Phase.generate, Phase.shrink),
+    )
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -44,6 +60,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     runtime.choose(config.getoption("--runtime"), "--runtime")
+    settings.load_profile("full" if config.getoption("--full") else "default run")
     if not hasattr(config, "workerinput"):
         config.pluginmanager.register(Costs(config))
 
@@ -197,3 +214,43 @@ def figures() -> Iterator[None]:
     yield
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].close("all")
+
+
+@pytest.fixture(scope="module")
+def base(request: pytest.FixtureRequest) -> str:
+    """What the cases of a module begin with: its own text CASE, or else the smallest case."""
+    return getattr(request.module, "CASE", cases.SMALLEST)
+
+
+@pytest.fixture
+def case(base: str) -> cases.MakeCase:
+    """Makes cases with other values: `case({"output.stress": True})`, `case("run.seed=3", text=...)`."""
+    return lambda *changes, text=base: ifrdem.Case(**cases.changed(*changes, text=text))
+
+
+@pytest.fixture
+def problems(base: str) -> cases.Problems:
+    """Lists all that is wrong with a case with other values: `problems("run.sede=3", folder=tmp_path)`."""
+    return partial(cases.problems, text=base)
+
+
+@pytest.fixture
+def toml(base: str, tmp_path: Path) -> Path:
+    """The file of the case of the module, alone in a folder and named as its run."""
+    path = tmp_path / f"{cases.changed(text=base)['run'].get('name', 'case')}.toml"
+    path.write_text(base, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def gas(request: pytest.FixtureRequest) -> gases.MakeGas:
+    """Makes gases with the law of the module, its LAW, on a lattice: `gas(100, 0.3, forces=[...])`."""
+    return partial(gases.gas_of, law=getattr(request.module, "LAW", gases.ROUGH))
+
+
+@pytest.fixture
+def written(case: cases.MakeCase, tmp_path: Path) -> cases.Written:
+    """Runs cases with other values, and opens their trajectories: `written({"output.frames": 4})`."""
+    return lambda *changes: case(*changes).run_to(
+        tmp_path / f"run{len([*tmp_path.iterdir()])}.h5", picture=False
+    )

@@ -219,9 +219,9 @@ def test_bodies_that_are_no_disks_are_refused_by_name(client: int) -> None:
     ):
         with pytest.raises(InputError, match=message):
             bullet.step(client, bodies, law)
-    with pytest.raises(InputError, match=r"radius = -1.0: must be a positive number"):
+    with pytest.raises(InputError, match=r"radius = -1.0: must be"):
         bullet.add_disk(client, 1.0, -1.0)
-    with pytest.raises(InputError, match=r"normal = .*: must have a direction"):
+    with pytest.raises(InputError, match=r"normal = .*: must have"):
         bullet.add_wall(client, (0.0, 0.0), (0.0, 0.0))
 
 

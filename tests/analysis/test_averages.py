@@ -9,18 +9,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.cases import Written, case_text
 
+import ifrdem
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, Wall, analysis
 from ifrdem.analysis import averages, catalogue
 from ifrdem.analysis.bins import Strips
-from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 
 BOX = Box((20.0, 10.0))
 N = 4000
 
 
-def write(path: Path, make, *, frames=10, box=BOX, n=N, **options) -> Path:
+def write_frames(path: Path, make, *, frames=10, box=BOX, n=N, **options) -> Path:
     """Frames at t = 0, 1, ...: `make(rng, disks)` gives positions, velocities and spins."""
     rng = np.random.default_rng(7)
     disks = Disks(n, np.where(np.arange(n) % 2 == 0, 1.0, 3.0), 0.1)
@@ -52,7 +53,7 @@ def test_a_gas_that_flows_has_this_flow_and_temperatures_about_it(tmp_path: Path
         v, spin = thermal(rng, disks)
         return position, v + np.stack((2.0 + 0.2 * position[:, 1], np.zeros(disks.n)), axis=1), spin
 
-    with Trajectory(write(tmp_path / "a.h5", make, frames=40)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, frames=40)) as run:
         found = analysis.profiles(run, "y", 10, frames=range(40))
         grid = analysis.mean_fields(run, (4, 5), frames=range(40))
     (y,) = found.middles
@@ -89,7 +90,7 @@ def test_velocities_of_third_moments_carry_heat(tmp_path: Path) -> None:
         spin = np.where(fast, np.sqrt(3.0 / disks.inertia), 0.0)
         return rng.random((disks.n, 2)) * BOX.lengths, velocity + np.array((5.0, 7.0)), spin
 
-    with Trajectory(write(tmp_path / "a.h5", make, frames=60)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, frames=60)) as run:
         found = analysis.profiles(run, "x", 5, frames=range(60))
     within(found, "velocity", (5.0, 7.0))
     within(found, "heat_flux_kinetic", [0.0, 3.0 * N / 200.0])
@@ -101,7 +102,7 @@ def test_errors_are_those_of_many_independent_gases(tmp_path: Path) -> None:
     def make(rng, disks):
         return (rng.random((disks.n, 2)) * BOX.lengths, *thermal(rng, disks))
 
-    with Trajectory(write(tmp_path / "a.h5", make, frames=100)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, frames=100)) as run:
         found = analysis.profiles(run, "x", 60, frames=range(100))
     n = N / 200.0
     expected = {
@@ -129,7 +130,7 @@ def test_errors_know_that_frames_are_correlated(tmp_path: Path) -> None:
             held.append(held[-1])
         return held[-1]
 
-    with Trajectory(write(tmp_path / "a.h5", make, frames=200, n=1000)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, frames=200, n=1000)) as run:
         all_ = analysis.profiles(run, "x", 40, frames=range(200))
         once = analysis.profiles(run, "x", 40, frames=range(0, 200, 5))
     np.testing.assert_allclose(all_.mean.velocity, once.mean.velocity, rtol=1e-9)
@@ -152,7 +153,7 @@ def test_rings_of_a_rotating_gas(tmp_path: Path) -> None:
         v, spin = thermal(rng, disks, 4.0, 4.0)
         return 5.0 + away, v + 0.5 * away[:, ::-1] * (-1.0, 1.0), spin
 
-    with Trajectory(write(tmp_path / "a.h5", make, box=box, walls=[drum, post], frames=20)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, box=box, walls=[drum, post], frames=20)) as run:
         found = analysis.profiles(run, "r", 7, frames=range(20))
     (r,) = found.middles
     assert (found.axes, found.directions) == (("r",), ("r", "t"))
@@ -178,7 +179,7 @@ def test_a_sheared_box_has_its_flow_and_no_heat_of_it_in_the_temperature(tmp_pat
         v, spin = thermal(rng, disks)
         return position, v + box.flow(position), spin
 
-    with Trajectory(write(tmp_path / "a.h5", make, box=box, frames=40)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, box=box, frames=40)) as run:
         found = analysis.profiles(run, "y", 5, frames=range(40))
     within(found, "velocity", np.stack((3.0 * (found.middles[0] - 5.0), np.zeros(5)), axis=1))
     within(found, "temperatures", [4.0, 9.0])  # with the flow within a strip T_x would be 4 + 6
@@ -191,7 +192,7 @@ def test_an_open_box_has_temperatures_and_cells_but_no_area_of_strips(tmp_path: 
 
     floor = Wall.line((0.0, -6.0), (0.0, 1.0))
     post = Wall.post((50.0, 50.0), 1.0)
-    with Trajectory(write(tmp_path / "a.h5", make, box=Box.open(), walls=[floor, post])) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, box=Box.open(), walls=[floor, post])) as run:
         found = analysis.profiles(run, "y", 5, frames=range(10))
         grid = analysis.mean_fields(run, (4, 2), frames=range(10))
         rings = analysis.profiles(run, "r", 5, frames=range(10))
@@ -215,7 +216,7 @@ def test_species_have_their_own_averages_by_name(tmp_path: Path) -> None:
         return position, v, spin
 
     species = json.dumps([{"name": "cold", "number": half}, {"name": "hot", "number": N - half}])
-    with Trajectory(write(tmp_path / "a.h5", make, parameters={"species": species}, frames=20)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, parameters={"species": species}, frames=20)) as run:
         found = analysis.profiles(run, "x", 4, frames=range(20))
     assert list(found.species) == ["cold", "hot"]
     cold, hot = found.species.values()
@@ -235,54 +236,23 @@ def test_species_have_their_own_averages_by_name(tmp_path: Path) -> None:
 
 # -- real gases --------------------------------------------------------------------------------------------
 
-CASE = """
-[run]
-name = "{name}"
-seed = 1
-t_end = 20.0
-units = "reduced"
-[box]
-lengths = [20.0, 16.0]
-periodic = [true, false]
-material = "a"
-[[material]]
-name = "a"
-e_n = {e_n}
-e_t = {e_t}
-mu = {mu}
-[[species]]
-name = "small"
-number = 120
-material = "a"
-mass = 1.0
-diameter = 0.8
-speed_rms = 1.5
-[[species]]
-name = "large"
-number = 60
-material = "a"
-mass = 2.0
-diameter = 1.2
-speed_rms = 1.0
-[start]
-positions = "random"
-[output]
-frames = 100
-series = 100
-stress = true
-wall_sums = true
-{histories}
-fields = ["position", "velocity", "angular_velocity", "collisions"]
-"""
-
-
-def ran(
-    folder: Path, name: str, histories: str, e_n: float = 1.0, e_t: float = -1.0, mu: float = 0.3
-) -> Path:
-    path = folder / f"{name}.toml"
-    path.write_text(CASE.format(name=name, histories=histories, e_n=e_n, e_t=e_t, mu=mu))
-    assert cli.main(["run", str(path), "--no-picture"]) == 0
-    return folder / f"{name}.h5"
+CASE = case_text({
+    "run.seed": 1, "run.t_end": 20.0,
+    "box": {"lengths": [20.0, 16.0], "periodic": [True, False], "material": "coin"},
+    "material[0].e_n": 1.0, "material[0].e_t": -1.0, "material[0].mu": 0.3,
+    "species": [
+        {"name": "small", "number": 120, "material": "coin", "mass": 1.0, "radius": 0.4, "speed_rms": 1.5},
+        {"name": "large", "number": 60, "material": "coin", "mass": 2.0, "radius": 0.6, "speed_rms": 1.0},
+    ],
+    "start": {"positions": "random"},
+    "output": {
+        "frames": 100, "series": 100, "stress": True, "wall_sums": True, "histories_all": True,
+        "fields": ["position", "velocity", "angular_velocity", "collisions"],
+    },
+})  # fmt: skip
+FROM_FILE = {
+    "start": {"file": "start.csv"}, "species[0].speed_rms": None, "species[1].speed_rms": None,
+}  # fmt: skip
 
 
 def recorded(run: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -310,11 +280,10 @@ def test_momentum_to_an_immovable_disk_goes_on_to_its_centre() -> None:
 
 @pytest.mark.parametrize(("e_n", "e_t", "mu"), [(1.0, -1.0, 0.0), (0.9, -0.5, 0.3)], ids=["elastic", "rough"])
 def test_collisions_shared_among_bins_add_up_to_the_recorded_stress(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, e_n: float, e_t: float, mu: float
+    written: Written, e_n: float, e_t: float, mu: float
 ) -> None:
     """The virial that the engine adds up and the pieces of histories: the same to rounding, with walls."""
-    monkeypatch.chdir(tmp_path)
-    with Trajectory(ran(tmp_path, "a", "histories_all = true", e_n, e_t, mu)) as run:
+    with written({"material[0].e_n": e_n, "material[0].e_t": e_t, "material[0].mu": mu}) as run:
         every = range(len(run))
         found = [analysis.profiles(run, axis, 9, frames=every) for axis in ("x", "y")]
         found.append(analysis.mean_fields(run, (4, 7), frames=every))
@@ -332,24 +301,12 @@ def test_collisions_shared_among_bins_add_up_to_the_recorded_stress(
         assert np.abs(mean / pressure - 1.0).max() < 0.08
 
 
-def test_rings_of_a_container_add_up_to_the_recorded_trace(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rings_of_a_container_add_up_to_the_recorded_trace(written: Written) -> None:
     """P_rr + P_tt = P_xx + P_yy whatever the directions are: over rings, times their areas, the recorded virial."""
-    monkeypatch.chdir(tmp_path)
-    text = CASE.format(name="a", histories="histories_all = true", e_n=0.9, e_t=-0.5, mu=0.3).replace(
-        "t_end = 20.0", "t_end = 5.0"
-    )
-    text = text.replace("periodic = [true, false]", "periodic = [false, false]").replace(
-        "20.0, 16.0", "20.0, 20.0"
-    )
-    text = text.replace(
-        "[start]",
-        '[[wall]]\nshape = "container"\ncenter = [10.0, 10.0]\nradius = 9.9\nmaterial = "a"\n[start]',
-    )
-    (tmp_path / "a.toml").write_text(text)
-    assert cli.main(["run", "a.toml", "--no-picture"]) == 0
-    with Trajectory("a.h5") as run:
+    rough = {"run.t_end": 5.0, "material[0].e_n": 0.9, "material[0].e_t": -0.5}
+    box = {"box.lengths": [20.0, 20.0], "box.periodic": [False, False]}
+    container = {"shape": "container", "center": [10.0, 10.0], "radius": 9.9, "material": "coin"}
+    with written(rough | box | {"wall": [container]}) as run:
         found = analysis.profiles(run, "r", 12, frames=range(len(run)))
         collisional, _ = recorded(run)
     areas = np.pi * np.diff(found.edges[0] ** 2)
@@ -357,7 +314,9 @@ def test_rings_of_a_container_add_up_to_the_recorded_trace(
     assert areas @ part / areas.sum() == pytest.approx(np.trace(collisional), rel=1e-9)
 
 
-def test_a_gas_that_drifts_carries_no_heat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gas_that_drifts_carries_no_heat(
+    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """In equilibrium q = 0; with the work of the collisional pressure at the drift 6, it would be 6 P_c."""
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(4)
@@ -365,14 +324,10 @@ def test_a_gas_that_drifts_carries_no_heat(tmp_path: Path, monkeypatch: pytest.M
     velocity = rng.normal(size=(80, 2))
     rows = np.column_stack((place, velocity - velocity.mean(axis=0) + (6.0, 0.0), np.zeros(80)))
     np.savetxt("start.csv", rows, delimiter=",", header="x,y,v_x,v_y,spin", comments="")
-    text = CASE.format(name="a", histories="histories_all = true", e_n=1.0, e_t=-1.0, mu=0.3)
-    text = text.replace("number = 120", "number = 40").replace("number = 60", "number = 40")
-    text = text.replace('positions = "random"', 'file = "start.csv"').replace("speed_rms = 1.5\n", "")
-    text = text.replace("speed_rms = 1.0\n", "").replace("[true, false]", "[true, true]")
-    text = text.replace('material = "a"\n[[mat', "[[mat").replace("wall_sums = true", "")
-    (tmp_path / "a.toml").write_text(text)
-    assert cli.main(["run", "a.toml", "--no-picture"]) == 0
-    with Trajectory("a.h5") as run:
+    numbers = {"species[0].number": 40, "species[1].number": 40}
+    with pytest.warns(ifrdem.errors.RunWarning, match="the whole gas drifts"):
+        run = written(FROM_FILE | numbers | {"box": {"lengths": [20.0, 16.0]}, "output.wall_sums": None})
+    with run:
         found = analysis.profiles(run, "y", 1, frames=range(len(run)))
     mean, error = found.mean, found.error
     np.testing.assert_allclose(mean.velocity[0], (6.0, 0.0), atol=0.3)
@@ -381,10 +336,9 @@ def test_a_gas_that_drifts_carries_no_heat(tmp_path: Path, monkeypatch: pytest.M
     assert 4.5 * error.heat_flux[0, 0] < 0.3 * 6.0 * collisional
 
 
-def test_a_sample_of_disks_is_scaled_to_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sample_of_disks_is_scaled_to_all(written: Written) -> None:
     """A third of the disks: the recorded stress within some 5 % of their impulses."""
-    monkeypatch.chdir(tmp_path)
-    with Trajectory(ran(tmp_path, "a", "histories_sample = 90")) as run:
+    with written({"output.histories_all": None, "output.histories_sample": 90}) as run:
         found = analysis.profiles(run, "y", 6, frames=range(len(run)))
         collisional, _ = recorded(run)
     part = (found.mean.stress - found.mean.stress_kinetic).mean(axis=0)
@@ -393,7 +347,7 @@ def test_a_sample_of_disks_is_scaled_to_all(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_an_impulse_is_shared_along_the_line_of_centres(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two disks, of diameters 0.8 and 1.2, collide head-on at x = 7: momentum from 6.6 to 7.6, energy as it is lost.
 
@@ -403,13 +357,8 @@ def test_an_impulse_is_shared_along_the_line_of_centres(
     monkeypatch.chdir(tmp_path)
     start = tmp_path / "start.csv"
     start.write_text("x,y,v_x,v_y,spin\n2.6,8,3,0,0\n7.6,8,0,0,0\n")
-    text = CASE.format(name="a", histories="histories_all = true", e_n=1.0, e_t=-1.0, mu=0.3)
-    text = text.replace("number = 120", "number = 1").replace("number = 60", "number = 1")
-    text = text.replace('positions = "random"', 'file = "start.csv"').replace("speed_rms = 1.5\n", "")
-    text = text.replace("speed_rms = 1.0\n", "").replace("t_end = 20.0", "t_end = 2.0")
-    (tmp_path / "a.toml").write_text(text)
-    assert cli.main(["run", "a.toml", "--no-picture"]) == 0
-    with Trajectory("a.h5") as run:
+    numbers = {"species[0].number": 1, "species[1].number": 1}
+    with written(FROM_FILE | numbers | {"run.t_end": 2.0}) as run:
         assert run.series["collisions"][-1] == 1
         found = analysis.profiles(run, "x", 40, frames=range(len(run)))
     area_time = 0.5 * 16.0 * 2.0
@@ -485,7 +434,7 @@ def test_a_bin_with_a_disk_in_some_frames_is_no_extreme_of_means_over_disks(tmp_
             position[0], v[0] = (10.0, 9.5), (100.0, 0.0)
         return position, v, spin
 
-    with Trajectory(write(tmp_path / "a.h5", make, n=400)) as run:
+    with Trajectory(write_frames(tmp_path / "a.h5", make, n=400)) as run:
         found = catalogue.of_profiles(run, range(10), axis="y", bins=5)
     rows = {row.name: row.value for row in found.rows}
     assert found.result.disks[-1] == 2
@@ -515,7 +464,7 @@ def test_bad_input_is_refused(tmp_path: Path, given: dict, message: str) -> None
         return (rng.random((disks.n, 2)) * BOX.lengths, *thermal(rng, disks))
 
     with (
-        Trajectory(write(tmp_path / "a.h5", make, frames=2, n=10)) as run,
+        Trajectory(write_frames(tmp_path / "a.h5", make, frames=2, n=10)) as run,
         pytest.raises(InputError, match=message),
     ):
         analysis.profiles(run, **given)

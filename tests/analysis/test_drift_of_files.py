@@ -16,7 +16,7 @@ from ifrdem.plots import temperatures
 N, DRIFT = 100, np.array([20.0, 0.0])
 
 
-def write(path: Path, *, inside: bool = False, held: bool = False) -> Path:
+def write_drifting(path: Path, *, inside: bool = False, held: bool = False) -> Path:
     """Free flight with T = 1 about a drift, in a box of 1000; T as old files have it, or with momentum that changes."""
     rng = np.random.default_rng(3)
     disks, box = Disks(N, mass=2.0, radius=0.1), Box((1000.0, 1000.0))
@@ -45,7 +45,7 @@ def write(path: Path, *, inside: bool = False, held: bool = False) -> Path:
 
 def test_displacements_and_correlations_are_about_the_drift(tmp_path: Path) -> None:
     """<v^2> = 1 and <x^2> = t^2 about it: m v^2 / 2 = 1 with m = 2. In the lab they are 401 times that."""
-    with Trajectory(write(tmp_path / "run.h5")) as run:
+    with Trajectory(write_drifting(tmp_path / "run.h5")) as run:
         drift = result.drift(run, range(11))
         np.testing.assert_allclose(drift.velocity, DRIFT, rtol=1e-15)
         assert drift.share == pytest.approx(400.0 / 401.0, rel=1e-14)
@@ -58,7 +58,7 @@ def test_displacements_and_correlations_are_about_the_drift(tmp_path: Path) -> N
 
 def test_a_momentum_that_changes_is_no_drift(tmp_path: Path) -> None:
     """Walls or a medium hold the gas then; nothing is taken off."""
-    with Trajectory(write(tmp_path / "run.h5", held=True)) as run:
+    with Trajectory(write_drifting(tmp_path / "run.h5", held=True)) as run:
         assert not result.drift(run, range(11))
         (msd,) = (catalogue.FUNCTIONS["msd"](run, None),)
         assert msd.tables[""]["msd"][1] == pytest.approx(401.0, rel=0.1)
@@ -67,7 +67,7 @@ def test_a_momentum_that_changes_is_no_drift(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("inside", [False, True])
 def test_a_file_with_the_drift_in_its_temperatures_is_doubted(tmp_path: Path, inside: bool) -> None:
-    with Trajectory(write(tmp_path / "run.h5", inside=inside)) as run:
+    with Trajectory(write_drifting(tmp_path / "run.h5", inside=inside)) as run:
         found = catalogue.FUNCTIONS["pressure"](run, None)
         assert [("temperatures of this file include it" in warning) for warning in found.warnings] == [
             True

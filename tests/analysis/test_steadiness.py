@@ -26,7 +26,7 @@ OF_FRAMES = ("velocity", "rdf", "structure-factor", "psi6")
 Moved = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
 
 
-def write(
+def write_ideal(
     path: Path,
     *,
     place: Moved = lambda x, frame: x,
@@ -69,8 +69,8 @@ def test_a_steady_gas_has_no_mark_and_a_changing_one_names_the_quantities(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "steady.h5")
-    write(tmp_path / "changing.h5", place=frozen, push=heavy)
+    write_ideal(tmp_path / "steady.h5")
+    write_ideal(tmp_path / "changing.h5", place=frozen, push=heavy)
     warnings = {}
     shown = ""
     for name in ("steady", "changing"):
@@ -96,7 +96,7 @@ def test_a_steady_gas_has_no_mark_and_a_changing_one_names_the_quantities(
 def test_a_stretch_of_a_changing_gas_that_is_steady_has_no_mark_and_one_frame_has_none(
     tmp_path: Path,
 ) -> None:
-    with Trajectory(write(tmp_path / "run.h5", place=frozen, push=heavy)) as trajectory:
+    with Trajectory(write_ideal(tmp_path / "run.h5", place=frozen, push=heavy)) as trajectory:
         for what in OF_FRAMES:
             of = catalogue.FUNCTIONS[what]
             assert of(trajectory, list(range(15))).warnings == []
@@ -113,14 +113,14 @@ def test_temperatures_of_species_are_marked_if_their_ratio_changes(tmp_path: Pat
         return v * np.where(np.arange(N) < N // 2, 1.0, other)[:, None]
 
     halves = json.dumps([{"name": name, "number": N // 2} for name in ("one", "other")])
-    with Trajectory(write(tmp_path / "run.h5", push=push, species=halves)) as trajectory:
+    with Trajectory(write_ideal(tmp_path / "run.h5", push=push, species=halves)) as trajectory:
         warnings = catalogue.FUNCTIONS["species"](trajectory, None).warnings
     marked = any(each.startswith(f"{NOT_STATIONARY}: T of other / T of one") for each in warnings)
     assert marked == (factor != 1.0)
 
 
 def test_a_temperature_that_falls_by_itself_marks_no_scaled_distribution(tmp_path: Path) -> None:
-    path = write(tmp_path / "run.h5", push=lambda v, frame: v * 0.7**frame)
+    path = write_ideal(tmp_path / "run.h5", push=lambda v, frame: v * 0.7**frame)
     with Trajectory(path) as trajectory:
         assert catalogue.FUNCTIONS["velocity"](trajectory, None).warnings == []
 
@@ -159,20 +159,20 @@ def test_several_quantities_are_compared_at_the_level_of_one() -> None:
 
 def test_autocorrelation_of_a_gas_that_heats_up_says_that_it_is_not_stationary(tmp_path: Path) -> None:
     rising = 1.5 / (FRAMES - np.arange(FRAMES)) ** 2
-    with Trajectory(write(tmp_path / "heats.h5", temperature=rising)) as trajectory:
+    with Trajectory(write_ideal(tmp_path / "heats.h5", temperature=rising)) as trajectory:
         (warning,) = catalogue.FUNCTIONS["vacf"](trajectory, None).warnings
         assert warning.startswith(
             f"{NOT_STATIONARY}: T goes from 0.003401 J to 1.5 J in that time: velocities shrink"
         )
         assert NOT_STATIONARY in texts(pictures.figure(trajectory, "vacf"))
-    with Trajectory(write(tmp_path / "steady.h5")) as trajectory:
+    with Trajectory(write_ideal(tmp_path / "steady.h5")) as trajectory:
         assert catalogue.FUNCTIONS["vacf"](trajectory, None).warnings == []
 
 
 def test_time_of_an_autocorrelation_is_logarithmic_where_frames_are_spaced_so(tmp_path: Path) -> None:
     log = np.concatenate(([0.0], np.geomspace(1e-3, 10.0, FRAMES - 1)))
     for times, scale in ((None, "linear"), (log, "log")):
-        with Trajectory(write(tmp_path / f"{scale}.h5", times=times)) as trajectory:
+        with Trajectory(write_ideal(tmp_path / f"{scale}.h5", times=times)) as trajectory:
             figure = pictures.figure(trajectory, "vacf")
         axes = figure.axes[0]
         assert axes.get_xscale() == scale
@@ -184,7 +184,7 @@ def test_tables_and_pictures_say_how_many_frames_were_averaged_and_of_which_time
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with Trajectory(write(tmp_path / "run.h5")) as trajectory:
+    with Trajectory(write_ideal(tmp_path / "run.h5")) as trajectory:
         assert "\n11 frames, t = 2 to 4 s" in texts(pictures.figure(trajectory, "velocity"))
     assert cli.main(["analyse", "run.h5", "velocity", "fields", "clusters"]) == 0
     shown = capsys.readouterr().out
@@ -197,7 +197,7 @@ def test_counts_and_seeds_are_whole_in_json(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
+    write_ideal(tmp_path / "run.h5")
     assert cli.main(["analyse", "run.h5", "fields", "clusters", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     for value in (

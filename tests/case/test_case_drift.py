@@ -2,78 +2,49 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.stats
+from support.cases import case_gas, case_text
 
 from ifrdem import Trajectory, initial
 from ifrdem.analysis import catalogue
-from ifrdem.case import file as case_file
 from ifrdem.case import notices, starts
-from ifrdem.case.case import CaseSections
 from ifrdem.case.estimate import RunEstimate
-from ifrdem.case.gas import CaseGas
 from ifrdem.cli.main import main
 
-PLAIN = """
-[run]
-name = "gas"
-t_end = 4.0
-seed = 4
-units = "reduced"
-[box]
-packing_fraction = 0.2
-[[material]]
-name = "smooth"
-e_n = 0.9
-e_t = -1.0
-mu = 0.0
-[[species]]
-name = "disks"
-number = 200
-material = "smooth"
-mass = 1.0
-radius = 0.5
-speed_rms = 1.4142135623730951
-[output]
-frames = 20
-fields = ["position", "velocity", "image"]
-"""
+CASE = case_text({
+    "run.t_end": 4.0, "run.seed": 4, "material[0].e_t": -1.0, "material[0].mu": 0.0,
+    "species[0].number": 200, "species[0].speed_rms": 1.4142135623730951,
+    "output": {"frames": 20, "fields": ["position", "velocity", "image"]},
+})  # fmt: skip
 HEAVY = """
 [[species]]
 name = "heavy"
 number = 1
-material = "smooth"
+material = "coin"
 mass = 100.0
 radius = 0.5
 speed_rms = 1.0
 """
 
 
-def gas_of(text: str, *overrides: str, folder: Path = Path()) -> CaseGas:
-    raw = tomllib.loads(text)
-    for assignment in overrides:
-        case_file.override(raw, assignment)
-    return CaseGas.from_case(CaseSections.model_validate(raw), folder)
-
-
 def moving(folder: Path, drift: tuple[float, float]) -> str:
     """The plain case, from a file in which the same gas moves."""
-    gas = gas_of(PLAIN)
+    gas = case_gas(text=CASE)
     state = starts.start(gas)
     table = np.column_stack((state.position, state.velocity + drift, state.spin))
     np.savetxt(folder / "start.csv", table, fmt="%.17g", delimiter=",", header="x,y,vx,vy,spin", comments="")
     (side, _) = gas.box.lengths
-    text = PLAIN.replace("packing_fraction = 0.2", f"lengths = [{side!r}, {side!r}]")
+    text = CASE.replace("packing_fraction = 0.2", f"lengths = [{side!r}, {side!r}]")
     return text.replace("speed_rms = 1.4142135623730951\n", '[start]\nfile = "start.csv"\n')
 
 
 def test_estimates_of_a_gas_in_motion_are_those_of_the_gas_at_rest(tmp_path: Path) -> None:
     """Disks collide by their relative velocities. A drift of 20 has 400 of <v^2> = 402, or 99.50 %."""
-    rest, drifting = gas_of(PLAIN), gas_of(moving(tmp_path, (20.0, 0.0)), folder=tmp_path)
+    rest, drifting = case_gas(text=CASE), case_gas(text=moving(tmp_path, (20.0, 0.0)), folder=tmp_path)
     expected, found = RunEstimate.of(rest), RunEstimate.of(drifting)
     # Differences of velocities of 20 are rounded by 4e-15.
     assert found.collision_rate == pytest.approx(expected.collision_rate, rel=1e-12)
@@ -89,10 +60,10 @@ def test_estimates_of_a_gas_in_motion_are_those_of_the_gas_at_rest(tmp_path: Pat
 def test_with_walls_or_a_medium_the_frame_of_speeds_and_temperatures_is_stated(tmp_path: Path) -> None:
     """Smooth walls leave the drift along them; rough ones stop it, and its energy becomes heat."""
     text = moving(tmp_path, (20.0, 0.0))
-    box = text.replace("[[material]]", 'periodic = [true, false]\nmaterial = "smooth"\n[[material]]', 1)
+    box = text.replace("[[material]]", 'periodic = [true, false]\nmaterial = "coin"\n[[material]]', 1)
     shifted = box.replace("start.csv", "inside.csv")
     table = np.loadtxt(tmp_path / "start.csv", delimiter=",", skiprows=1)
-    side = gas_of(text, folder=tmp_path).box.lengths[1]
+    side = case_gas(text=text, folder=tmp_path).box.lengths[1]
     inside = (table[:, 1] > 0.5) & (table[:, 1] < side - 0.5)
     np.savetxt(
         tmp_path / "inside.csv",
@@ -103,24 +74,20 @@ def test_with_walls_or_a_medium_the_frame_of_speeds_and_temperatures_is_stated(t
         comments="",
     )
     shifted = shifted.replace("number = 200", f"number = {np.count_nonzero(inside)}")
-    assert gas_of(shifted, folder=tmp_path).drift[0] == pytest.approx(20.0, abs=0.2)
-    assert gas_of(shifted.replace("mu = 0.0", "mu = 0.1"), folder=tmp_path).drift == (0.0, 0.0)
+    assert case_gas(text=shifted, folder=tmp_path).drift[0] == pytest.approx(20.0, abs=0.2)
+    assert case_gas({"material[0].mu": 0.1}, text=shifted, folder=tmp_path).drift == (0.0, 0.0)
     drag = '[[force]]\nkind = "drag"\nstep = 0.1\nrate = 0.1\n'
-    (message,) = notices.notices(gas_of(text + drag, folder=tmp_path))
+    (message,) = notices.notices(case_gas(text=text + drag, folder=tmp_path))
     assert "the medium of drag is at rest" in message
 
 
-@pytest.mark.parametrize("shear", ["", "shear_rate = 0.3\n"])
-def test_a_start_with_a_single_disk_of_a_species_has_no_momentum(shear: str) -> None:
+@pytest.mark.parametrize("shear", [0.0, 0.3])
+def test_a_start_with_a_single_disk_of_a_species_has_no_momentum(shear: float) -> None:
     """Alone it can have its speed, or no momentum: of 20 disks of mass 1 and one of mass 100 it had 100 of 120.
 
     The energy, relative to the flow, is the given one: 20 + 50.
     """
-    text = (
-        PLAIN.replace("number = 200", "number = 20").replace("[[material]]", f"{shear}[[material]]", 1)
-        + HEAVY
-    )
-    gas = gas_of(text)
+    gas = case_gas({"species[0].number": 20, "box.shear_rate": shear}, text=CASE + HEAVY)
     state = starts.start(gas)
     velocity, mass = state.velocity - gas.box.flow(state.position), gas.disks.mass
     assert np.abs(mass @ velocity).max() < 1e-13  # sums of 21 terms of up to 100
@@ -137,24 +104,26 @@ def test_species_of_few_disks_are_drawn_from_the_maxwellian_of_the_whole_gas() -
     for m / M = 50 / 350. Drawn species by species it was .735 in each seed, and two disks had opposite velocities. A
     species with a temperature of its own keeps its mean: 200 of the 300 have T = 3.
     """
-    intruder = PLAIN.replace("number = 200", "number = 300\nspin_rms = 1.0") + HEAVY.replace(
-        "100.0", "50.0"
-    ).replace("speed_rms = 1.0", "temperature = 1.0\nspin_rms = 2.0")
+    light = {"species[0].number": 300, "species[0].spin_rms": 1.0}
+    heavy = {"mass": 50.0, "speed_rms": None, "temperature": 1.0, "spin_rms": 2.0}
+    intruder = case_text(
+        light, {f"species[1].{key}": value for key, value in heavy.items()}, text=CASE + HEAVY
+    )
     energies, spins = [], []
     for seed in range(150):
-        state = starts.start(gas_of(intruder, f"run.seed={seed}"))
+        state = starts.start(case_gas(f"run.seed={seed}", text=intruder))
         energies.append(25.0 * float(np.sum(state.velocity[300] ** 2)))
         spins.append(float(state.spin[300]))
     largest = 301.0 * (1.0 - 50.0 / 350.0)
     below = scipy.stats.kstest(energies, lambda x: 1.0 - (1.0 - np.asarray(x) / largest) ** 299)
     assert below.pvalue > 1e-3
     assert scipy.stats.kstest(spins, scipy.stats.norm(scale=2.0).cdf).pvalue > 1e-3
-    warm = intruder.replace("number = 300", "number = 100") + HEAVY.replace("heavy", "warm").replace(
-        "number = 1\n", "number = 200\n"
-    ).replace("mass = 100.0", "mass = 1.0").replace("speed_rms = 1.0", "temperature = 3.0")
+    warm = {"name": "warm", "number": 200, "mass": 1.0, "speed_rms": None, "temperature": 3.0}
+    warm = {"species[0].number": 100} | {f"species[2].{key}": value for key, value in warm.items()}
+    warm = case_text(warm, text=intruder + HEAVY)
     found = []
     for seed in range(20):
-        gas = gas_of(warm, f"run.seed={seed}")
+        gas = case_gas(f"run.seed={seed}", text=warm)
         state = starts.start(gas)
         energy = 0.5 * gas.disks.mass * np.sum(state.velocity**2, axis=1)
         assert np.abs(gas.disks.mass @ state.velocity).max() < 1e-12  # 301 terms
@@ -167,8 +136,7 @@ def test_species_of_few_disks_are_drawn_from_the_maxwellian_of_the_whole_gas() -
 
 
 def test_a_single_disk_among_others_at_rest_keeps_its_speed_and_its_drift_is_reported() -> None:
-    text = PLAIN.replace("number = 200", "number = 20").replace("1.4142135623730951", "0.0") + HEAVY
-    gas = gas_of(text)
+    gas = case_gas({"species[0].number": 20, "species[0].speed_rms": 0.0}, text=CASE + HEAVY)
     velocity = starts.start(gas).velocity
     assert not np.any(velocity[:20])
     assert float(np.hypot(*velocity[20])) == pytest.approx(1.0, rel=1e-15)
@@ -182,7 +150,7 @@ def test_a_run_of_a_gas_in_motion_is_analysed_as_the_gas_at_rest(
 ) -> None:
     """Temperatures, Haff's time, displacements and velocities about the drift, which `run` and `analyse` print."""
     monkeypatch.chdir(tmp_path)
-    Path("rest.toml").write_text(PLAIN.replace('"gas"', '"rest"'))
+    Path("rest.toml").write_text(CASE.replace('"gas"', '"rest"'))
     Path("moving.toml").write_text(moving(tmp_path, (20.0, 0.0)).replace('"gas"', '"moving"'))
     assert main(["run", "rest.toml", "--no-picture"]) == main(["check", "moving.toml"]) == 0
     capsys.readouterr()

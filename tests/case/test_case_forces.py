@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from support.cases import MakeCase, Problems, case_text, changed
 
 from ifrdem import forces
 from ifrdem.case import file as case_file
@@ -25,49 +25,18 @@ from ifrdem.trajectory.reader import Trajectory
 
 ROOT = Path(__file__).parents[2]
 
-DRIVEN = """
-[run]
-name = "kicked"
-t_end = 2.0
-seed = 4
-units = "reduced"
-[box]
-packing_fraction = 0.1
-[[material]]
-name = "coin"
-e_n = 0.87
-e_t = -0.88
-mu = 0.21
-[[species]]
-name = "coins"
-number = 200
-material = "coin"
-mass = 2.0
-radius = 0.5
-[[force]]
-kind = "random_kicks"
-step = 0.05
-power = 3.0
-[output]
-frames = 8
-"""
+CASE = case_text({
+    "run.name": "kicked", "run.t_end": 2.0, "run.seed": 4, "box.packing_fraction": 0.1,
+    "material[0].e_n": 0.87, "material[0].e_t": -0.88, "material[0].mu": 0.21, "species[0].number": 200,
+    "species[0].mass": 2.0, "species[0].speed_rms": None,
+    "force": [{"kind": "random_kicks", "step": 0.05, "power": 3.0}], "output": {"frames": 8},
+})  # fmt: skip
 
 
 AT_RANDOM_TIMES = ["force[0].kind=poisson_kicks", "force[0].step=", "force[0].rate=20.0"]
 
 
-def changed(*overrides: str) -> dict[str, object]:
-    raw = tomllib.loads(DRIVEN)
-    for assignment in overrides:
-        case_file.override(raw, assignment)
-    return raw
-
-
-def problems(*overrides: str) -> list[str]:
-    return [str(problem) for problem in case_file.validate_parsed(changed(*overrides), Path())[-1]]
-
-
-def test_the_case_is_in_order() -> None:
+def test_the_case_is_in_order(problems: Problems) -> None:
     """At rest at the start, which kicks allow even where collisions end the run."""
     assert problems() == []
     assert problems("run.t_end=", "run.collisions_per_disk=5.0") == []
@@ -80,14 +49,10 @@ def test_the_case_is_in_order() -> None:
     [
         (["force[0].kind=random_kick"], 'force[0].kind = "random_kick"', "did you mean 'random_kicks'"),
         (["force[0].powr=1.0"], "force[0].powr = 1.0", "did you mean 'power'"),
-        (
-            ["force[0].power="],
-            "force[0]",
-            "must have exactly one of power, diffusion; given: none",
-        ),
+        (["force[0].power="], "force[0]", "must have exactly one of power, diffusion; given: none"),
         (["force[0].diffusion=1.0"], "force[0]", "given: power, diffusion"),
-        (["force[0].power=0"], "force[0].power = 0", "must be a positive number from 1e-50 to 1e"),
-        (["force[0].step=-1.0"], "force[0].step = -1.0", "must be a positive number from 1e-50 to 1e"),
+        (["force[0].power=0"], "force[0].power = 0", "must be"),
+        (["force[0].step=-1.0"], "force[0].step = -1.0", "must be"),
         (["force[0].step="], "force[0].step", "missing"),
         (
             ["force[0].rate=1.0"],
@@ -99,11 +64,7 @@ def test_the_case_is_in_order() -> None:
             "force[0].step = 0.05",
             "requires kind = 'random_kicks', ",
         ),
-        (
-            [*AT_RANDOM_TIMES, "force[0].rate=0.0"],
-            "force[0].rate = 0",
-            "must be a positive number from 1e-50 to 1e",
-        ),
+        ([*AT_RANDOM_TIMES, "force[0].rate=0.0"], "force[0].rate = 0", "must be"),
         (
             ["force[0].quadratic=1.0"],
             "force[0].quadratic = 1",
@@ -132,18 +93,20 @@ def test_the_case_is_in_order() -> None:
         (
             ["force[0].kind=rescale", "force[0].power=", "force[0].temperature=0.0"],
             "force[0]",
-            "temperature = 0.0: must be a positive number from 1e-50 to 1e",
+            "temperature = 0.0: must be",
         ),
     ],
 )
-def test_a_wrong_force_is_named_with_what_is_allowed(overrides: list[str], key: str, says: str) -> None:
+def test_a_wrong_force_is_named_with_what_is_allowed(
+    problems: Problems, overrides: list[str], key: str, says: str
+) -> None:
     found = problems(*overrides)
     assert len(found) == 1, found
     assert found[0].startswith(key)
     assert re.search(says, found[0])
 
 
-def test_mistakes_of_a_force_come_with_all_others() -> None:
+def test_mistakes_of_a_force_come_with_all_others(problems: Problems) -> None:
     found = problems(
         "force[0].kind=drag", "force[0].power=", "force[0].step=x", "run.sede=1", "material[0].e_n=2.0"
     )
@@ -170,7 +133,7 @@ def test_every_kind_of_force_reaches_its_class() -> None:
         "table_friction": ({"mu": 0.2, "gravity": 2.0}, forces.TableFriction(0.1, mu=0.2, gravity=2.0)),
     }
     assert given.keys() == {kind_of(each) for each in models_in(Force)}
-    raw = changed()
+    raw = changed(text=CASE)
     raw["force"] = [
         {"kind": kind} | ({} if "poisson" in kind else {"step": 0.1}) | keys
         for kind, (keys, _) in given.items()
@@ -181,17 +144,17 @@ def test_every_kind_of_force_reaches_its_class() -> None:
         assert (one.step, one.values) == (other.step, other.values)
 
 
-def test_kicks_at_random_times_have_a_rate_in_place_of_a_step() -> None:
-    raw = changed(*AT_RANDOM_TIMES, "force[0].rate=25.0")
-    raw["force"].append({"kind": "poisson_spin_kicks", "rate": 3.0, "diffusion": 0.5})  # type: ignore[attr-defined]
-    case = CaseSections.model_validate(raw)
-    made = [each.made() for each in case.force]
+def test_kicks_at_random_times_have_a_rate_in_place_of_a_step(problems: Problems, case: MakeCase) -> None:
+    raw = changed(*AT_RANDOM_TIMES, "force[0].rate=25.0", text=CASE)
+    raw["force"].append({"kind": "poisson_spin_kicks", "rate": 3.0, "diffusion": 0.5})
+    made = CaseSections.model_validate(raw)
+    made = [each.made() for each in made.force]
     assert [repr(each) for each in made] == [
         "<PoissonKicks: rate 25, power 3, diffusion 0>",
         "<PoissonSpinKicks: rate 3, power 0, diffusion 0.5>",
     ]
     # The same power as in steps: theory has the same steady state.
-    one, other = (RunEstimate.of(CaseGas.from_case(CaseSections.model_validate(changed(*more))))
+    one, other = (RunEstimate.of(CaseGas.from_case(case(*more)))
                   for more in ([], [*AT_RANDOM_TIMES, "force[0].rate=25.0"]))  # fmt: skip
     assert one.steady_state == other.steady_state is not None
     assert other.force_steps == {"at random times": {0.04: pytest.approx(50.0)}}
@@ -203,7 +166,7 @@ def test_a_run_with_a_rate_records_it_and_keeps_its_ledger(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("kicked.toml").write_text(DRIVEN)
+    Path("kicked.toml").write_text(CASE)
     sets = [word for each in AT_RANDOM_TIMES for word in ("--set", each)]
     assert main(["run", "kicked.toml", "--no-picture", *sets]) == 0
     with Trajectory("kicked.h5") as whole:
@@ -218,10 +181,8 @@ def test_a_run_with_a_rate_records_it_and_keeps_its_ledger(
     )
 
 
-def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    case = tmp_path / "kicked.toml"
-    case.write_text(DRIVEN)
-    assert main(["check", str(case), "--set", "species[0].speed_rms=2.0"]) == 0
+def test_check_predicts_a_driven_gas(toml: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(toml), "--set", "species[0].speed_rms=2.0"]) == 0
     shown = capsys.readouterr().out
     assert re.search(
         r"force 0 +random_kicks \(power = 3\)\n +force 0: step +0\.05\n"
@@ -233,14 +194,14 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert free_time
     for part, warned in ((0.19, False), (0.25, True)):
         sets = ["species[0].speed_rms=2.0", f"force[0].step={part * float(free_time[1])}"]
-        assert main(["check", str(case), *(word for each in sets for word in ("--set", each))]) == 0
+        assert main(["check", str(toml), *(word for each in sets for word in ("--set", each))]) == 0
         err = capsys.readouterr().err
         assert ("force[0].step = " in err) == warned
     most = re.search(r"0\.25 mean free times at the start; use at most ([\d.]+) \(0\.05 mean", err)
     assert most
     assert float(most[1]) == pytest.approx(0.05 * float(free_time[1]), rel=2e-3)
     at_random = [word for each in AT_RANDOM_TIMES for word in ("--set", each)]
-    assert main(["check", str(case), *at_random]) == 0
+    assert main(["check", str(toml), *at_random]) == 0
     assert re.search(
         r"force 0 +poisson_kicks \(power = 3\)\n +force 0: mean time between two kicks of a disk +0\.05\n"
         r" +force 0: acts +within windows, on each disk at random times\n",
@@ -251,7 +212,7 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
         0,
     )
     assert re.search(rf"kinetic theory: T +{T:.4g}\n.*kinetic theory: T_rot +{T_rot:.4g}\n", shown)
-    assert main(["check", str(case), "--set", "force[0].kind=random_kick"]) == 2
+    assert main(["check", str(toml), "--set", "force[0].kind=random_kick"]) == 2
     assert "did you mean 'random_kicks'" in capsys.readouterr().err
 
 
@@ -265,9 +226,11 @@ def test_check_predicts_a_driven_gas(tmp_path: Path, capsys: pytest.CaptureFixtu
         ),
     ],
 )
-def test_collisions_are_estimated_for_drives_that_theory_covers(overrides: list[str], known: bool) -> None:
-    case = CaseSections.model_validate(changed(*overrides))
-    estimate = RunEstimate.of(CaseGas.from_case(case))
+def test_collisions_are_estimated_for_drives_that_theory_covers(
+    case: MakeCase, overrides: list[str], known: bool
+) -> None:
+    made = case(*overrides)
+    estimate = RunEstimate.of(CaseGas.from_case(made))
     assert np.isfinite(estimate.collisions) == known
     assert estimate.collisions_are == ""
 
@@ -276,7 +239,7 @@ def test_a_run_keeps_its_ledger(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("kicked.toml").write_text(DRIVEN)
+    Path("kicked.toml").write_text(CASE)
     assert main(["run", "kicked.toml"]) == 0
     assert re.search(r"forces put in [\d.]+, collisions dissipated [\d.]+", capsys.readouterr().out)
     assert Path("kicked.png").stat().st_size > 100_000
@@ -298,7 +261,7 @@ def test_the_picture_shows_theory_and_its_steady_state(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("kicked.toml").write_text(DRIVEN)
+    Path("kicked.toml").write_text(CASE)
     assert main(["run", "kicked.toml", "--no-picture"]) == 0
     figures: list[Figure] = []
     monkeypatch.setattr(run, "save", lambda figure, path: figures.append(figure))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.cases import case_text
 
 from ifrdem.case import file as case_file
 from ifrdem.case import report, shipped, starts, summary
@@ -25,37 +26,14 @@ from ifrdem.simulation.steps.schedule import Trigger
 from ifrdem.tools import seeds
 from ifrdem.trajectory.writer import TrajectoryWriter
 
-CASE = """
-[run]
-name = "gas"
-t_end = 2.0
-units = "reduced"
-[box]
-lengths = [40.0, 30.0]
-[[material]]
-name = "coin"
-e_n = 0.9
-e_t = -0.9
-mu = 0.1
-[[species]]
-name = "coins"
-number = 200
-material = "coin"
-mass = 1.0
-diameter = 1.0
-speed_rms = 1.0
-[output]
-"""
+CASE = case_text({
+    "run.t_end": 2.0, "box.lengths": [40.0, 30.0], "box.packing_fraction": None, "material[0].e_t": -0.9,
+    "material[0].mu": 0.1, "species[0].number": 200,
+})  # fmt: skip
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    (tmp_path / "gas.toml").write_text(CASE)
-    return tmp_path
-
-
-def output(folder: Path, *overrides: str) -> OutputSection:
-    return case_file.read(folder / "gas.toml", [f"output.{each}" for each in overrides]).case.output
+def output(toml: Path, *overrides: str) -> OutputSection:
+    return case_file.read(toml, [f"output.{each}" for each in overrides]).case.output
 
 
 @pytest.mark.parametrize(
@@ -74,30 +52,30 @@ def output(folder: Path, *overrides: str) -> OutputSection:
         (("series_interval=0.1",), Trigger(number=100), Trigger(interval=0.1)),
     ],
 )
-def test_cadences_are_those_of_the_case(folder, overrides, frames, series):
-    found = output(folder, *overrides)
+def test_cadences_are_those_of_the_case(toml, overrides, frames, series):
+    found = output(toml, *overrides)
     assert found.frame_cadence == frames
     assert found.series_cadence == series
 
 
-def test_tracked_disks_are_a_list_a_sample_a_region_or_all(folder):
+def test_tracked_disks_are_a_list_a_sample_a_region_or_all(toml):
     position = np.random.default_rng(1).random((200, 2)) * (40.0, 30.0)
     rng = seeds.stream(0, seeds.HISTORIES)
-    assert output(folder).tracked(200, rng, position).tolist() == []
-    assert output(folder, "histories=[7, 3]").tracked(200, rng, position).tolist() == [3, 7]
-    sample = output(folder, "histories_sample=50").tracked(200, rng, position)
+    assert output(toml).tracked(200, rng, position).tolist() == []
+    assert output(toml, "histories=[7, 3]").tracked(200, rng, position).tolist() == [3, 7]
+    sample = output(toml, "histories_sample=50").tracked(200, rng, position)
     assert len(np.unique(sample)) == 50
-    inside = output(folder, "histories_region=[0.0, 0.0, 10.0, 30.0]").tracked(200, rng, position)
+    inside = output(toml, "histories_region=[0.0, 0.0, 10.0, 30.0]").tracked(200, rng, position)
     assert set(inside) == set(np.flatnonzero(position[:, 0] < 10.0))
-    assert len(output(folder, "histories_all=true").tracked(200, rng, position)) == 200
+    assert len(output(toml, "histories_all=true").tracked(200, rng, position)) == 200
 
 
-def test_any_of_the_keys_of_histories_stores_them(folder):
-    assert not output(folder).tracks
-    assert not output(folder, "histories_all=false").tracks
+def test_any_of_the_keys_of_histories_stores_them(toml):
+    assert not output(toml).tracks
+    assert not output(toml, "histories_all=false").tracks
     for each in ("all=true", "sample=5", "region=[0.0, 0.0, 9.0, 9.0]"):
-        assert output(folder, f"histories_{each}").tracks
-    assert output(folder, "histories=[0]").tracks
+        assert output(toml, f"histories_{each}").tracks
+    assert output(toml, "histories=[0]").tracks
 
 
 @pytest.mark.parametrize(
@@ -109,14 +87,8 @@ def test_any_of_the_keys_of_histories_stores_them(folder):
         (("series_spacing=log",), "series, the number of rows, is missing"),
         (("log_from=0.1",), "log_from requires"),
         (("frames_interval=0.0",), "output.frames_interval = 0"),
-        (
-            ("frames_interval=1e-300",),
-            "frames_interval = 1e-300: must be a positive number from 1e-50 to 1e+50",
-        ),
-        (
-            ("series_collisions=1e-300",),
-            "series_collisions = 1e-300: must be a positive number from 1e-50 to 1e+50",
-        ),
+        (("frames_interval=1e-300",), "frames_interval = 1e-300: must be"),
+        (("series_collisions=1e-300",), "series_collisions = 1e-300: must be"),
         (("frames=1000000000000",), "output.frames = 1000000000000: must be an integer from 1 to 10000000"),
         (("histories=[]",), "output.histories = []: must have at least 1 entry, none given"),
         (
@@ -135,28 +107,28 @@ def test_any_of_the_keys_of_histories_stores_them(folder):
         (("checkpoint_minutes=0",), "output.checkpoint_minutes"),
     ],
 )
-def test_what_contradicts_itself_is_refused_by_name(folder, overrides, reason):
+def test_what_contradicts_itself_is_refused_by_name(toml, overrides, reason):
     with pytest.raises(InputError) as caught:
-        output(folder, *overrides)
+        output(toml, *overrides)
     assert reason in str(caught.value)
 
 
-def test_histories_in_a_sheared_box_are_refused(folder):
+def test_histories_in_a_sheared_box_are_refused(toml):
     with pytest.raises(InputError, match=r"output\.histories = \[1\]: cannot .* box\.shear_rate = 0\.1"):
-        case_file.read(folder / "gas.toml", ["box.shear_rate=0.1", "output.histories=[1]"])
+        case_file.read(toml, ["box.shear_rate=0.1", "output.histories=[1]"])
 
 
-def test_a_region_where_no_disk_starts_is_refused(folder):
+def test_a_region_where_no_disk_starts_is_refused(toml):
     case = case_file.read(
-        folder / "gas.toml", ["output.histories_region=[0.0, 0.0, 0.01, 0.01]", "start.positions=hexagonal"]
+        toml, ["output.histories_region=[0.0, 0.0, 0.01, 0.01]", "start.positions=hexagonal"]
     ).case
     gas = CaseGas.from_case(case)
     with pytest.raises(InputError, match="no disk starts there"):
         starts.tracked(gas, starts.start(gas))
 
 
-def check_cadences(folder: Path, *overrides: str) -> None:
-    case = case_file.read(folder / "gas.toml", overrides).case
+def check_cadences(toml: Path, *overrides: str) -> None:
+    case = case_file.read(toml, overrides).case
     gas = CaseGas.from_case(case)
     summary.refuse_cadences(gas, RunEstimate.of(gas))
 
@@ -199,9 +171,9 @@ BY_COLLISIONS = ("run.t_end=", "run.collisions_per_disk=20.0")
         ),
     ],
 )
-def test_cadences_that_make_no_sense_are_refused_before_work(folder, overrides, reason):
+def test_cadences_that_make_no_sense_are_refused_before_work(toml, overrides, reason):
     with pytest.raises(InputError) as caught:
-        check_cadences(folder, *overrides)
+        check_cadences(toml, *overrides)
     assert reason in str(caught.value)
 
 
@@ -214,33 +186,33 @@ def test_cadences_that_make_no_sense_are_refused_before_work(folder, overrides, 
         ("output.frames=10000000",),
     ],
 )
-def test_dense_cadences_that_can_be_are_not_refused(folder, overrides):
-    check_cadences(folder, *overrides)
+def test_dense_cadences_that_can_be_are_not_refused(toml, overrides):
+    check_cadences(toml, *overrides)
 
 
-def test_check_refuses_them_with_status_2_and_no_report(folder, capsys):
+def test_check_refuses_them_with_status_2_and_no_report(toml, capsys):
     for setting in (
         "output.frames_interval=1e-12",
         "output.frames_collisions=1e-9",
         "output.series_interval=1e-300",
     ):
-        assert cli.main(["check", str(folder / "gas.toml"), "--set", setting]) == 2
+        assert cli.main(["check", str(toml), "--set", setting]) == 2
         shown = capsys.readouterr()
         assert shown.out == ""
         assert setting.partition("=")[0].partition(".")[2] in shown.err
 
 
-def test_check_warns_of_a_file_that_has_no_room_here(folder, capsys):
+def test_check_warns_of_a_file_that_has_no_room_here(toml, capsys):
     large = ["output.frames=10000000", "species[0].number=20000", "box.lengths=[400.0, 300.0]"]
     settings = [word for one in large for word in ("--set", one)]
-    assert cli.main(["check", str(folder / "gas.toml"), *settings]) == 0
+    assert cli.main(["check", str(toml), *settings]) == 0
     shown = capsys.readouterr()
     assert "warning: output: the trajectory requires about" in shown.err
     assert "`ifrdem run` would refuse it here" in shown.err
 
 
-def test_the_estimate_counts_frames_rows_and_tracked_disks(folder):
-    case = case_file.read(folder / "gas.toml", ["output.histories_sample=50"]).case
+def test_the_estimate_counts_frames_rows_and_tracked_disks(toml):
+    case = case_file.read(toml, ["output.histories_sample=50"]).case
     found = RunEstimate.of(CaseGas.from_case(case))
     assert (found.frames, found.rows, found.tracked) == (101, 1001, 50)
 
@@ -260,9 +232,9 @@ def test_the_estimate_counts_frames_rows_and_tracked_disks(folder):
         ),
     ],
 )
-def test_the_size_of_a_file_agrees_with_its_estimate(folder, overrides):
+def test_the_size_of_a_file_agrees_with_its_estimate(toml, overrides):
     """Within 5 % where frames are large; of many small ones, indices of chunks take up to a fifth of the file."""
-    file = case_file.read(folder / "gas.toml", overrides)
+    file = case_file.read(toml, overrides)
     case, output = file.case, file.case.output
     gas = CaseGas.from_case(case)
     expected = RunEstimate.of(gas)
@@ -272,7 +244,7 @@ def test_the_size_of_a_file_agrees_with_its_estimate(folder, overrides):
         measured = replace(
             measured, dissipated=np.zeros(len(MECHANISMS)), regimes=np.zeros(5, dtype=np.int64)
         )
-    place = folder / "gas.h5"
+    place = toml.with_suffix(".h5")
     with TrajectoryWriter(
         place, gas.disks, gas.box, fields=output.fields, precision=output.precision,
         parameters=run._record(file, "cpu"), units=UNITS["reduced"], walls=gas.walls,
@@ -337,9 +309,9 @@ def test_the_time_of_shipped_cases_is_within_a_factor_of_2(name: str, seconds: f
     assert 0.5 * seconds < RunEstimate.of(gas).seconds(gas, 1) < 2.0 * seconds
 
 
-def test_check_estimates_the_time_and_says_why_a_thin_gas_is_slow(folder):
+def test_check_estimates_the_time_and_says_why_a_thin_gas_is_slow(toml):
     def printed(*overrides: str) -> str:
-        case = case_file.read(folder / "gas.toml", overrides).case
+        case = case_file.read(toml, overrides).case
         gas = CaseGas.from_case(case)
         return report.report(gas, RunEstimate.of(gas)).text
 
@@ -363,8 +335,8 @@ def test_many_disks_on_ranks_are_written_in_parts_unless_the_case_says_otherwise
     assert OutputSection().parts == "auto"
 
 
-def test_check_names_the_parts(folder, capsys):
-    path = str(folder / "gas.toml")
+def test_check_names_the_parts(toml, capsys):
+    path = str(toml)
     assert cli.main(["check", path]) == 0
     assert ".parts" not in capsys.readouterr().out
     assert cli.main(["check", path, "--set", "output.parts=true"]) == 0
@@ -377,8 +349,8 @@ def test_check_names_the_parts(folder, capsys):
         assert f"output.parts {message}" in capsys.readouterr().err
 
 
-def test_the_estimated_time_names_the_compilation_separately(folder, capsys):
-    assert cli.main(["check", str(folder / "gas.toml")]) == 0
+def test_the_estimated_time_names_the_compilation_separately(toml, capsys):
+    assert cli.main(["check", str(toml)]) == 0
     shown = capsys.readouterr().out
     assert "  run time (collisions, windows, frames and output) " in shown
     assert re.search("compilation of kernels, before the run +a second or two if ", shown)

@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from support.cases import case_text
 
 from ifrdem.cli.main import main
 from ifrdem.errors import Stopped
@@ -14,45 +15,20 @@ from ifrdem.runs.signals import Stops
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.viewer.content import Content
 
-CASE = """
-[run]
-name = "lid"
-t_end = 12.0
-units = "reduced"
-
-[box]
-lengths = [10.0, 20.0]
-periodic = [true, false]
-material = "steel"
-gravity = [0.0, -0.1]
-
-[[material]]
-name = "steel"
-e_n = 0.95
-e_t = -0.6
-mu = 0.1
-
-[[species]]
-name = "disks"
-number = 40
-material = "steel"
-mass = 1.0
-diameter = 1.0
-speed_rms = 1.4
-
-[[wall]]
-shape = "line"
-material = "steel"
-point = [0.0, 12.0]
-normal = [0.0, -1.0]
-piston = { mass = 10.0, force = 2.0, high = 6.0 }
-
-[output]
-frames = 9
-series = 30
-picture = false
-fields = ["position", "velocity", "angular_velocity", "collisions"]
-"""
+CASE = case_text({
+    "run.name": "lid", "run.t_end": 12.0, "box.lengths": [10.0, 20.0], "box.periodic": [True, False],
+    "box.material": "coin", "box.gravity": [0.0, -0.1], "box.packing_fraction": None,
+    "material[0].e_n": 0.95, "material[0].e_t": -0.6, "material[0].mu": 0.1, "species[0].number": 40,
+    "species[0].speed_rms": 1.4,
+    "wall": [
+        {"shape": "line", "material": "coin", "point": [0.0, 12.0], "normal": [0.0, -1.0],
+         "piston": {"mass": 10.0, "force": 2.0, "high": 6.0}},
+    ],
+    "output": {
+        "frames": 9, "series": 30, "picture": False,
+        "fields": ["position", "velocity", "angular_velocity", "collisions"],
+    },
+})  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -69,19 +45,15 @@ fields = ["position", "velocity", "angular_velocity", "collisions"]
             'wall[0].piston: cannot be combined with run.precision = "f32"',
         ),
         ("number = 40", "number = 30000", "wall[0].piston: cannot be combined with 30000 disks"),
+        ("piston =", 'motion = { kind = "steady", speed = 0.1 }\npiston =', "wall[0]: line wall, piston"),
         (
-            "piston =",
-            'motion = { kind = "steady", speed = 0.1 }\npiston =',
-            "wall[0]: line wall, piston",
-        ),
-        (
-            'shape = "line"\nmaterial = "steel"\npoint = [0.0, 12.0]\nnormal = [0.0, -1.0]',
-            'shape = "post"\nmaterial = "steel"\ncenter = [5.0, 5.0]\nradius = 1.0',
+            'shape = "line"\nmaterial = "coin"\npoint = [0.0, 12.0]\nnormal = [0.0, -1.0]',
+            'shape = "post"\nmaterial = "coin"\ncenter = [5.0, 5.0]\nradius = 1.0',
             "wall[0]: post wall, piston: only a line or a segment",
         ),
         (
-            'shape = "line"\nmaterial = "steel"\npoint = [0.0, 12.0]\nnormal = [0.0, -1.0]',
-            'shape = "segment"\nmaterial = "steel"\nstart = [1.0, 5.0]\nend = [9.0, 5.0]',
+            'shape = "line"\nmaterial = "coin"\npoint = [0.0, 12.0]\nnormal = [0.0, -1.0]',
+            'shape = "segment"\nmaterial = "coin"\nstart = [1.0, 5.0]\nend = [9.0, 5.0]',
             "wall[0]: segment: as a piston a segment must run from side to side",
         ),
     ],
@@ -149,14 +121,12 @@ def test_a_stopped_run_with_a_piston_resumes_to_the_same_file(
 
 
 def test_check_advises_a_remedy_for_collapse_that_pistons_take(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    toml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
-    assert main(["check", str(path)]) == 0
+    assert main(["check", str(toml)]) == 0
     assert 'set run.collapse = "velocity_cutoff" or "contact_time"' in capsys.readouterr().out
     for remedy, value in (
         ("velocity_cutoff", "run.velocity_cutoff=0.01"),
         ("contact_time", "run.contact_time=0.01"),
     ):
-        assert main(["check", str(path), "--set", f"run.collapse={remedy}", "--set", value]) == 0
+        assert main(["check", str(toml), "--set", f"run.collapse={remedy}", "--set", value]) == 0

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from support.cases import MakeCase, case_text
 
 from ifrdem.case import file as case_file
 from ifrdem.case import starts
@@ -21,40 +22,23 @@ from ifrdem.theory.sheared_gas import steady_state
 from ifrdem.trajectory.reader import Trajectory
 
 ROOT = Path(__file__).parents[2]
-SHEARED = """
-[run]
-name = "flow"
-seed = 3
-t_end = 6.0
-units = "reduced"
-[box]
-packing_fraction = 0.1
-shear_rate = 0.8
-[[material]]
-name = "m"
-e_n = 0.87
-e_t = -0.88
-mu = 0.21
-[[species]]
-name = "s"
-number = 300
-material = "m"
-mass = 2.0
-radius = 0.5
-speed_rms = 1.0
-[output]
-frames = 6
-fields = ["position", "velocity", "angular_velocity", "collisions", "image"]
-"""
+CASE = case_text({
+    "run.name": "flow", "run.seed": 3, "run.t_end": 6.0, "box.packing_fraction": 0.1,
+    "box.shear_rate": 0.8, "material[0].name": "m", "material[0].e_n": 0.87, "material[0].e_t": -0.88,
+    "material[0].mu": 0.21, "species[0].name": "s", "species[0].number": 300, "species[0].material": "m",
+    "species[0].mass": 2.0,
+    "output": {
+        "frames": 6, "fields": ["position", "velocity", "angular_velocity", "collisions", "image"],
+    },
+})  # fmt: skip
 STEADY = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, 0.8) or (0.0, 0.0)
 
 
 @pytest.fixture
-def flow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with the case above, as the present one."""
-    monkeypatch.chdir(tmp_path)
-    Path("flow.toml").write_text(SHEARED)
-    return tmp_path
+def flow(toml: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of the case above, as the present one."""
+    monkeypatch.chdir(toml.parent)
+    return toml.parent
 
 
 def test_a_run_keeps_the_ledger_and_shows_what_the_flow_put_in(
@@ -98,7 +82,7 @@ def test_a_frame_of_a_sheared_box_starts_only_a_run_with_the_same_flow_and_clock
     flow: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["run", "flow.toml", "--no-picture", "--set", "run.t_end=0.1"]) == 0
-    Path("again.toml").write_text(SHEARED + '[start]\npositions = "flow.h5"\n')
+    Path("again.toml").write_text(CASE + '[start]\npositions = "flow.h5"\n')
     capsys.readouterr()
     assert main(["check", "again.toml"]) == 0
     assert "from t = 0.1, " in capsys.readouterr().out
@@ -126,17 +110,14 @@ def test_check_predicts_a_sheared_gas(flow: Path, capsys: pytest.CaptureFixture[
                  "run.collisions_per_disk=5"]) == 0  # fmt: skip
 
 
-def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path) -> None:
+def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path, case: MakeCase) -> None:
     """A gas that another run has mixed is sheared from now on."""
     assert main(["run", "flow.toml", "--no-picture", "--set", "box.shear_rate=0", "--set", "run.t_end=0.1",
                  "--set", "output.precision=f64"]) == 0  # fmt: skip
-    Path("next.toml").write_text(
-        SHEARED.replace("speed_rms = 1.0\n", "") + '[start]\npositions = "flow.h5"\nmotion = true\n'
-    )
+    changes = {"species[0].speed_rms": None, "start.positions": "flow.h5", "start.motion": True}
     with Trajectory("flow.h5") as trajectory:
         lengths, last = trajectory.box.lengths, trajectory[-1]
-        case = case_file.read(Path("next.toml")).case
-        gas = CaseGas.from_case(case)
+        gas = CaseGas.from_case(case(changes))
         state = starts.start(gas)
         np.testing.assert_allclose(
             state.velocity[:, 0],

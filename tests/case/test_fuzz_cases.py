@@ -1,9 +1,6 @@
 """Any case file is valid or refused: `check` ends with status 0 or 2, without a traceback.
 
-Shipped cases, templates and random cases (`ifrdem.validation.gas.cases`) are mutated by a seeded generator.
-By hand, with more mutants and another seed:
-
-    python tests/case/test_fuzz_cases.py 5000 7
+Shipped cases, templates and random cases (`ifrdem.validation.gas.cases`) are mutated.
 """
 
 from __future__ import annotations
@@ -11,11 +8,8 @@ from __future__ import annotations
 import copy
 import io
 import json
-import random
 import resource
 import signal
-import sys
-import tempfile
 import tomllib
 import warnings
 from collections.abc import Iterator
@@ -24,7 +18,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.drawn import Dice, examples
 
 from ifrdem.case import shipped, template
 from ifrdem.cli.main import main
@@ -70,7 +66,7 @@ def leaves(value: Any) -> Iterator[tuple[Any, Any]]:
             yield from leaves(each)
 
 
-def odd(dice: random.Random) -> Any:
+def odd(dice: Dice) -> Any:
     """A value that does not belong."""
     deep: Any = dice.choice(NUMBERS)
     for _ in range(dice.choice((1, 2, 12, 40))):
@@ -82,12 +78,18 @@ def odd(dice: random.Random) -> Any:
     )  # fmt: skip
 
 
-def mutant(dice: random.Random, texts: list[str]) -> tuple[str, list[str]]:
-    """A case and the settings of the command line."""
-    text = dice.choice(texts)
+TEXTS_OF_CASES = sorted(sources(), key=len)
+
+
+@st.composite
+def mutants(draw: Any) -> tuple[str, list[str]]:
+    """Cases and the settings of the command line."""
+    dice = Dice(draw)
+    text = dice.choice(TEXTS_OF_CASES)
     raw = copy.deepcopy(tomllib.loads(text))
     for _ in range(dice.choice((0, 1, 1, 1, 2, 3))):
-        holder, key = dice.choice(list(leaves(raw)))
+        places = list(leaves(raw))
+        holder, key = places[dice.choice(range(len(places)))]
         what, present = dice.random(), holder[key]
         if isinstance(present, float) and what < 0.4:  # which by itself is in order
             holder[key] = present * 10.0 ** dice.choice((-30, -12, -6, -2, 2, 6, 12, 30))
@@ -164,26 +166,9 @@ def fault(place: Path, text: str, settings: list[str]) -> str | None:
     return "nan or inf in the report" if " nan" in output.getvalue() and status == 0 else None
 
 
-def faults(count: int, seed: int) -> Iterator[tuple[str, str, list[str]]]:
-    """The faults among so many mutants, each with its case and settings."""
-    dice, texts = random.Random(seed), sources()
-    with tempfile.TemporaryDirectory() as folder:
-        for _ in range(count):
-            text, settings = mutant(dice, texts)
-            found = fault(Path(folder) / "case.toml", text, settings)
-            if found is not None:
-                yield found, text, settings
-
-
-@pytest.mark.full(keep=2)
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_mutated_case_is_checked_or_refused_without_a_traceback(seed: int) -> None:
-    for found, text, settings in faults(120, seed):
-        pytest.fail(f"{found}\n{settings}\n{text[:3000]}")
-
-
-if __name__ == "__main__":
-    warnings.simplefilter("error")  # as in the tests
-    for number, (found, text, settings) in enumerate(faults(int(sys.argv[1]), int(sys.argv[2]))):
-        Path(f"fault-{sys.argv[2]}-{number}.toml").write_text(text, encoding="utf-8")
-        print(found[:300], json.dumps(settings)[:200], flush=True)
+@given(mutants())
+@examples(120)
+def test_a_mutated_case_is_checked_or_refused_without_a_traceback(
+    tmp_path: Path, mutant: tuple[str, list[str]]
+) -> None:
+    assert fault(tmp_path / "case.toml", *mutant) is None

@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 import pytest
 from support import law_examples, mpi
+from support.cases import case_text
 
 import ifrdem
 from ifrdem.cli import main as cli
@@ -59,62 +60,39 @@ class Gaining(ifrdem.CollisionLaw):
 class Named(Gaining):
     coefficients = ("name",)
 '''
-CASE = """
-[run]
-name = "gas"
-collisions_per_disk = 4.0
-seed = 2
-units = "reduced"
-[box]
-packing_fraction = 0.2
-[[material]]
-name = "a"
-law = "laws/mylaw.py:SpeedDependent"
-c = 0.1
-e_t = -0.9
-mu = 0.2
-[[species]]
-name = "a"
-number = 100
-material = "a"
-mass = 1.0
-radius = 0.5
-speed_rms = 1.0
-[output]
-frames = 4
-series = 8
-histories_all = true
-picture = false
-views = false
-"""
+CASE = case_text({
+    "run.collisions_per_disk": 4.0, "run.seed": 2, "run.t_end": None, "material[0].name": "a",
+    "material[0].law": "laws/mylaw.py:SpeedDependent", "material[0].c": 0.1, "material[0].e_t": -0.9,
+    "material[0].e_n": None, "species[0].name": "a", "species[0].number": 100, "species[0].material": "a",
+    "output": {"frames": 4, "series": 8, "histories_all": True, "picture": False, "views": False},
+})  # fmt: skip
 GAINING = ['material[0].law="laws/mylaw.py:Gaining"', "material[0].c=", "material[0].e_t=", "material[0].mu="]
 VALUES = {"c": 0.1, "e_t": -0.9, "mu": 0.2}
 
 
-@pytest.fixture
-def case(tmp_path: Path) -> Path:
+@pytest.fixture(autouse=True)
+def law_file(tmp_path: Path) -> None:
+    """Beside the case."""
     (tmp_path / "laws").mkdir()
     (tmp_path / "laws" / "mylaw.py").write_text(LAW, encoding="utf-8")
-    (tmp_path / "gas.toml").write_text(CASE, encoding="utf-8")
-    return tmp_path / "gas.toml"
 
 
-def file_of(case: Path) -> Path:
-    return case.parent / "laws" / "mylaw.py"
+def file_of(toml: Path) -> Path:
+    return toml.parent / "laws" / "mylaw.py"
 
 
-def executed(case: Path, *words: object) -> int:
-    return cli.main([*map(str, words[:1]), str(case), *map(str, words[1:])])
+def executed(toml: Path, *words: object) -> int:
+    return cli.main([*map(str, words[:1]), str(toml), *map(str, words[1:])])
 
 
 def sets(*assignments: str) -> list[str]:
     return [word for each in assignments for word in ("--set", each)]
 
 
-def test_a_run_has_the_bits_of_the_same_law_from_python(case: Path) -> None:
-    out = case.with_name("gas.h5")
-    assert executed(case, "run", "-o", out) == 0
-    gas = ifrdem.Case.read(case).simulation()
+def test_a_run_has_the_bits_of_the_same_law_from_python(toml: Path) -> None:
+    out = toml.with_name("gas.h5")
+    assert executed(toml, "run", "-o", out) == 0
+    gas = ifrdem.Case.read(toml).simulation()
     same = ifrdem.Simulation(
         gas.disks, gas.box, law_examples.Viscoelastic(**VALUES), gas.state, record=["ledger"], seed=2
     )
@@ -130,13 +108,13 @@ def test_a_run_has_the_bits_of_the_same_law_from_python(case: Path) -> None:
         one = ifrdem.DSMC(gas.disks, trajectory.laws, 0.2, gas.state.velocity, seed=1)
         assert one.run(collisions_per_disk=2.0, samples=1).temperature[-1] < 0.5
         assert sum(len(trajectory.history(i).time) for i in range(100)) == 2 * same.collisions
-    assert record["sha256"] == hashlib.sha256(file_of(case).read_bytes()).hexdigest()
-    assert (record["law"], record["path"]) == ("mylaw.py:SpeedDependent", str(file_of(case).resolve()))
+    assert record["sha256"] == hashlib.sha256(file_of(toml).read_bytes()).hexdigest()
+    assert (record["law"], record["path"]) == ("mylaw.py:SpeedDependent", str(file_of(toml).resolve()))
 
 
-def test_the_law_of_a_trajectory_is_refused_without_its_file(case: Path) -> None:
-    out, law = case.with_name("gas.h5"), file_of(case)
-    assert executed(case, "run", "-o", out, *sets("run.collisions_per_disk=1.0")) == 0
+def test_the_law_of_a_trajectory_is_refused_without_its_file(toml: Path) -> None:
+    out, law = toml.with_name("gas.h5"), file_of(toml)
+    assert executed(toml, "run", "-o", out, *sets("run.collisions_per_disk=1.0")) == 0
     with ifrdem.Trajectory(out, run_law_files=True) as trajectory:
         (found,) = trajectory.laws[0]
         law.rename(out.with_name("mylaw.py"))  # next to the trajectory
@@ -158,7 +136,7 @@ def test_the_law_of_a_trajectory_is_refused_without_its_file(case: Path) -> None
         (records,) = json.loads(file["parameters/laws"][()])
         del file["parameters/laws"], file["parameters/case"]
         file["parameters/laws"] = json.dumps([[{**records[0], "sha256": sha256}]])
-        text = case.read_text(encoding="utf-8").replace("laws/mylaw.py", str(out.with_name("mylaw.py")))
+        text = toml.read_text(encoding="utf-8").replace("laws/mylaw.py", str(out.with_name("mylaw.py")))
         file["parameters/case"] = text
     with ifrdem.Trajectory(out) as trajectory, pytest.raises(InputError, match="run_law_files=True"):
         _ = trajectory.laws
@@ -174,13 +152,13 @@ def test_the_law_of_a_trajectory_is_refused_without_its_file(case: Path) -> None
     assert out.with_name("executed").exists()
 
 
-def test_a_law_goes_to_other_processes_with_its_text(case: Path) -> None:
-    law = law_files.find("mylaw.py:SpeedDependent", file_of(case).parent).kind(**VALUES)
+def test_a_law_goes_to_other_processes_with_its_text(toml: Path) -> None:
+    law = law_files.find("mylaw.py:SpeedDependent", file_of(toml).parent).kind(**VALUES)
     assert copy.deepcopy(law) == law
-    case.with_name("law.pickle").write_bytes(pickle.dumps(law))
-    file_of(case).unlink()
+    toml.with_name("law.pickle").write_bytes(pickle.dumps(law))
+    file_of(toml).unlink()
     code = "import pickle, sys; print(pickle.load(open(sys.argv[1], 'rb')))"
-    words = [sys.executable, "-c", code, str(case.with_name("law.pickle"))]
+    words = [sys.executable, "-c", code, str(toml.with_name("law.pickle"))]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "SpeedDependent(c=0.1, e_t=-0.9, mu=0.2)"
 
@@ -203,9 +181,9 @@ def test_a_law_goes_to_other_processes_with_its_text(case: Path) -> None:
     ids=["missing", "unknown", "text", "class", "file", "form", "name", "pair"],
 )  # fmt: skip
 def test_mistakes_name_key_value_and_what_is_there(
-    case: Path, settings: list[str], message: str, capsys: pytest.CaptureFixture[str]
+    toml: Path, settings: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert executed(case, "check", *sets(*settings)) == 2
+    assert executed(toml, "check", *sets(*settings)) == 2
     assert message in capsys.readouterr().err
 
 
@@ -223,34 +201,34 @@ def test_mistakes_name_key_value_and_what_is_there(
     ids=["error", "syntax", "import", "empty"],
 )
 def test_errors_in_the_file_are_told_with_their_line(
-    case: Path, text: str, message: str, capsys: pytest.CaptureFixture[str]
+    toml: Path, text: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file_of(case).write_text(text, encoding="utf-8")
-    assert executed(case, "check") == 2
+    file_of(toml).write_text(text, encoding="utf-8")
+    assert executed(toml, "check") == 2
     assert message in capsys.readouterr().err
 
 
 @pytest.mark.filterwarnings("always::ifrdem.EnergyWarning")
 def test_a_law_that_adds_energy_is_reported_by_check_and_run(
-    case: Path, capsys: pytest.CaptureFixture[str]
+    toml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # e_n = 1.1: a head-on collision of equal disks gains (1.1^2 - 1) of the energy of the relative motion.
     settings = sets(*GAINING, "material[0].gain=1.1")
-    assert executed(case, "check", *settings) == 0
+    assert executed(toml, "check", *settings) == 0
     shown = capsys.readouterr()
-    at = f'{case}: material[0].law = "laws/mylaw.py:Gaining": '
+    at = f'{toml}: material[0].law = "laws/mylaw.py:Gaining": '
     assert f"{at}law Gaining: of 4096 random collisions 4096 added energy, one of them" in shown.err
     assert "custom, tried on 4096 random pairs" in shown.out
-    assert executed(case, "run", "-o", case.with_name("gas.h5"), *settings) == 0
+    assert executed(toml, "run", "-o", toml.with_name("gas.h5"), *settings) == 0
     shown = capsys.readouterr()
     assert f"{at}law Gaining: of 4096 random collisions 4096 added energy" in shown.err
     assert "collisions have added energy" in shown.err
     with pytest.warns(ifrdem.EnergyWarning, match="law Gaining: of 4096"):
-        ifrdem.Case.read(case, set=[*GAINING, "material[0].gain=1.1"]).simulation()
+        ifrdem.Case.read(toml, set=[*GAINING, "material[0].gain=1.1"]).simulation()
     # P_n = 0.9 m_n g_n would let disks pass through each other: before any file is written.
-    out = case.with_name("weak.h5")
+    out = toml.with_name("weak.h5")
     for command in (["check"], ["run", "-o", out]):
-        assert executed(case, *command, *sets(*GAINING, "material[0].gain=-0.1")) == 2
+        assert executed(toml, *command, *sets(*GAINING, "material[0].gain=-0.1")) == 2
         err = capsys.readouterr().err
         assert f"{at}law Gaining: " in err
         assert "go through each other" in err
@@ -282,49 +260,49 @@ SMOOTH = sets(
 
 
 def test_a_law_that_says_that_it_is_passive_is_checked_and_runs(
-    case: Path, capsys: pytest.CaptureFixture[str]
+    toml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`is_passive` once led theory to take the law for one of the package: neither command ran.
 
     With its averages, the estimate of collisions is that of smooth disks (`law = "smooth"`), which theory gives.
     """
-    file_of(case).write_text(PASSIVE, encoding="utf-8")
-    assert executed(case, "check", *SMOOTH, *sets("material[0].e_n=0.9")) == 0
+    file_of(toml).write_text(PASSIVE, encoding="utf-8")
+    assert executed(toml, "check", *SMOOTH, *sets("material[0].e_n=0.9")) == 0
     shown = capsys.readouterr().out
     assert "custom, tried on 4096 random pairs" in shown
-    out = case.with_name("gas.h5")
-    assert executed(case, "run", "-o", out, *SMOOTH, *sets("material[0].e_n=0.9")) == 0
-    assert executed(case, "check", *SMOOTH, *sets("material[0].e_n=0.9", 'material[0].law="smooth"')) == 0
+    out = toml.with_name("gas.h5")
+    assert executed(toml, "run", "-o", out, *SMOOTH, *sets("material[0].e_n=0.9")) == 0
+    assert executed(toml, "check", *SMOOTH, *sets("material[0].e_n=0.9", 'material[0].law="smooth"')) == 0
     known = capsys.readouterr().out
     (estimate,) = re.findall(r"to t = 3: .* collisions", shown)
     assert estimate in known
     # What is not true is refused: e_n = 1.1 adds energy.
-    assert executed(case, "check", *SMOOTH, *sets("material[0].e_n=1.1")) == 2
+    assert executed(toml, "check", *SMOOTH, *sets("material[0].e_n=1.1")) == 2
     assert "is_passive = True: must be False, because of 4096 random" in capsys.readouterr().err
 
 
 def test_the_former_name_of_what_a_law_says_is_refused_with_the_present_ones(
-    case: Path, capsys: pytest.CaptureFixture[str]
+    toml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file_of(case).write_text(PASSIVE.replace("is_passive", "is_proved"), encoding="utf-8")
-    assert executed(case, "check", *SMOOTH, *sets("material[0].e_n=0.9")) == 2
+    file_of(toml).write_text(PASSIVE.replace("is_passive", "is_proved"), encoding="utf-8")
+    assert executed(toml, "check", *SMOOTH, *sets("material[0].e_n=0.9")) == 2
     assert (
         "is_proved = True: must be replaced by those of is_passive, has_averages, has_ifr_symbols that hold"
         in (capsys.readouterr().err)
     )
 
 
-def test_a_law_that_loses_energy_gives_no_warning(case: Path) -> None:
+def test_a_law_that_loses_energy_gives_no_warning(toml: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert ifrdem.Case.read(case).check().warnings == ()
+        assert ifrdem.Case.read(toml).check().warnings == ()
 
 
 def test_an_interrupted_run_resumes_with_the_same_file_only(
-    case: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    toml: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    whole, part = case.with_name("whole.h5"), case.with_name("part.h5")
-    assert executed(case, "run", "-o", whole) == 0
+    whole, part = toml.with_name("whole.h5"), toml.with_name("part.h5")
+    assert executed(toml, "run", "-o", whole) == 0
     with monkeypatch.context() as patch:
         counts: list[int] = []
 
@@ -334,46 +312,46 @@ def test_an_interrupted_run_resumes_with_the_same_file_only(
                 raise Stopped("stopped", 3)
 
         patch.setattr(Stops, "check", check)
-        assert executed(case, "run", "-o", part) == 3
-    text = file_of(case).read_text(encoding="utf-8")
-    file_of(case).write_text(text.replace("1.0 -", "1.0 - 0.1 *"), encoding="utf-8")
+        assert executed(toml, "run", "-o", part) == 3
+    text = file_of(toml).read_text(encoding="utf-8")
+    file_of(toml).write_text(text.replace("1.0 -", "1.0 - 0.1 *"), encoding="utf-8")
     for words in ([], ["--ignore-case-changes"]):
         assert cli.main(["resume", str(part), *words]) == 2
         error = capsys.readouterr().err
         assert "has changed" in error
         assert 'start.positions = "part.h5"' in error
         assert "must be the file of the run" in error
-    file_of(case).unlink()
+    file_of(toml).unlink()
     assert cli.main(["resume", str(part)]) == 2
-    assert f"there is no file {file_of(case).resolve()}" in capsys.readouterr().err
-    file_of(case).write_text(text, encoding="utf-8")
+    assert f"there is no file {file_of(toml).resolve()}" in capsys.readouterr().err
+    file_of(toml).write_text(text, encoding="utf-8")
     assert cli.main(["resume", str(part)]) == 0
     with ifrdem.Trajectory(whole) as a, ifrdem.Trajectory(part) as b:
         for name in ("position", "velocity", "spin"):
             np.testing.assert_array_equal(getattr(a[-1], name), getattr(b[-1], name))
 
 
-def test_a_checkpoint_of_python_holds_the_law_by_its_file(case: Path) -> None:
-    gas, path = ifrdem.Case.read(case).simulation(), case.with_name("gas.checkpoint.h5")
+def test_a_checkpoint_of_python_holds_the_law_by_its_file(toml: Path) -> None:
+    gas, path = ifrdem.Case.read(toml).simulation(), toml.with_name("gas.checkpoint.h5")
     gas.run(collisions_per_disk=1)
     gas.save_checkpoint(path)
     again = ifrdem.Simulation.from_checkpoint(path)
     for one in (gas, again):
         one.run(collisions_per_disk=2)
     np.testing.assert_array_equal(gas.state.velocity, again.state.velocity)
-    file_of(case).write_text(LAW + "\n", encoding="utf-8")
+    file_of(toml).write_text(LAW + "\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"gas\.checkpoint\.h5: law mylaw\.py:SpeedDependent: .*has changed"):
         ifrdem.Simulation.from_checkpoint(path)
 
 
-def test_a_study_sweeps_a_coefficient_and_knows_a_changed_file(case: Path) -> None:
+def test_a_study_sweeps_a_coefficient_and_knows_a_changed_file(toml: Path) -> None:
     def study() -> ifrdem.Study:
         return ifrdem.Study(
-            case,
+            toml,
             vary=["material[0].c=0.0,0.2"],
             seeds=1,
             set=["output.histories_all="],
-            output=case.with_name("s.nc"),
+            output=toml.with_name("s.nc"),
         )
 
     first = study()
@@ -383,16 +361,16 @@ def test_a_study_sweeps_a_coefficient_and_knows_a_changed_file(case: Path) -> No
     assert T[1, 0, -1] < T[0, 0, -1]
     keys = {task.key for task in first.tasks}
     assert {task.key for task in study().tasks} == keys
-    file_of(case).write_text(LAW + "\n", encoding="utf-8")
+    file_of(toml).write_text(LAW + "\n", encoding="utf-8")
     assert not {task.key for task in study().tasks} & keys
 
 
 @mpi.needed
-def test_two_ranks_have_the_law_of_the_root(case: Path) -> None:
-    alone, both = case.with_name("alone.h5"), case.with_name("both.h5")
+def test_two_ranks_have_the_law_of_the_root(toml: Path) -> None:
+    alone, both = toml.with_name("alone.h5"), toml.with_name("both.h5")
     settings = sets("species[0].number=21000", "run.collisions_per_disk=0.5", "output.histories_all=")
-    assert executed(case, "run", "-o", alone, *settings) == 0
-    done = mpi.on(2, *mpi.ifrdem("run", case, "-o", both, *settings))
+    assert executed(toml, "run", "-o", alone, *settings) == 0
+    done = mpi.on(2, *mpi.ifrdem("run", toml, "-o", both, *settings))
     assert done.returncode == 0, done.stderr
     with ifrdem.Trajectory(alone) as a, ifrdem.Trajectory(both) as b:
         assert int(b.parameters["ranks"]) == 2
@@ -400,12 +378,12 @@ def test_two_ranks_have_the_law_of_the_root(case: Path) -> None:
 
 
 def test_run_stops_before_any_file_if_a_law_cannot_be_compiled(
-    case: Path, capsys: pytest.CaptureFixture[str]
+    toml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file_of(case).write_text(LAW.replace("law.mu", "law.mue"), encoding="utf-8")
-    for command in (["check"], ["run", "-o", case.with_name("gas.h5")]):
-        assert executed(case, *command) == 2
+    file_of(toml).write_text(LAW.replace("law.mu", "law.mue"), encoding="utf-8")
+    for command in (["check"], ["run", "-o", toml.with_name("gas.h5")]):
+        assert executed(toml, *command) == 2
         error = capsys.readouterr().err
         assert "mylaw.py, line 16, in collide" in error
         assert "no 'mue' (did you mean 'mu'?)" in error
-    assert not case.with_name("gas.h5").exists()
+    assert not toml.with_name("gas.h5").exists()

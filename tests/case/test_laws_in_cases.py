@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
+from support.cases import case_text
 
 import ifrdem
 from ifrdem import laws
@@ -16,37 +17,15 @@ from ifrdem.case.laws_section import Material, PairOfMaterials
 from ifrdem.cli import main as cli
 from ifrdem.model.laws.records import LAWS
 
-CASE = """
-[run]
-name = "gas"
-collisions_per_disk = 2.0
-units = "reduced"
-[box]
-packing_fraction = 0.2
-[[material]]
-name = "a"
-law = "walton"
-e_n = 0.9
-beta_0 = 0.4
-mu = 0.2
-[[species]]
-name = "a"
-number = 100
-material = "a"
-mass = 1.0
-radius = 0.5
-speed_rms = 1.0
-"""
+CASE = case_text({
+    "run.collisions_per_disk": 2.0, "run.t_end": None, "material[0].name": "a",
+    "material[0].law": "walton", "material[0].beta_0": 0.4, "material[0].e_t": None,
+    "species[0].name": "a", "species[0].number": 100, "species[0].material": "a",
+})  # fmt: skip
 VISCOELASTIC = [
     'material[0].law="viscoelastic"', "material[0].beta_0=", "material[0].e_n=", "material[0].A=0.05",
     "material[0].Y=1.0", "material[0].e_t=-0.9",
 ]  # fmt: skip
-
-
-@pytest.fixture
-def case(tmp_path: Path) -> Path:
-    (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
-    return tmp_path / "case.toml"
 
 
 @pytest.mark.parametrize(
@@ -58,10 +37,10 @@ def case(tmp_path: Path) -> Path:
     ],
     ids=["walton", "viscoelastic", "smooth"],
 )
-def test_a_run_keeps_the_law_of_its_case(case: Path, settings: list[str], law: laws.CollisionLaw) -> None:
-    out = case.with_name("gas.h5")
+def test_a_run_keeps_the_law_of_its_case(toml: Path, settings: list[str], law: laws.CollisionLaw) -> None:
+    out = toml.with_name("gas.h5")
     sets = [word for each in settings for word in ("--set", each)]
-    assert cli.main(["run", str(case), "-o", str(out), *sets]) == 0
+    assert cli.main(["run", str(toml), "-o", str(out), *sets]) == 0
     with ifrdem.Trajectory(out) as run:
         assert run.laws == [[law]]
         times = [0.0, 1.0, 3.0]
@@ -73,11 +52,11 @@ def test_a_run_keeps_the_law_of_its_case(case: Path, settings: list[str], law: l
         assert run.observables["energy"][-1] < run.observables["energy"][0]
 
 
-def test_a_checkpoint_holds_laws_by_name(case: Path) -> None:
-    gas = ifrdem.Case.read(case).simulation()
+def test_a_checkpoint_holds_laws_by_name(toml: Path) -> None:
+    gas = ifrdem.Case.read(toml).simulation()
     gas.run(collisions_per_disk=1)
-    gas.save_checkpoint(case.with_name("gas.checkpoint.h5"))
-    again = ifrdem.Simulation.from_checkpoint(case.with_name("gas.checkpoint.h5"))
+    gas.save_checkpoint(toml.with_name("gas.checkpoint.h5"))
+    again = ifrdem.Simulation.from_checkpoint(toml.with_name("gas.checkpoint.h5"))
     for one in (gas, again):
         one.run(collisions_per_disk=2)
     np.testing.assert_array_equal(gas.state.velocity, again.state.velocity)
@@ -95,9 +74,9 @@ def test_a_checkpoint_holds_laws_by_name(case: Path) -> None:
     ],
 )
 def test_keys_of_other_laws_are_refused_by_key_and_value(
-    case: Path, setting: str, message: str, capsys: pytest.CaptureFixture[str]
+    toml: Path, setting: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["check", str(case), "--set", setting]) == 2
+    assert cli.main(["check", str(toml), "--set", setting]) == 2
     assert message in capsys.readouterr().err
 
 
@@ -113,18 +92,18 @@ def test_keys_of_other_laws_are_refused_by_key_and_value(
     ],
 )
 def test_check_shows_the_law_of_the_case(
-    case: Path, settings: list[str], shown: str, capsys: pytest.CaptureFixture[str]
+    toml: Path, settings: list[str], shown: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["check", str(case), *(word for each in settings for word in ("--set", each))]) == 0
+    assert cli.main(["check", str(toml), *(word for each in settings for word in ("--set", each))]) == 0
     assert shown in capsys.readouterr().out
 
 
 def test_check_shows_e_n_of_viscoelastic_disks_and_refuses_what_the_series_does_not_cover(
-    case: Path, capsys: pytest.CaptureFixture[str]
+    toml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Mean approach speed of equal disks: sqrt(pi / 2) of the rms speed, 1.2533; m_n = 1/2, R = 1/4."""
     sets = [word for each in VISCOELASTIC for word in ("--set", each)]
-    assert cli.main(["check", str(case), *sets]) == 0
+    assert cli.main(["check", str(toml), *sets]) == 0
     out = capsys.readouterr().out
     b = 1.5 * 0.05 * (2.0 * 0.25**0.5 / 3.0 / 0.5) ** 0.4 * (math.pi / 2) ** 0.1
     e_n = 1.0 - 1.15344 * b + 0.79826 * b**2  # and terms of the order b^(5/2), 1e-3
@@ -132,20 +111,20 @@ def test_check_shows_e_n_of_viscoelastic_disks_and_refuses_what_the_series_does_
     found = float(line.split("start")[1].split(" at ")[0])
     assert found == pytest.approx(e_n, abs=1e-3)
     assert " at 1.253" in line
-    for command in (["check", str(case)], ["run", str(case), "-o", str(case.with_name("gas.h5"))]):
+    for command in (["check", str(toml)], ["run", str(toml), "-o", str(toml.with_name("gas.h5"))]):
         assert cli.main([*command, *sets, "--set", "material[0].A=1e40"]) == 2
         assert "material[0]: a, a: A = 1e+40, Y = 1: e_n = " in capsys.readouterr().err
-    assert not case.with_name("gas.h5").exists()
+    assert not toml.with_name("gas.h5").exists()
 
 
-def test_two_laws_in_one_case_are_refused(case: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_laws_in_one_case_are_refused(toml: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = CASE + '\n[[material]]\nname = "b"\ne_n = 0.9\ne_t = -0.9\nmu = 0.1\n'
     text += '[[pair]]\nmaterials = ["a", "b"]\nlaw = "walton"\ne_n = 0.9\nbeta_0 = 0.1\nmu = 0.1\n'
     text += (
         '[[species]]\nname = "b"\nnumber = 10\nmaterial = "b"\nmass = 1.0\nradius = 0.5\nspeed_rms = 1.0\n'
     )
-    case.write_text(text, encoding="utf-8")
-    assert cli.main(["check", str(case)]) == 2
+    toml.write_text(text, encoding="utf-8")
+    assert cli.main(["check", str(toml)]) == 2
     assert (
         "material[1]: laws of 2 classes, Walton (material[0]), IFRLaw (material[1])"
         in capsys.readouterr().err
@@ -153,13 +132,13 @@ def test_two_laws_in_one_case_are_refused(case: Path, capsys: pytest.CaptureFixt
 
 
 def test_check_refuses_disks_that_rest_by_a_law_other_than_ifr(
-    case: Path, capsys: pytest.CaptureFixture[str]
+    toml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     under_gravity = (
         "box.gravity=[0.0,-1.0]", "box.periodic=[true,false]", 'box.material="a"', 'run.collapse="rest"',
         "run.resting_speed=1e-3",
     )  # fmt: skip
-    assert cli.main(["check", str(case), *(word for each in under_gravity for word in ("--set", each))]) == 2
+    assert cli.main(["check", str(toml), *(word for each in under_gravity for word in ("--set", each))]) == 2
     assert (
         'run.collapse = "rest": cannot be combined with material[0].law = "walton"' in capsys.readouterr().err
     )

@@ -3,46 +3,29 @@
 from __future__ import annotations
 
 import itertools
-import tomllib
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from support.cases import Problems, case_gas, case_text
 
 from ifrdem import IFRLaw, InputError, Simulation, State
-from ifrdem.case import file as case_file
 from ifrdem.case import keys
-from ifrdem.case.case import CaseSections
-from ifrdem.case.gas import CaseGas
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks
 
 NAMES = ("a", "b", "c", "d", "e")
 
 
-def case(pairs: list[tuple[str, str]]) -> dict[str, Any]:
+def text_of(pairs: list[tuple[str, str]]) -> str:
     """Five materials and six species, two of them of one material; every pair has an e_n of its own."""
-    raw: dict[str, Any] = {
-        "run": {"collisions_per_disk": 1.0, "units": "reduced"},
-        "box": {"packing_fraction": 0.2},
-        "material": [
-            {"name": name, "e_n": 0.95 - 0.01 * i, "e_t": -0.9, "mu": 0.1} for i, name in enumerate(NAMES)
-        ],
-        "species": [
-            {
-                "name": f"s{i}",
-                "number": 20 + i,
-                "material": name,
-                "mass": 1.0 + i,
-                "radius": 0.5,
-                "speed_rms": 1.0,
-            }
-            for i, name in enumerate((*NAMES, "a"))
-        ],
-    }
-    raw["pair"] = [{"materials": [*pair], "e_n": e_n(*pair), "e_t": -0.9, "mu": 0.1} for pair in pairs]
-    return raw
+    materials = [{"name": name, "e_n": e_n(name, name), "e_t": -0.9, "mu": 0.1} for name in NAMES]
+    one = {"radius": 0.5, "speed_rms": 1.0}
+    species = [
+        {"name": f"s{i}", "number": 20 + i, "material": name, "mass": 1.0 + i} | one
+        for i, name in enumerate((*NAMES, "a"))
+    ]
+    given = [{"materials": [*pair], "e_n": e_n(*pair), "e_t": -0.9, "mu": 0.1} for pair in pairs]
+    return case_text({"material": materials, "species": species, "pair": given})
 
 
 def e_n(one: str, other: str) -> float:
@@ -51,18 +34,13 @@ def e_n(one: str, other: str) -> float:
     return 0.5 + 0.05 * i + 0.01 * j if i != j else 0.95 - 0.01 * i
 
 
-def problems(raw: dict[str, Any]) -> list[str]:
-    return [str(problem) for problem in case_file.validate_parsed(raw, Path())[-1]]
-
-
 EVERY = list(itertools.combinations(NAMES, 2))
 
 
-def test_every_pair_of_many_materials_collides_by_its_own_law() -> None:
+def test_every_pair_of_many_materials_collides_by_its_own_law(problems: Problems) -> None:
     shuffled = [pair if i % 2 else pair[::-1] for i, pair in enumerate(reversed(EVERY))]
-    raw = case(shuffled)
-    assert problems(raw) == []
-    gas = CaseGas.from_case(CaseSections.model_validate(raw))
+    assert problems(text=text_of(shuffled)) == []
+    gas = case_gas(text=text_of(shuffled))
     assert gas.materials == NAMES
     found = [[law.e_n for law in row] for row in gas.laws]
     np.testing.assert_allclose(found, [[e_n(a, b) for b in NAMES] for a in NAMES], rtol=1e-15)
@@ -70,8 +48,8 @@ def test_every_pair_of_many_materials_collides_by_its_own_law() -> None:
     assert len(gas.verdicts) == 21  # of six species
 
 
-def test_every_missing_pair_is_named_once() -> None:
-    found = problems(case([pair for pair in EVERY if pair not in (("a", "c"), ("d", "e"))]))
+def test_every_missing_pair_is_named_once(problems: Problems) -> None:
+    found = problems(text=text_of([pair for pair in EVERY if pair not in (("a", "c"), ("d", "e"))]))
     assert found == [
         f"pair: missing for the materials '{a}' and '{b}': give their e_n, e_t and mu in a [[pair]]"
         for a, b in (("a", "c"), ("d", "e"))
@@ -84,19 +62,17 @@ def test_reference_names_the_keys_that_may_stand_instead() -> None:
     assert all("required unless `diffusion` is given; > 0" in line for line in lines)
 
 
-def test_a_material_that_is_not_defined_is_reported_once() -> None:
-    raw = case(EVERY)
-    raw["species"][1]["material"] = "unknown"
-    (found,) = problems(raw)
+def test_a_material_that_is_not_defined_is_reported_once(problems: Problems) -> None:
+    (found,) = problems("species[1].material=unknown", text=text_of(EVERY))
     assert found.startswith('species[1].material = "unknown": no such material')
 
 
-def test_a_pair_given_twice_is_a_conflict_in_either_order() -> None:
-    (found,) = problems(case([*EVERY, ("c", "b")]))
+def test_a_pair_given_twice_is_a_conflict_in_either_order(problems: Problems) -> None:
+    (found,) = problems(text=text_of([*EVERY, ("c", "b")]))
     assert found == f'pair[10].materials = ["c", "b"]: the materials of pair[{EVERY.index(("b", "c"))}] too'
 
 
-def test_a_pair_of_coins_is_given_by_their_names() -> None:
+def test_a_pair_of_coins_is_given_by_their_names(problems: Problems) -> None:
     text = """
     run.collisions_per_disk = 1
     box.packing_fraction = 0.2
@@ -111,10 +87,10 @@ def test_a_pair_of_coins_is_given_by_their_names() -> None:
     number = 10
     speed_rms = 1.0
     """
-    (found,) = problems(tomllib.loads(text))
+    (found,) = problems(text=text)
     assert found.startswith("pair: missing for the materials '1 pta' and '5 pts'")
     pair = '\n[[pair]]\nmaterials = ["5 pts", "1 pta"]\ne_n = 0.8\ne_t = -0.9\nmu = 0.2\n'
-    gas = CaseGas.from_case(CaseSections.model_validate(tomllib.loads(text + pair)))
+    gas = case_gas(text=text + pair)
     assert gas.laws[0][1].table_row() == gas.laws[1][0].table_row() == (0.8, -0.9, 0.2, 0.0, 0.0)
 
 

@@ -10,6 +10,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from support.cases import case_text
 
 from ifrdem.case import file, report, starts, summary
 from ifrdem.case.estimate import RankPlan, RunEstimate, strip_bytes
@@ -22,37 +23,15 @@ from ifrdem.simulation import backend
 from ifrdem.simulation.start import checks
 from ifrdem.tools import seeds
 
-CASE = """
-[run]
-name = "gas"
-units = "reduced"
-collisions_per_disk = 10.0
-[box]
-packing_fraction = 0.3
-[[material]]
-name = "a"
-e_n = 0.95
-e_t = -0.9
-mu = 0.1
-[[species]]
-name = "light"
-material = "a"
-number = 600000000
-mass = 1.0
-radius = 0.5
-speed_rms = 1.0
-[[species]]
-name = "heavy"
-material = "a"
-number = 400000000
-mass = 2.0
-radius = 0.5
-speed_rms = 1.0
-[start]
-positions = "hexagonal"
-[output]
-frames = 10
-"""
+CASE = case_text({
+    "run.collisions_per_disk": 10.0, "run.t_end": None, "box.packing_fraction": 0.3,
+    "material[0].name": "a", "material[0].e_n": 0.95, "material[0].e_t": -0.9, "material[0].mu": 0.1,
+    "species": [
+        {"name": "light", "material": "a", "number": 600000000, "mass": 1.0, "radius": 0.5, "speed_rms": 1.0},
+        {"name": "heavy", "material": "a", "number": 400000000, "mass": 2.0, "radius": 0.5, "speed_rms": 1.0},
+    ],
+    "start": {"positions": "hexagonal"}, "output": {"frames": 10},
+})  # fmt: skip
 
 
 def case_of(*changes: str) -> file.CaseFile:

@@ -31,7 +31,7 @@ N, FRAMES, SPAN = 300, 12, 4.0
 BOX = Box((40.0, 30.0))
 
 
-def write(
+def write_cooling(
     path: Path,
     *,
     fields: tuple[str, ...] = ("position", "velocity", "angular_velocity", "collisions", "image"),
@@ -124,10 +124,6 @@ def add_histories(path: Path, count: int = 4000) -> np.ndarray:
     return columns["psi"][:count][pair]
 
 
-def run(*words: str) -> int:
-    return cli.main(list(words))
-
-
 def table(path: Path) -> dict[str, np.ndarray]:
     with path.open(newline="") as file:
         rows = list(csv.reader(file))
@@ -138,8 +134,8 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5", stressed=True)
-    assert run("analyse", "run.h5") == 0
+    write_cooling(tmp_path / "run.h5", stressed=True)
+    assert cli.main(["analyse", "run.h5"]) == 0
     shown = capsys.readouterr().out
     record = json.loads(Path("run-analysis/run.json").read_text())
     assert set(record["analyses"]) | set(record["not_possible"]) == set(ANALYSES) == set(catalogue.FUNCTIONS)
@@ -180,24 +176,24 @@ def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5", stressed=True)
-    assert run("analyse", "run.h5", "cooling", "--json", "-o", "out") == 0
+    write_cooling(tmp_path / "run.h5", stressed=True)
+    assert cli.main(["analyse", "run.h5", "cooling", "--json", "-o", "out"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert list(record["analyses"]) == ["cooling"]
     before = Path("out/run-cooling.csv").stat().st_mtime_ns
     # What is there is replaced by --force only, and nothing is computed before that is said.
-    assert run("analyse", "run.h5", "velocity", "cooling", "-o", "out") == 2
+    assert cli.main(["analyse", "run.h5", "velocity", "cooling", "-o", "out"]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert "out/run.json: holds cooling already; --force" in captured.err
-    assert run("analyse", "run.h5", "velocity", "-o", "out") == 0
+    assert cli.main(["analyse", "run.h5", "velocity", "-o", "out"]) == 0
     shown = capsys.readouterr().out
     assert "wrote out/run-velocity.csv" in shown
     assert "wrote out/run.json" in shown
     assert not re.search("^cooling", shown, flags=re.MULTILINE)
     assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == {"velocity", "cooling"}
     # All others, but not these again.
-    assert run("analyse", "run.h5", "-o", "out") == 0
+    assert cli.main(["analyse", "run.h5", "-o", "out"]) == 0
     shown = capsys.readouterr().out
     assert "cooling: is there already" in shown
     assert "impact: not possible" in shown
@@ -205,9 +201,9 @@ def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     assert set(record["analyses"]) == set(ANALYSES) - {"species", "impact"}
     assert set(record["not_possible"]) == {"species", "impact"}
     assert Path("out/run-cooling.csv").stat().st_mtime_ns == before
-    assert run("analyse", "run.h5", "-o", "out") == 2
+    assert cli.main(["analyse", "run.h5", "-o", "out"]) == 2
     assert "holds all that the file allows already" in capsys.readouterr().err
-    assert run("analyse", "run.h5", "cooling", "-o", "out", "--force") == 0
+    assert cli.main(["analyse", "run.h5", "cooling", "-o", "out", "--force"]) == 0
     assert Path("out/run-cooling.csv").stat().st_mtime_ns > before
     assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == set(ANALYSES) - {
         "species",
@@ -215,7 +211,7 @@ def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     }
     # What has become possible since is said to be so no more.
     add_histories(tmp_path / "run.h5")
-    assert run("analyse", "run.h5", "impact", "-o", "out") == 0
+    assert cli.main(["analyse", "run.h5", "impact", "-o", "out"]) == 0
     assert json.loads(Path("out/run.json").read_text())["not_possible"].keys() == {"species"}
 
 
@@ -223,30 +219,30 @@ def test_analyses_of_another_run_and_foreign_files_in_the_folder_are_not_mixed_o
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
-    assert run("analyse", "run.h5", "cooling", "-o", "out") == 0
+    write_cooling(tmp_path / "run.h5")
+    assert cli.main(["analyse", "run.h5", "cooling", "-o", "out"]) == 0
     other = tmp_path / "other"
     other.mkdir()
-    write(other / "run.h5", disks=Disks(N - 1, mass=1.0, radius=0.2))
-    assert run("analyse", "other/run.h5", "velocity", "-o", "out") == 2
+    write_cooling(other / "run.h5", disks=Disks(N - 1, mass=1.0, radius=0.2))
+    assert cli.main(["analyse", "other/run.h5", "velocity", "-o", "out"]) == 2
     assert "holds analyses of another run (run.h5)" in capsys.readouterr().err
-    assert run("analyse", "other/run.h5", "velocity", "-o", "out", "--force") == 0
+    assert cli.main(["analyse", "other/run.h5", "velocity", "-o", "out", "--force"]) == 0
     assert list(json.loads(Path("out/run.json").read_text())["analyses"]) == ["velocity"]
     # A table of that name that no summary knows, and one that is the trajectory itself under another name.
     Path("out/run-msd.csv").write_text("mine")
-    assert run("analyse", "other/run.h5", "msd", "-o", "out") == 2
+    assert cli.main(["analyse", "other/run.h5", "msd", "-o", "out"]) == 2
     assert "exists already; --force replaces it" in capsys.readouterr().err
     assert Path("out/run-msd.csv").read_text() == "mine"
     Path("out/run-vacf.csv").symlink_to(other / "run.h5")
     size = (other / "run.h5").stat().st_size
-    assert run("analyse", "other/run.h5", "vacf", "-o", "out", "--force") == 2
+    assert cli.main(["analyse", "other/run.h5", "vacf", "-o", "out", "--force"]) == 2
     assert "is the trajectory itself" in capsys.readouterr().err
     assert (other / "run.h5").stat().st_size == size
     record = json.loads(Path("out/run.json").read_text())
     del record["analyses"]["velocity"]["values"]["a20"]["name"]
     for text in ("{}", json.dumps(record), '{"analyses": {"psi6": 1}, "not_possible": {}}'):
         Path("out/run.json").write_text(text)
-        assert run("analyse", "other/run.h5", "psi6", "-o", "out") == 2
+        assert cli.main(["analyse", "other/run.h5", "psi6", "-o", "out"]) == 2
         assert "is not a summary that `ifrdem analyse` wrote" in capsys.readouterr().err
         assert Path("out/run.json").read_text() == text
 
@@ -255,14 +251,14 @@ def test_too_short_a_time_for_haffs_law_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(Path("run.h5"))  # frames at 40 / 11 and 4
-    assert run("analyse", "run.h5", "cooling", "--from", "3.5") == 2
+    write_cooling(Path("run.h5"))  # frames at 40 / 11 and 4
+    assert cli.main(["analyse", "run.h5", "cooling", "--from", "3.5"]) == 2
     assert "run.h5: 2 rows of T from t = 3.5 to 4: must be 4 or more" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("stressed", [True, False])
 def test_a_pressure_asks_for_stresses_only_where_there_are_none(tmp_path: Path, stressed: bool) -> None:
-    with Trajectory(write(tmp_path / "run.h5", stressed=stressed)) as trajectory:
+    with Trajectory(write_cooling(tmp_path / "run.h5", stressed=stressed)) as trajectory:
         (note,) = (one for one in catalogue.of_pressure(trajectory, None).notes if "not from impulses" in one)
     assert ("output.stress" in note) is not stressed
 
@@ -272,7 +268,7 @@ def test_a_gas_that_does_not_cool_by_haffs_law_is_reported_and_gets_no_errors(
 ) -> None:
     """T = 1.5 (1 - exp(t - 6) ...): a gas whose cooling breaks off, and theta that turns round."""
     monkeypatch.chdir(tmp_path)
-    path = write(tmp_path / "run.h5")
+    path = write_cooling(tmp_path / "run.h5")
     t = np.linspace(0.0, SPAN, 500)
     with h5py.File(path, "r+") as file:
         group = file.create_group("timeseries")
@@ -284,7 +280,7 @@ def test_a_gas_that_does_not_cool_by_haffs_law_is_reported_and_gets_no_errors(
             ("collisions", np.arange(500) * 10),
         ):
             group[f"{name}/value"] = values
-    assert run("analyse", "run.h5", "cooling") == 0
+    assert cli.main(["analyse", "run.h5", "cooling"]) == 0
     shown = capsys.readouterr().out
     lines = shown.splitlines()
     assert lines[1].startswith("  ! Haff's law does not describe this run: ln T ")
@@ -304,7 +300,7 @@ def test_a_gas_that_does_not_cool_by_haffs_law_is_reported_and_gets_no_errors(
 def test_pressure_and_diffusion_of_a_gas_that_changes_warn_that_it_is_not_stationary(
     tmp_path: Path,
 ) -> None:
-    path = write(tmp_path / "run.h5", driven=1.0)  # not only cooling, so that tau is no clock for it
+    path = write_cooling(tmp_path / "run.h5", driven=1.0)  # not only cooling, so that tau is no clock for it
     add_histories(path)
     with Trajectory(path) as trajectory:
         pressure = catalogue.FUNCTIONS["pressure"](trajectory, None)
@@ -317,7 +313,7 @@ def test_pressure_and_diffusion_of_a_gas_that_changes_warn_that_it_is_not_statio
     assert "T goes from 0.3431 to 0.1667 in that time" in msd.warnings[0]
     assert np.isnan(msd.rows[0].value)
     assert "no $D$" in label
-    steady = write(tmp_path / "steady.h5")
+    steady = write_cooling(tmp_path / "steady.h5")
     with h5py.File(steady, "r+") as file:
         file["observables/temperature/value"][...] = 1.5
     with Trajectory(steady) as trajectory:
@@ -375,7 +371,7 @@ def test_error_of_a_pressure_distinguishes_cooling_from_scatter(tmp_path: Path) 
 
 def test_histories_give_angles_of_impact_once_each_and_a_pressure(tmp_path: Path) -> None:
     """Uncommitted rows and walls do not count. Each of those of 3 of 300 disks stands for 100 times sigma P_n / 2."""
-    path = write(tmp_path / "run.h5")
+    path = write_cooling(tmp_path / "run.h5")
     psi = add_histories(path)
     with Trajectory(path) as trajectory:
         found = catalogue.FUNCTIONS["impact"](trajectory, None)
@@ -405,7 +401,7 @@ def test_histories_give_angles_of_impact_once_each_and_a_pressure(tmp_path: Path
 
 def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_path: Path) -> None:
     """Rows at t = 0, 1, ... 5, of which 4 is the last that the histories know."""
-    path = write(tmp_path / "run.h5")
+    path = write_cooling(tmp_path / "run.h5")
     add_histories(path)
     with Trajectory(path) as trajectory:
         tracked = catalogue.FUNCTIONS["impact"](trajectory, None).result
@@ -439,7 +435,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
 
 
 def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
-    path = write(tmp_path / "run.h5")
+    path = write_cooling(tmp_path / "run.h5")
     t = np.linspace(0.0, SPAN, 500)
     with h5py.File(path, "r+") as file:
         group = file.create_group("timeseries")
@@ -467,7 +463,7 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
     ],
 )
 def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Path) -> None:
-    path = write(tmp_path / "run.h5", stressed=True)
+    path = write_cooling(tmp_path / "run.h5", stressed=True)
     add_histories(path)
     with Trajectory(path) as trajectory:
         figure = pictures.figure(trajectory, what)
@@ -488,7 +484,7 @@ def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Pat
 @pytest.mark.parametrize("what", ["velocity", "energy", "ledger", "mechanisms"])
 def test_legends_hide_no_curve_and_axes_end_where_the_data_do(what: str, tmp_path: Path) -> None:
     """Legends stand outside of the axes, on the page, and apart from the title."""
-    path = write(tmp_path / "run.h5", driven=1.0)
+    path = write_cooling(tmp_path / "run.h5", driven=1.0)
     with TrajectoryWriter(
         tmp_path / "all.h5", Disks(N, mass=1.0, radius=0.2), BOX, units={}
     ) as writer, Trajectory(path) as gas:  # fmt: skip
@@ -532,12 +528,12 @@ def test_the_ending_of_a_picture_gives_its_format_and_png_is_the_default(
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
-    assert run("plot", "run.h5", "energy", "-o", given) == 0
+    write_cooling(tmp_path / "run.h5")
+    assert cli.main(["plot", "run.h5", "energy", "-o", given]) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([made, "run.h5"])
     assert Path(made).read_bytes().startswith(begin)
     assert f"wrote {made}" in capsys.readouterr().out
-    assert run("plot", "run.h5", "energy", "-o", given) == 2
+    assert cli.main(["plot", "run.h5", "energy", "-o", given]) == 2
     assert f"{made}: exists already" in capsys.readouterr().err
 
 
@@ -545,12 +541,12 @@ def test_plot_writes_a_png_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
-    assert run("plot", "run.h5", "energy") == 0
+    write_cooling(tmp_path / "run.h5")
+    assert cli.main(["plot", "run.h5", "energy"]) == 0
     assert Path("run-energy.png").read_bytes().startswith(b"\x89PNG")
-    assert run("plot", "run.h5", "energy") == 2
+    assert cli.main(["plot", "run.h5", "energy"]) == 2
     assert "exists already" in capsys.readouterr().err
-    assert run("plot", "--list") == 0
+    assert cli.main(["plot", "--list"]) == 0
     assert capsys.readouterr().out.count("\n") == len(pictures.PICTURES)
 
 
@@ -558,12 +554,12 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
-    assert run("plot", "run.h5", "disks", "--color", "speed", "--style", "dark_background") == 0
+    write_cooling(tmp_path / "run.h5")
+    assert cli.main(["plot", "run.h5", "disks", "--color", "speed", "--style", "dark_background"]) == 0
     assert imread("run-disks.png")[0, 0, :3].max() < 0.1
-    assert run("plot", "run.h5", "disks", "--color", "speed", "-o", "light") == 0
+    assert cli.main(["plot", "run.h5", "disks", "--color", "speed", "-o", "light"]) == 0
     assert imread("light.png")[0, 0, :3].min() > 0.9
-    assert run("plot", "run.h5", "temperatures", "--over", "tau") == 0
+    assert cli.main(["plot", "run.h5", "temperatures", "--over", "tau"]) == 0
     for words, message in (
         (("disks", "--color", "sped"), "--color sped: must be one of spin, speed"),
         (
@@ -577,7 +573,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
             "walls, piston, species",
         ),
     ):
-        assert run("plot", "run.h5", *words, "-o", "no.png") == 2
+        assert cli.main(["plot", "run.h5", *words, "-o", "no.png"]) == 2
         assert message in capsys.readouterr().err
     assert not Path("no.png").exists()
 
@@ -628,8 +624,8 @@ def test_bad_input_ends_with_one_message(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
-    assert run(*words) == 2
+    write_cooling(tmp_path / "run.h5")
+    assert cli.main([*words]) == 2
     assert message in capsys.readouterr().err
     assert not Path("run-analysis").exists()
 
@@ -638,9 +634,9 @@ def test_profiles_and_fields_take_bins_from_the_command_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "run.h5")
+    write_cooling(tmp_path / "run.h5")
     words = ("--axis", "x", "--bins", "5", "--cells", "2,3", "--average", "--frames", "4:", "--json")
-    assert run("analyse", "run.h5", "profiles", "fields", *words) == 0
+    assert cli.main(["analyse", "run.h5", "profiles", "fields", *words]) == 0
     record = json.loads(capsys.readouterr().out)["analyses"]
     profile, grid = (table(Path("run-analysis") / f"run-{name}.csv") for name in ("profiles", "fields"))
     with Trajectory("run.h5") as trajectory:
@@ -662,7 +658,7 @@ def test_profiles_and_fields_take_bins_from_the_command_line(
 
 
 def test_missing_fields_are_named_with_the_key_that_stores_them(tmp_path: Path) -> None:
-    path = write(tmp_path / "run.h5", fields=("position",))
+    path = write_cooling(tmp_path / "run.h5", fields=("position",))
     with Trajectory(path) as trajectory:
         with pytest.raises(InputError, match=r'"velocity" and "angular_velocity" into output\.fields'):
             catalogue.FUNCTIONS["velocity"](trajectory, None)
@@ -681,7 +677,7 @@ def test_missing_observables_are_named_with_the_key_that_stores_them(
         for time in (0.0, 1.0):
             state = State(rng.random((N, 2)) * 30.0, rng.normal(size=(N, 2)), np.ones(N), time=time)
             writer.write(state, {"temperature": 1.0})
-    assert run("analyse", str(path), "pressure") == 2
+    assert cli.main(["analyse", str(path), "pressure"]) == 2
     message = capsys.readouterr().err
     assert "gas.h5 holds no observable collisions (collisions of each disk" in message
     code = '{"collisions": measure.collisions}'
@@ -693,7 +689,7 @@ def test_missing_observables_are_named_with_the_key_that_stores_them(
 
 
 def test_driven_gases_get_no_haff_law_and_walls_no_contact_value(tmp_path: Path) -> None:
-    path = write(tmp_path / "run.h5", driven=3.0, box=Box((40.0, 40.0), periodic=(True, False)))
+    path = write_cooling(tmp_path / "run.h5", driven=3.0, box=Box((40.0, 40.0), periodic=(True, False)))
     with Trajectory(path) as trajectory:
         with pytest.raises(InputError, match="energy_input is not 0"):
             catalogue.FUNCTIONS["cooling"](trajectory, None)
@@ -706,7 +702,9 @@ def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) 
     radius = np.where(np.arange(N) % 2, 0.2, 0.4)
     mass = np.where(np.arange(N) % 2, 1.0, 8.0)
     mass[0] = np.inf
-    path = write(tmp_path / "run.h5", disks=Disks(N, mass=mass, radius=radius, material=np.arange(N) % 2))
+    path = write_cooling(
+        tmp_path / "run.h5", disks=Disks(N, mass=mass, radius=radius, material=np.arange(N) % 2)
+    )
     with Trajectory(path) as trajectory:
         found = catalogue.FUNCTIONS["velocity"](trajectory, None)
         assert list(found.result) == ["material 0, R = 0.4", "material 1, R = 0.2"]
@@ -716,7 +714,7 @@ def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) 
             np.testing.assert_allclose(upper.lines[0].get_xdata(), x)
             assert lower.get_legend().get_bbox_to_anchor().y0 >= lower.bbox.y1  # above the curves
     many = Disks(N, mass=1.0, radius=np.linspace(0.1, 0.2, N))
-    with Trajectory(write(tmp_path / "many.h5", disks=many)) as trajectory:
+    with Trajectory(write_cooling(tmp_path / "many.h5", disks=many)) as trajectory:
         assert list(outcome.kinds(trajectory)) == ["disks of 300 kinds together, as if at one temperature"]
 
 
@@ -724,7 +722,7 @@ def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) 
     "box", [Box((40.0, 30.0), shear_rate=0.3), Box.open(), Box((40.0, 40.0), periodic=(False, False))]
 )
 def test_every_kind_of_box_is_analysed_or_refused_with_a_reason(box: Box, tmp_path: Path) -> None:
-    with Trajectory(write(tmp_path / "run.h5", box=box)) as trajectory:
+    with Trajectory(write_cooling(tmp_path / "run.h5", box=box)) as trajectory:
         done, reasons = [], []
         for name, one in catalogue.FUNCTIONS.items():
             try:
@@ -751,7 +749,7 @@ def test_several_files_give_means_with_errors_and_curves_together(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("a", "b"):
-        write(tmp_path / f"{name}.h5", driven=1.0)
+        write_cooling(tmp_path / f"{name}.h5", driven=1.0)
     assert cli.main(["analyse", "a.h5", "b.h5", "velocity"]) == 0
     printed = capsys.readouterr().out
     assert "mean over 2 files" in printed

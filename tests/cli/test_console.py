@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.cases import case_text
 from support.layout_files import write
 
 from ifrdem.cli import program
@@ -21,29 +22,18 @@ from ifrdem.cli.main import app, main
 from ifrdem.tools import arguments
 from ifrdem.tools.progress import Progress, Stage
 
-CASE = """
-[run]
-name = "tiny"
-collisions_per_disk = 2.0
-threads = 1
-[box]
-packing_fraction = 0.2
-[[species]]
-name = "coins"
-coin = "1 pta"
-number = 64
-speed_rms = 1.0
-[output]
-frames = 2
-picture = false
-"""
+CASE = case_text({
+    "run.name": "tiny", "run.collisions_per_disk": 2.0, "run.threads": 1, "run.t_end": None,
+    "run.units": None, "species[0].coin": "1 pta", "species[0].number": 64, "species[0].material": None,
+    "species[0].mass": None, "species[0].radius": None, "output": {"frames": 2, "picture": False},
+    "material": None,
+})  # fmt: skip
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "tiny.toml").write_text(CASE, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+def folder(toml: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(toml.parent)
+    return toml.parent
 
 
 def commands() -> list[str]:

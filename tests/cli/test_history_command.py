@@ -16,7 +16,7 @@ from ifrdem.trajectory.reader import Trajectory
 
 
 @pytest.fixture
-def run(tmp_path):
+def tracked(tmp_path):
     path = tmp_path / "run.h5"
     write(path, n=9, units={"length": "m", "time": "s", "momentum": "kg m s-1", "angle": "rad"})
     state = some_state(9, 0)
@@ -38,8 +38,8 @@ def run(tmp_path):
     return path
 
 
-def test_history_shows_a_summary_and_the_latest_collisions(run, capsys):
-    assert main(["history", str(run), "--id", "7"]) == 0
+def test_history_shows_a_summary_and_the_latest_collisions(tracked, capsys):
+    assert main(["history", str(tracked), "--id", "7"]) == 0
     lines = capsys.readouterr().out.splitlines()
     # 12 events: 4 with disk 3, 4 kicks, 4 with wall 1
     assert lines[0] == "disk 7: 8 collisions from t = 0 to 2 s, 4 of them with walls; 4 kicks by forces"
@@ -50,8 +50,8 @@ def test_history_shows_a_summary_and_the_latest_collisions(run, capsys):
     assert not any("kick" in line for line in lines[1:])
 
 
-def test_units_are_printed_under_the_names_of_columns_and_reduced_files_have_none(run, capsys):
-    assert main(["history", str(run), "--id", "7"]) == 0
+def test_units_are_printed_under_the_names_of_columns_and_reduced_files_have_none(tracked, capsys):
+    assert main(["history", str(tracked), "--id", "7"]) == 0
     names, units, first = capsys.readouterr().out.splitlines()[2:5]
     ends = {unit: units.index(unit) + len(unit) for unit in ("(s)", "(rad)", "(rad/s)")}
     assert names[: ends["(s)"]].endswith("time")
@@ -61,30 +61,30 @@ def test_units_are_printed_under_the_names_of_columns_and_reduced_files_have_non
     assert names[: len(before) + 10].endswith("P_n")
     assert names[: len(before) + 10 + len(after.partition("(kg m s-1)")[0]) + 10].endswith("P_t")
     assert len(names) == len(units) == len(first)
-    with h5py.File(run, "r+") as file:
+    with h5py.File(tracked, "r+") as file:
         for name in list(file["parameters/units"]):
             del file["parameters/units"][name]
-    assert main(["history", str(run), "--id", "7"]) == 0
+    assert main(["history", str(tracked), "--id", "7"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[2] == names
     assert lines[3] == first
 
 
-def test_history_reports_that_it_shows_only_the_latest_rows(run, monkeypatch, capsys):
+def test_history_reports_that_it_shows_only_the_latest_rows(tracked, monkeypatch, capsys):
     monkeypatch.setattr("ifrdem.cli.trajectory.SHOWN", 3)
-    assert main(["history", str(run), "--id", "7"]) == 0
+    assert main(["history", str(tracked), "--id", "7"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[2] == "  the latest 3 (-o writes all; psi in rad):"
     assert len(lines) == 5 + 3
 
 
-def test_history_writes_every_column_and_digit(run, tmp_path, capsys):
+def test_history_writes_every_column_and_digit(tracked, tmp_path, capsys):
     out = tmp_path / "seven.csv"
-    assert main(["history", str(run), "--id", "7", "-o", str(out)]) == 0
+    assert main(["history", str(tracked), "--id", "7", "-o", str(out)]) == 0
     assert f"wrote {out}: 12 events" in capsys.readouterr().out
     with out.open(newline="") as file:
         rows = list(csv.DictReader(file))
-    with Trajectory(run) as trajectory:
+    with Trajectory(tracked) as trajectory:
         history = trajectory.history(7)
     assert np.array_equal([float(row["position_y"]) for row in rows], history["position"][:, 1])
     assert np.array_equal([float(row["impulse_t"]) for row in rows], history.impulse[:, 1])
@@ -92,16 +92,16 @@ def test_history_writes_every_column_and_digit(run, tmp_path, capsys):
     assert "contact_point_x" in rows[0]
 
 
-def test_histories_that_cannot_be_shown_are_refused(run, tmp_path, capsys):
+def test_histories_that_cannot_be_shown_are_refused(tracked, tmp_path, capsys):
     write(tmp_path / "old.h5")
     for arguments, reason in (
-        ([str(run), "--id", "5"], "disk 5 of"),
-        ([str(run), "--id", "9"], "there are 9 disks (0 to 8)"),
-        ([str(run), "--id", "98765432109876543210"], "98765432109876543210"),
-        ([str(run), "--id", "1e3"], "disk 1000"),
-        ([str(run), "--id", "-1"], "--id -1: must be an integer from 0 to"),
-        ([str(run), "--id", "7", "-o", str(run)], "is the trajectory itself"),
-        ([str(run)], "--id"),
+        ([str(tracked), "--id", "5"], "disk 5 of"),
+        ([str(tracked), "--id", "9"], "there are 9 disks (0 to 8)"),
+        ([str(tracked), "--id", "98765432109876543210"], "98765432109876543210"),
+        ([str(tracked), "--id", "1e3"], "disk 1000"),
+        ([str(tracked), "--id", "-1"], "--id -1: must be"),
+        ([str(tracked), "--id", "7", "-o", str(tracked)], "is the trajectory itself"),
+        ([str(tracked)], "--id"),
         ([str(tmp_path / "old.h5"), "--id", "0"], "output.histories"),
     ):
         assert main(["history", *arguments]) == 2
@@ -117,19 +117,19 @@ def test_every_regime_of_the_law_has_words():
     ]  # fmt: skip
 
 
-def test_views_and_info_go_together(run, capsys):
-    assert main(["link", str(run)]) == 0
+def test_views_and_info_go_together(tracked, capsys):
+    assert main(["link", str(tracked)]) == 0
     assert capsys.readouterr().out.splitlines() == [
-        f"wrote {run.with_suffix('.vtkhdf')}", f"wrote {run.with_suffix('.nc')}"
+        f"wrote {tracked.with_suffix('.vtkhdf')}", f"wrote {tracked.with_suffix('.nc')}"
     ]  # fmt: skip
-    assert main(["info", str(run)]) == 0
+    assert main(["info", str(tracked)]) == 0
     text = capsys.readouterr().out
     assert "histories of 2 disks (3, 7)" in text
     assert "  events            12, time 0 to 2 s" in text
     assert "  link              run.nc\n" in text
-    later = run.with_suffix(".nc").stat().st_mtime_ns + 10**9
-    os.utime(run, ns=(later, later))
-    assert main(["info", str(run)]) == 0
+    later = tracked.with_suffix(".nc").stat().st_mtime_ns + 10**9
+    os.utime(tracked, ns=(later, later))
+    assert main(["info", str(tracked)]) == 0
     assert "run.nc, older than the trajectory: `ifrdem link` renews it" in capsys.readouterr().out
 
 

@@ -93,7 +93,7 @@ def test_a_run_from_a_frame_is_the_second_half_of_the_whole_run(
             np.testing.assert_array_equal(resumed[1][name], half[1][name], err_msg=name)
 
 
-def case(folder: Path, *changes: str, text: str = "") -> case_file.CaseFile:
+def read_case(folder: Path, *changes: str, text: str = "") -> case_file.CaseFile:
     """The case of a gas without time, or with walls."""
     path = folder / "case.toml"
     path.write_text(GAS + (text or "box = { lengths = [12.0, 12.0] }"))
@@ -119,12 +119,12 @@ def test_the_clock_of_the_frame_continues_or_a_new_one_begins(
     assert np.any(image)
     still = [each for each in continues() if "motion" not in each and "speed" not in each]
     for changes in (continues(), still):
-        gas = case(old, *changes).gas
+        gas = read_case(old, *changes).gas
         state = starts.start(gas)
         assert (gas.begin, state.time) == ((1.5, collisions), 1.5)
         np.testing.assert_array_equal(state.collisions, counted)
         np.testing.assert_array_equal(state.image, image)
-        gas = case(old, *changes, "start.time=0.5").gas
+        gas = read_case(old, *changes, "start.time=0.5").gas
         state = starts.start(gas)
         assert (gas.begin, state.time) == ((0.5, 0), 0.5)
         assert not state.collisions.any()
@@ -158,10 +158,10 @@ def test_the_clock_of_the_frame_continues_or_a_new_one_begins(
 def test_ends_that_are_over_are_refused(old: Path, changes: list[str], says: str | None) -> None:
     """A force of step 2 acts at t = 1 and 3; of step 2.8 at 1.4, which is over, and at 4.2, which never comes."""
     if says is None:
-        case(old, *continues(), *changes)
+        read_case(old, *continues(), *changes)
         return
     with pytest.raises(InputError, match=says):
-        case(old, *continues(), *changes)
+        read_case(old, *continues(), *changes)
 
 
 def test_a_csv_start_begins_at_its_time(tmp_path: Path) -> None:
@@ -172,12 +172,12 @@ def test_a_csv_start_begins_at_its_time(tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=r"disk 1 at \(6, 6\.1\) overlaps wall 1 \(segment\) at t = 0 by 0\.4"
     ):
-        case(tmp_path, *two, "wall[2].opens_after=0", text=walls)
+        read_case(tmp_path, *two, "wall[2].opens_after=0", text=walls)
     with pytest.raises(
         InputError, match=r"disk 0 at \(2, 1\.7\) overlaps wall 0 \(line\) at t = 0\.625 by 0\.3"
     ):
-        case(tmp_path, *two, "start.time=0.625", text=walls)
-    gas = case(
+        read_case(tmp_path, *two, "start.time=0.625", text=walls)
+    gas = read_case(
         tmp_path, *two, "start.time=1.75", text=walls
     ).gas  # the floor is at 0.52, and the gate is open
     assert gas.simulation().time == starts.start(gas).time == 1.75
@@ -190,11 +190,11 @@ def test_disks_of_a_csv_file_are_moved_apart_through_sheared_images(tmp_path: Pa
         "x,y\n2.0,0.4\n5.0,11.45\n"
     )  # an image of disk 0 at (11, 12.4), or (2, 12.4)
     two = ["species[0].number=2", "start.file=start.csv", "box.shear_rate=0.5", "start.relax=0.2"]
-    gas = case(tmp_path, *two, "start.time=2.0").gas
+    gas = read_case(tmp_path, *two, "start.time=2.0").gas
     np.testing.assert_array_equal(starts.start(gas).position, [[2.0, 0.4], [5.0, 11.45]])
     (tmp_path / "start.csv").write_text("x,y\n2.0,0.4\n11.0,11.45\n")
     position = starts.start(
-        case(tmp_path, *two, "start.time=1.5").gas
+        read_case(tmp_path, *two, "start.time=1.5").gas
     ).position  # 0.95 apart: each moves by 0.025
     np.testing.assert_allclose(position, [[2.0, 0.425], [11.0, 11.425]], atol=1e-6)  # and some 1e-7 more
 
@@ -220,7 +220,7 @@ def test_a_frame_in_single_precision_is_corrected_at_the_current_position_of_the
     assert np.float32(floor + 0.5) < floor + 0.5
     places = [[2.0 + 2.0 * i, floor + 0.5] for i in range(5)]
     frame_of(tmp_path / "old.h5", places, 0.5, "f32")
-    gas = case(
+    gas = read_case(
         tmp_path, "species[0].number=5", "start.positions=old.h5", text=GASES["a shaken floor and gates"]
     ).gas
     position = starts.start(gas).position
@@ -245,7 +245,7 @@ def test_an_overlap_with_the_floor_gets_the_hint_that_helps(
     frame_of(tmp_path / "old.h5", [[2.0 + 2.0 * i, floor + 0.5 - lower] for i in range(5)], 0.5, "f32")
     start = ["species[0].number=5", "start.positions=old.h5", *changes]
     with pytest.raises(InputError, match=r"overlaps wall 0 \(line\) at t = 0\.") as found:
-        starts.start(case(tmp_path, *start, text=GASES["a shaken floor and gates"]).gas)
+        starts.start(read_case(tmp_path, *start, text=GASES["a shaken floor and gates"]).gas)
     hints = ("At another start.time the walls stand elsewhere", "Positions in single precision are rounded")
     assert [each for each in hints if each in str(found.value)] == [hint] * bool(hint)
 
@@ -254,14 +254,14 @@ def test_gates_and_pistons_start_where_the_frame_has_them(tmp_path: Path) -> Non
     """Two disks with ten collisions each, that is ten in all: the gate that waits for four is open."""
     walls, two = GASES["a shaken floor and gates"], ["species[0].number=2", "start.positions=old.h5"]
     frame_of(tmp_path / "old.h5", [[2.0, 3.0], [6.0, 8.1]], 2.0)
-    assert case(tmp_path, *two, text=walls).gas.begin == (2.0, 10)
+    assert read_case(tmp_path, *two, text=walls).gas.begin == (2.0, 10)
     with pytest.raises(
         InputError, match=r"disk 1 at \(6, 8\.1\) overlaps wall 2 \(segment\) at t = 2 by 0\.4"
     ):
-        case(tmp_path, *two, "start.time=2.0", text=walls)
+        read_case(tmp_path, *two, "start.time=2.0", text=walls)
     frame_of(tmp_path / "bare.h5", [[2.0, 3.0], [6.0, 3.0]], 2.0, fields=[])
     with pytest.raises(InputError, match=r"wall\[2\]\.opens_after = 4: requires the field collisions"):
-        case(tmp_path, *two, "start.positions=bare.h5", text=walls)
+        read_case(tmp_path, *two, "start.positions=bare.h5", text=walls)
     moved: dict[str, object] = {
         f"piston_{name}": np.array([x]) for name, x in (("displacement", 2.0), ("velocity", 0.7))
     }
@@ -270,26 +270,30 @@ def test_gates_and_pistons_start_where_the_frame_has_them(tmp_path: Path) -> Non
     with pytest.raises(
         InputError, match=r"wall\[0\]\.piston\.displacement = 0\.3: cannot be combined with a start from"
     ):
-        case(tmp_path, *two, text=piston)
+        read_case(tmp_path, *two, text=piston)
     own = ["wall[0].piston.displacement=", "wall[0].piston.velocity="]
     for motion, velocity in (("false", 0.0), ("true", 0.7)):
         more = [f"start.motion={motion}", *(["species[0].speed_rms="] if velocity else [])]
-        gas = case(tmp_path, *two, *own, *more, text=piston).gas
+        gas = read_case(tmp_path, *two, *own, *more, text=piston).gas
         assert gas.simulation().pistons[0, :2].tolist() == [2.0, velocity]
     frame_of(tmp_path / "old.h5", [[2.0, 3.0], [6.0, 9.0]], 2.0, **moved)
     with pytest.raises(InputError, match=r"overlaps wall 0 \(line\) at its displacement 2 by 0\.5"):
-        case(tmp_path, *two, *own, text=piston)
+        read_case(tmp_path, *two, *own, text=piston)
 
 
 def test_a_start_warns_of_what_a_frame_does_not_store(old: Path) -> None:
     moving, hot = continues(), '{shape="line",temperature=1.0,point=[0.0,0.0],normal=[0.0,1.0]}'
-    assert notices.notices(case(old, *moving).gas) == []
-    (text,) = notices.notices(case(old, *moving, "run.collapse=contact_time", "run.contact_time=0.01").gas)
+    assert notices.notices(read_case(old, *moving).gas) == []
+    (text,) = notices.notices(
+        read_case(old, *moving, "run.collapse=contact_time", "run.contact_time=0.01").gas
+    )
     assert "until t = 1.51, run.contact_time counts collisions since the start only" in text
-    assert notices.notices(case(old, "run.collapse=contact_time", "run.contact_time=0.01").gas) == []
+    assert notices.notices(read_case(old, "run.collapse=contact_time", "run.contact_time=0.01").gas) == []
     frame_of(old / "hot.h5", [[2.0 + 2.0 * (i % 5), 2.0 + 2.0 * (i // 5)] for i in range(20)], 1.0)
     walls = f'box = {{ lengths = [12.0, 12.0], periodic = [true, false], material = "m" }}\nwall = [{hot}]'
-    (text,) = notices.notices(case(old, *moving, "start.frame=0", "start.positions=hot.h5", text=walls).gas)
+    (text,) = notices.notices(
+        read_case(old, *moving, "start.frame=0", "start.positions=hot.h5", text=walls).gas
+    )
     assert "the same random velocities again, with another run.seed than 3" in text
 
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from support import cases
+from support.cases import Problems
 from support.gases import touching
 
-from ifrdem.case import file as case_file
 from ifrdem.case import starts
-from ifrdem.case.case import CaseSections
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
@@ -25,26 +24,14 @@ from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
 N = 60
-CASE = """
-run.collisions_per_disk = 2.0
-run.seed = 5
-run.units = "reduced"
-box.packing_fraction = 0.6
-[[material]]
-name = "m"
-e_n = 0.9
-e_t = -0.9
-mu = 0.1
-[[species]]
-name = "disks"
-number = 60
-material = "m"
-areal_density = 1.0
-radii = { distribution = "uniform", low = 0.5, high = 1.0 }
-speed_rms = 1.0
-[start]
-positions = "old.h5"
-"""
+CASE = cases.case_text({
+    "run.collisions_per_disk": 2.0, "run.seed": 5, "run.name": None, "run.t_end": None,
+    "box.packing_fraction": 0.6, "material[0].name": "m", "material[0].e_t": -0.9, "material[0].mu": 0.1,
+    "species[0].name": "disks", "species[0].number": 60, "species[0].material": "m",
+    "species[0].areal_density": 1.0,
+    "species[0].radii": {"distribution": "uniform", "low": 0.5, "high": 1.0}, "species[0].mass": None,
+    "species[0].radius": None, "start": {"positions": "old.h5"},
+})  # fmt: skip
 MOVING = ("start.motion=true", "species[0].speed_rms=")
 
 
@@ -71,21 +58,9 @@ def trajectory(
     return states
 
 
-def parsed(*overrides: str, text: str = CASE) -> dict:
-    raw = tomllib.loads(text)
-    for assignment in overrides:
-        case_file.override(raw, assignment)
-    return raw
-
-
-def problems(folder: Path, *overrides: str) -> list[str]:
-    return [str(problem) for problem in case_file.validate_parsed(parsed(*overrides), folder)[-1]]
-
-
 def start(folder: Path, *overrides: str) -> tuple[CaseGas, State]:
-    assert problems(folder, *overrides) == []
-    case = CaseSections.model_validate(parsed(*overrides))
-    gas = CaseGas.from_case(case, folder)
+    assert cases.problems(*overrides, text=CASE, folder=folder) == []
+    gas = cases.case_gas(*overrides, text=CASE, folder=folder)
     return gas, starts.start(gas)
 
 
@@ -119,7 +94,9 @@ def test_rounding_of_single_precision_is_undone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
-def test_rounding_of_a_run_in_single_precision_is_undone(tmp_path: Path, precision: str) -> None:
+def test_rounding_of_a_run_in_single_precision_is_undone(
+    problems: Problems, tmp_path: Path, precision: str
+) -> None:
     """Its places lie on a grid of up to 2^-22 of the box, wherever they are stored: such frames were refused."""
     parameters = {"case_in_full": '{"run": {"precision": "f32"}}'}
     trajectory(tmp_path, precision, grid=13.0 * 2.0**-22, parameters=parameters)
@@ -128,10 +105,10 @@ def test_rounding_of_a_run_in_single_precision_is_undone(tmp_path: Path, precisi
         check_no_overlap(gas.box, gas.disks.radius, file[-1].position, tolerance=1e-7)
     check_no_overlap(gas.box, gas.disks.radius, state.position, tolerance=0.0)
     trajectory(tmp_path, "f64", grid=13.0 * 2.0**-22)  # of another run, whose disks overlap
-    assert "overlap" in problems(tmp_path)[0]
+    assert "overlap" in problems(folder=tmp_path)[0]
 
 
-def test_rounding_of_an_exported_frame_is_undone(tmp_path: Path) -> None:
+def test_rounding_of_an_exported_frame_is_undone(problems: Problems, tmp_path: Path) -> None:
     """A CSV of positions that were stored in single precision; disks that overlap by more are refused."""
     trajectory(tmp_path, precision="f32")
     assert (
@@ -145,7 +122,7 @@ def test_rounding_of_an_exported_frame_is_undone(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="overlap"), Trajectory(tmp_path / "old.h5") as file:
         check_no_overlap(gas.box, gas.disks.radius, file[-1].position)
     check_no_overlap(gas.box, gas.disks.radius, state.position, tolerance=0.0)
-    assert "overlap" in problems(tmp_path, *of_table, "species[0].radii.high=1.00002")[0]
+    assert "overlap" in problems(*of_table, "species[0].radii.high=1.00002", folder=tmp_path)[0]
 
 
 @pytest.mark.parametrize(
@@ -178,30 +155,30 @@ def test_rounding_of_an_exported_frame_is_undone(tmp_path: Path) -> None:
     ],
 )
 def test_starts_that_lack_something_are_refused_with_what_the_file_has(
-    tmp_path: Path, overrides: list[str], key: str, says: str
+    problems: Problems, tmp_path: Path, overrides: list[str], key: str, says: str
 ) -> None:
     trajectory(tmp_path)
-    (found,) = problems(tmp_path, *overrides)
+    (found,) = problems(*overrides, folder=tmp_path)
     assert found.startswith(key), found
     assert re.search(says, found), found
 
 
-def test_disks_of_other_radii_that_overlap_are_explained(tmp_path: Path) -> None:
+def test_disks_of_other_radii_that_overlap_are_explained(problems: Problems, tmp_path: Path) -> None:
     trajectory(tmp_path)
-    sides = CaseGas.from_case(CaseSections.model_validate(parsed()), tmp_path).box.lengths
+    sides = cases.case_gas(text=CASE, folder=tmp_path).box.lengths
     (found,) = problems(
-        tmp_path, "run.seed=6", "box.packing_fraction=", f"box.lengths=[{sides[0]!r}, {sides[1]!r}]"
+        {"run.seed": 6, "box.packing_fraction": None, "box.lengths": [*sides]}, folder=tmp_path
     )
     assert re.search(r"frame 2 of 3: disks \d+ and \d+ overlap by .*other radii: disk 0 has", found)
 
 
-def test_a_field_that_the_file_lacks_is_named(tmp_path: Path) -> None:
+def test_a_field_that_the_file_lacks_is_named(problems: Problems, tmp_path: Path) -> None:
     trajectory(tmp_path, fields=["position", "velocity"])
-    (found,) = problems(tmp_path, *MOVING)
+    (found,) = problems(*MOVING, folder=tmp_path)
     assert (
         "holds no field 'angular_velocity' (did you mean 'velocity'?); there are position, velocity" in found
     )
-    assert problems(tmp_path) == []
+    assert problems(folder=tmp_path) == []
 
 
 def test_a_file_that_is_no_trajectory_is_refused_with_status_2(

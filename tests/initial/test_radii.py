@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from support.cases import MakeCase, Problems, case_gas, case_text
 
-from ifrdem.case import file as case_file
 from ifrdem.case import report, starts
-from ifrdem.case.case import CaseSections
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
@@ -21,28 +19,13 @@ from ifrdem.initial import radii
 N = 40_000
 SAMPLING = 5.0 / math.sqrt(N)  # five standard errors of a mean, in standard deviations
 
-CASE = """
-run.collisions_per_disk = 5.0
-run.seed = 3
-box.packing_fraction = 0.3
-[[material]]
-name = "bronze"
-e_n = 0.9
-e_t = -0.9
-mu = 0.15
-[[species]]
-name = "coins"
-number = 1000
-material = "bronze"
-areal_density = 3.5
-speed_rms = 1.0
-"""
-LOGNORMAL = 'radii = { distribution = "lognormal", mean = 0.01, deviation = 0.002 }\n'
-
-
-def problems(radii_text: str, text: str = CASE) -> list[str]:
-    raw = tomllib.loads(text + radii_text)
-    return [str(problem) for problem in case_file.validate_parsed(raw, Path())[-1]]
+CASE = case_text({
+    "run.seed": 3, "run.collisions_per_disk": 5.0, "run.t_end": None, "run.units": None,
+    "box.packing_fraction": 0.3, "material[0].e_t": -0.9, "material[0].mu": 0.15,
+    "species[0].number": 1000, "species[0].areal_density": 3.5, "species[0].mass": None,
+    "species[0].radius": None,
+})  # fmt: skip
+LOGNORMAL = {"distribution": "lognormal", "mean": 0.01, "deviation": 0.002}
 
 
 # --- the samples ------------------------------------------------------------------------------------------
@@ -134,14 +117,14 @@ def test_parameters_that_describe_no_radii_are_refused(name: str, parameters: di
 # --- in a case --------------------------------------------------------------------------------------------
 
 
-def test_packing_fraction_is_exact_and_masses_follow_the_radii() -> None:
-    case = CaseSections.model_validate(tomllib.loads(CASE + LOGNORMAL))
-    gas = CaseGas.from_case(case)
+def test_packing_fraction_is_exact_and_masses_follow_the_radii(case: MakeCase) -> None:
+    made = case({"species[0].radii": LOGNORMAL})
+    gas = CaseGas.from_case(made)
     assert gas.disks.n == len(np.unique(gas.disks.radius)) == 1000
     covered = math.pi * math.fsum(gas.disks.radius**2) / (gas.box.lengths[0] * gas.box.lengths[1])
     assert covered == pytest.approx(0.3, rel=1e-14)  # sums of 1000 numbers
     np.testing.assert_allclose(gas.disks.mass, 3.5 * math.pi * gas.disks.radius**2, rtol=1e-15)
-    np.testing.assert_array_equal(gas.disks.radius, CaseGas.from_case(case).disks.radius)
+    np.testing.assert_array_equal(gas.disks.radius, CaseGas.from_case(made).disks.radius)
     state = starts.start(gas)
     # Maxwellian with one temperature for all: m v^2 does not depend on the mass. 333 disks each: 5 % errors.
     energy = gas.disks.mass * np.sum(state.velocity**2, axis=1)
@@ -150,64 +133,70 @@ def test_packing_fraction_is_exact_and_masses_follow_the_radii() -> None:
 
 
 def test_species_with_one_distribution_draw_apart_and_another_seed_others() -> None:
-    two = CASE + LOGNORMAL + CASE[CASE.index("[[species]]") :].replace("coins", "more") + LOGNORMAL
-    raw = tomllib.loads(two)
-    radius = CaseGas.from_case(CaseSections.model_validate(raw)).disks.radius
+    two = CASE + CASE[CASE.index("[[species]]") :].replace("coins", "more")
+    both = {"species[0].radii": LOGNORMAL, "species[1].radii": LOGNORMAL}
+    radius, other = (case_gas(both, f"run.seed={seed}", text=two).disks.radius for seed in (3, 4))
     assert not np.array_equal(radius[:1000], radius[1000:])
-    raw["run"]["seed"] = 4
-    assert not np.intersect1d(radius, CaseGas.from_case(CaseSections.model_validate(raw)).disks.radius).size
+    assert not np.intersect1d(radius, other).size
 
 
-def test_a_coefficient_pair_is_checked_for_the_extreme_masses_of_both_species() -> None:
+def test_a_coefficient_pair_is_checked_for_the_extreme_masses_of_both_species(problems: Problems) -> None:
     # e_n = 1, e_t = -0.25, percussion centre: admissible up to e_s = e_t + (1 + k)/2 = 1, so for a mean k <= 1.5
     # (k alone enters at e_n = 1). Hoops (k = 1) with disks (k = 2): k = (m_1 2 + m_2 1)/(m_1 + m_2) of hoops m_1 and
     # disks m_2, which is 1.5 for equal masses and more where the hoop is the heavier one.
-    text = (
-        CASE.replace("areal_density = 3.5", "mass = 1.0\nradius = 0.01")
-        + 'k = 1.0\n[[species]]\nname = "disks"\n'
-    )
-    text += 'number = 100\nmaterial = "steel"\nmass = 1.0\nk = 2.0\nradius = 0.01\nspeed_rms = 1.0\n'
-    text += '[[material]]\nname = "steel"\ne_n = 0.9\ne_t = -0.9\nmu = 0.1\n'
-    text += '[[pair]]\nmaterials = ["bronze", "steel"]\ne_n = 1.0\ne_t = -0.25\nmu = 0.2\n'
-    assert problems("", text) == []
-    spread = text.replace(
-        "mass = 1.0\nradius = 0.01",
-        'areal_density = 3000.0\nradii = { distribution = "uniform", low = 0.009, high = 0.011 }',
-        1,
-    )  # masses 0.76 to 1.14, on average below 1: some hoops are heavier than the disks
-    (found,) = problems("", spread)
+    steel = {"name": "steel", "e_n": 0.9, "e_t": -0.9, "mu": 0.1}
+    disks = {
+        "name": "disks",
+        "number": 100,
+        "material": "steel",
+        "mass": 1.0,
+        "radius": 0.01,
+        "k": 2.0,
+        "speed_rms": 1.0,
+    }
+    hoops = disks | {"name": "hoops", "number": 1000, "material": "coin", "k": 1.0}
+    pair = {"materials": ["coin", "steel"], "e_n": 1.0, "e_t": -0.25, "mu": 0.2}
+    coin = steel | {"name": "coin", "mu": 0.15}
+    two = {"material": [coin, steel], "species": [hoops, disks], "pair": [pair]}
+    assert problems(two) == []
+    # Masses 0.76 to 1.14, on average below 1: some hoops are heavier than the disks.
+    spread = {"distribution": "uniform", "low": 0.009, "high": 0.011}
+    (found,) = problems(two, "species[0].mass=", "species[0].radius=", "species[0].areal_density=3000.0",
+                        {"species[0].radii": spread})  # fmt: skip
     assert found.startswith("pair[0]: ")
     assert "would add energy" in found
 
 
 @pytest.mark.parametrize(
-    ("text", "key", "says"),
+    ("given", "key", "says"),
     [
-        ('radii = { distribution = "lognorml" }', "species[0].radii.distribution", "did you mean 'lognormal'"),
-        ('radii = { distribution = "lognormal", mena = 0.01, deviation = 0.1 }', "species[0].radii.mean", "missing"),
-        ('radii = { distribution = "uniform", low = 0.02, high = 0.01 }', "species[0].radii", "low = 0.02: must"),
-        ('radii = { distribution = "uniform", low = -1.0, high = 0.01 }', "species[0].radii.low = -1.0", "must be a positive number"),
-        ("radii = 0.01", "species[0].radii = 0.01", r"must be a table \(radii = "),
-        (LOGNORMAL + "radius = 0.01", "species[0]", "exactly one of radius, diameter, radii"),
+        ({"distribution": "lognorml"}, "species[0].radii.distribution", "did you mean 'lognormal'"),
+        ({"distribution": "lognormal", "mena": 0.01, "deviation": 0.1}, "species[0].radii.mean", "missing"),
+        ({"distribution": "uniform", "low": 0.02, "high": 0.01}, "species[0].radii", "low = 0.02: must"),
+        ({"distribution": "uniform", "low": -1.0, "high": 0.01}, "species[0].radii.low = -1.0", "must be a positive number"),
+        (0.01, "species[0].radii = 0.01", r"must be a table \(radii = "),
     ],
 )  # fmt: skip
-def test_wrong_radii_are_named_with_what_is_allowed(text: str, key: str, says: str) -> None:
-    found = problems(text)
+def test_wrong_radii_are_named_with_what_is_allowed(
+    problems: Problems, given: Any, key: str, says: str
+) -> None:
+    found = problems({"species[0].radii": given})
     assert any(line.startswith(key) and re.search(says, line) for line in found), found
 
 
-def test_a_misspelt_parameter_gets_the_nearest() -> None:
-    found = problems('radii = { distribution = "lognormal", mean = 0.01, deviation = 0.1, hihg = 1.0 }')
+def test_a_radius_and_radii_cannot_both_be_given(problems: Problems) -> None:
+    (found,) = problems({"species[0].radii": LOGNORMAL, "species[0].radius": 0.01})
+    assert found.startswith("species[0]: must have exactly one of radius, diameter, radii")
+
+
+def test_a_misspelt_parameter_gets_the_nearest(problems: Problems) -> None:
+    found = problems({"species[0].radii": LOGNORMAL | {"hihg": 1.0}})
     assert any("radii.hihg" in line and "did you mean 'high'" in line for line in found)
 
 
 def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
-    case = CaseSections.model_validate(
-        tomllib.loads(
-            CASE + 'radii = { distribution = "bidisperse", low = 0.01, high = 0.05, large_fraction = 0.1 }'
-        )
-    )
-    gas = CaseGas.from_case(case)
+    both = {"distribution": "bidisperse", "low": 0.01, "high": 0.05, "large_fraction": 0.1}
+    gas = case_gas({"species[0].radii": both}, text=CASE)
     table = report.report(gas, RunEstimate.of(gas))
     rows = {row.quantity: row for row in table.rows}
     assert rows["radii"][1:] == ("0.01 to 0.05 (mean 0.014)", "m")
@@ -220,22 +209,14 @@ def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
 
 
 def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:
-    one = CaseSections.model_validate(
-        tomllib.loads(
-            CASE + 'radii = { distribution = "bidisperse", low = 0.01, high = 0.02, large_fraction = 0.5 }'
-        )
-    )
-    gas = CaseGas.from_case(one)
-    rate = RunEstimate.of(gas).collision_rate[0]
+    both = {"distribution": "bidisperse", "low": 0.01, "high": 0.02, "large_fraction": 0.5}
+    rate = RunEstimate.of(case_gas({"species[0].radii": both}, text=CASE)).collision_rate[0]
     # At one temperature: speeds as R^-1, and 1/m averages to (1 + 1/4)/2 of the small disks'.
     speed = [math.sqrt(1.0 / 0.625), math.sqrt(0.25 / 0.625)]
-    half = CASE.replace("number = 1000", "number = 500")
-    text = half.replace("speed_rms = 1.0", f"radius = 0.01\nspeed_rms = {speed[0]}")
-    text += (
-        half[half.index("[[species]]") :]
-        .replace("coins", "large")
-        .replace("speed_rms = 1.0", f"radius = 0.02\nspeed_rms = {speed[1]}")
+    one = {"number": 500, "material": "coin", "areal_density": 3.5}
+    small, large = (
+        one | {"name": f"{radius}", "radius": radius, "speed_rms": v}
+        for radius, v in zip((0.01, 0.02), speed, strict=True)
     )
-    two = CaseSections.model_validate(tomllib.loads(text))
-    rates = RunEstimate.of(CaseGas.from_case(two)).collision_rate
+    rates = RunEstimate.of(case_gas({"species": [small, large]}, text=CASE)).collision_rate
     assert rate == pytest.approx(np.mean(rates), rel=1e-12)

@@ -66,10 +66,10 @@ print(json.dumps({"traced": sorted(k for k, v in made.items() if v), "kernels": 
 def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A folder of programs, and what the run found that filled it."""
     folder = tmp_path_factory.mktemp("programs")
-    return folder, run(folder, "nothing")
+    return folder, traced(folder, "nothing")
 
 
-def run(folder: Path, changed: str) -> dict[str, Any]:
+def traced(folder: Path, changed: str) -> dict[str, Any]:
     """Kernels that a gas in a process of its own uses, those of them that were traced, and a hash of its state."""
     environment = {
         **os.environ, runtime.VARIABLE: "quadrants", "QD_OFFLINE_CACHE_FILE_PATH": str(folder),
@@ -85,7 +85,7 @@ def run(folder: Path, changed: str) -> dict[str, Any]:
 
 def test_a_second_run_traces_no_kernel_and_gives_the_same_bits(filled: tuple[Path, dict[str, Any]]) -> None:
     folder, first = filled
-    again = run(folder, "nothing")
+    again = traced(folder, "nothing")
     assert len(first["kernels"]) > 2
     assert first["traced"] == first["kernels"] == again["kernels"]
     assert again["traced"] == []
@@ -94,13 +94,13 @@ def test_a_second_run_traces_no_kernel_and_gives_the_same_bits(filled: tuple[Pat
 
 @pytest.mark.parametrize("changed", ["sources", "features"])
 def test_what_decides_a_kernel_is_in_its_key(filled: tuple[Path, dict[str, Any]], changed: str) -> None:
-    assert "run_windows" in run(filled[0], changed)["traced"]
+    assert "run_windows" in traced(filled[0], changed)["traced"]
 
 
 def test_kernels_of_a_custom_law_are_traced_at_each_start(filled: tuple[Path, dict[str, Any]]) -> None:
     """Its functions may use variables of their file."""
     for _ in range(2):
-        assert "run_windows" in run(filled[0], "law")["traced"]
+        assert "run_windows" in traced(filled[0], "law")["traced"]
 
 
 def test_a_kernel_with_a_force_has_no_key() -> None:

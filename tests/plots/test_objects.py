@@ -44,7 +44,7 @@ def _closed() -> object:
     pyplot.close("all")
 
 
-def write(
+def write_cooling(
     path: Path, *, spin: float = 1.0, frames: int = 6, law: dict[str, object] = LAW, rate: float = 3.0
 ) -> Path:
     """A cooling gas with T = 2 / (1 + t), T_rot = T / 2 and `rate` t collisions per disk; disks of radius 0.2."""
@@ -67,7 +67,7 @@ def write(
 
 
 @pytest.fixture
-def gas() -> ifrdem.Simulation:
+def three() -> ifrdem.Simulation:
     """Three disks, one of them across a corner of a periodic box."""
     state = State(
         [[0.1, 0.1], [4.0, 4.0], [7.0, 2.0]], [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]], [2.0, -2.0, 0.0]
@@ -76,11 +76,11 @@ def gas() -> ifrdem.Simulation:
     return ifrdem.Simulation(Disks(3, 1.0, [0.5, 0.4, 0.6]), Box((8.0, 8.0)), law, state)
 
 
-def test_a_simulation_draws_its_disks_to_scale_into_the_axes_that_it_gets(gas: ifrdem.Simulation) -> None:
+def test_a_simulation_draws_its_disks_to_scale_into_the_axes_that_it_gets(three: ifrdem.Simulation) -> None:
     axes = pyplot.figure().subplots()
-    assert gas.plot(axes) is axes
+    assert three.plot(axes) is axes
     with pytest.raises(InputError, match="a picture of disks has 1 panel: must be ax=axes, not 2 axes"):
-        gas.plot([axes, axes])
+        three.plot([axes, axes])
     (drawn,) = axes.findobj(EllipseCollection)
     assert len(drawn.get_offsets()) == 4 + 1 + 1  # that of the corner shows in all four
     np.testing.assert_allclose(np.unique(drawn.get_widths()), [0.8, 1.0, 1.2])
@@ -90,13 +90,13 @@ def test_a_simulation_draws_its_disks_to_scale_into_the_axes_that_it_gets(gas: i
     assert "spin" in bar.get_ylabel()
 
 
-def test_without_axes_a_figure_of_pyplot_is_made(gas: ifrdem.Simulation) -> None:
-    axes = gas.plot(color="speed")
+def test_without_axes_a_figure_of_pyplot_is_made(three: ifrdem.Simulation) -> None:
+    axes = three.plot(color="speed")
     assert isinstance(axes, Axes)
     assert axes.figure.number in pyplot.get_fignums()
 
 
-def test_colours_are_those_of_the_quantity(gas: ifrdem.Simulation) -> None:
+def test_colours_are_those_of_the_quantity(three: ifrdem.Simulation) -> None:
     expected = {
         "spin": [2.0, -2.0, 0.0], "speed": [1.0, 1.0, 0.0], "direction": [0.0, 90.0, 0.0],
         "temperature": [0.5, 0.5, 0.0], "radius": [0.5, 0.4, 0.6], "collisions": [0.0, 0.0, 0.0],
@@ -104,31 +104,29 @@ def test_colours_are_those_of_the_quantity(gas: ifrdem.Simulation) -> None:
     }  # fmt: skip
     assert {*expected, "dissipated", "asleep"} == set(disks.COLOURS)
     for color, values in expected.items():
-        axes = gas.plot(color=color)
+        axes = three.plot(color=color)
         (drawn,) = axes.findobj(EllipseCollection)
         if len(set(values)) == 1:
             assert not axes.child_axes  # a bar of one colour says nothing
         else:
             np.testing.assert_allclose(np.asarray(drawn.get_array())[:3], values, atol=1e-15)
             assert axes.child_axes[0].get_ylabel()
-    assert not gas.plot(color="none").child_axes
-    with pytest.raises(
-        InputError, match=r"color = sped: must be one of spin, speed, .* \(did you mean 'speed'"
-    ):
-        gas.plot(color="sped")
+    assert not three.plot(color="none").child_axes
+    with pytest.raises(InputError, match=r"color = sped: .*did you mean 'speed'"):
+        three.plot(color="sped")
 
 
-def test_dark_backgrounds_get_light_walls_and_light_disks_without_spin(gas: ifrdem.Simulation) -> None:
+def test_dark_backgrounds_get_light_walls_and_light_disks_without_spin(three: ifrdem.Simulation) -> None:
     for name, walls in (("default", "black"), ("dark_background", "white")):
         with style.context(name):
-            axes = gas.plot()
+            axes = three.plot()
         assert disks.foreground(axes) == walls
         middle = disks.colour_map("signed", dark=name != "default")(0.5)[:3]
         assert abs(sum(middle) - sum(to_rgb(axes.get_facecolor()))) > 1.5  # of 3
 
 
 def test_a_picture_without_spins_has_no_bar(tmp_path: Path) -> None:
-    with Trajectory(write(tmp_path / "still.h5", spin=0.0)) as run:
+    with Trajectory(write_cooling(tmp_path / "still.h5", spin=0.0)) as run:
         assert not run[-1].plot().child_axes
         assert not run.plot("disks").child_axes
 
@@ -143,7 +141,7 @@ def test_frames_without_the_field_of_a_colour_are_refused(tmp_path: Path) -> Non
 
 
 def test_temperatures_go_into_one_axes_or_two(tmp_path: Path) -> None:
-    with Trajectory(write(tmp_path / "run.h5")) as run:
+    with Trajectory(write_cooling(tmp_path / "run.h5")) as run:
         upper, lower = pyplot.figure().subplots(2, 1)
         assert run.plot("temperatures", upper) is upper
         np.testing.assert_allclose(upper.lines[0].get_ydata(), 2.0 / np.arange(2.0, 7.0))
@@ -159,7 +157,7 @@ def test_bands_of_temperatures_are_95_percent_intervals_of_so_many_disks(tmp_pat
 
     For 399 degrees of freedom, Student's t gives 1.966 standard errors.
     """
-    with Trajectory(write(tmp_path / "run.h5")) as run:
+    with Trajectory(write_cooling(tmp_path / "run.h5")) as run:
         axes = run.plot("temperatures", ax=pyplot.figure().subplots())
     for band, line, variance in zip(axes.collections, axes.lines, (1.0 / N, 2.0 / N), strict=False):
         y, edge = np.asarray(line.get_ydata()), band.get_paths()[0].vertices[:, 1]
@@ -169,7 +167,7 @@ def test_bands_of_temperatures_are_95_percent_intervals_of_so_many_disks(tmp_pat
 
 @pytest.mark.parametrize("what", ["temperatures", "energy"])
 def test_over_tau_is_collisions_per_disk(tmp_path: Path, what: str) -> None:
-    with Trajectory(write(tmp_path / "run.h5")) as run:
+    with Trajectory(write_cooling(tmp_path / "run.h5")) as run:
         axes = run.plot(what, ax=pyplot.figure().subplots(), over="tau")
         assert axes.get_xlabel() == r"collisions per disk $\tau$"
         np.testing.assert_allclose(np.asarray(axes.lines[0].get_xdata())[-5:], 3.0 * np.arange(1.0, 6.0))
@@ -188,7 +186,9 @@ def test_theory_over_tau_goes_from_the_first_collision_to_the_last_of_the_run(
 
     In the time of the run theory has 20 collisions per disk, more or fewer than the run.
     """
-    with Trajectory(write(tmp_path / "run.h5", law={**LAW, "e_t": -1.0, "mu": 0.0}, rate=rate)) as run:
+    with Trajectory(
+        write_cooling(tmp_path / "run.h5", law={**LAW, "e_t": -1.0, "mu": 0.0}, rate=rate)
+    ) as run:
         lines = run.plot("temperatures", ax=pyplot.figure().subplots(), over="tau").lines
     dashed = next(one for one in lines if one.get_linestyle() == "--" and len(one.get_xdata()))
     tau, T = (np.asarray(one) for one in dashed.get_data())
@@ -199,12 +199,12 @@ def test_theory_over_tau_goes_from_the_first_collision_to_the_last_of_the_run(
 
 
 def test_an_argument_of_another_name_is_refused_with_the_nearest(
-    tmp_path: Path, gas: ifrdem.Simulation
+    tmp_path: Path, three: ifrdem.Simulation
 ) -> None:
     message = r"colour = 'speed': there is no such argument \(did you mean 'color'\?\); there are "
     with pytest.raises(InputError, match=message + "ax, color"):
-        gas.plot(colour="speed")
-    with Trajectory(write(tmp_path / "run.h5")) as run:
+        three.plot(colour="speed")
+    with Trajectory(write_cooling(tmp_path / "run.h5")) as run:
         with pytest.raises(InputError, match=message + "ax, color"):
             run[0].plot(colour="speed")
         with pytest.raises(InputError, match=message + "what, ax, frames, over, color"):
@@ -224,9 +224,9 @@ def test_units_are_shown_if_the_file_states_them(tmp_path: Path, units: dict[str
         assert run.units == ({} if units != {"length": "m"} else units)
 
 
-def test_wrong_axes_are_refused(tmp_path: Path, gas: ifrdem.Simulation) -> None:
+def test_wrong_axes_are_refused(tmp_path: Path, three: ifrdem.Simulation) -> None:
     axes = pyplot.figure().subplots(1, 3)
-    with Trajectory(write(tmp_path / "run.h5")) as run:
+    with Trajectory(write_cooling(tmp_path / "run.h5")) as run:
         with pytest.raises(
             InputError, match=r"velocity has 2 panels: must be ax=\(left, right\), not 1 axes"
         ):
@@ -237,12 +237,12 @@ def test_wrong_axes_are_refused(tmp_path: Path, gas: ifrdem.Simulation) -> None:
             InputError, match=r"no picture is called 'temperature'.*did you mean 'temperatures'"
         ):
             run.plot("temperature")
-    with pytest.raises(InputError, match="ax = 3: must be Axes of Matplotlib"):
-        gas.plot(3)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="ax = 3: must be"):
+        three.plot(3)  # type: ignore[arg-type]
 
 
 def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
-    with Trajectory(write(tmp_path / "run.h5")) as run:
+    with Trajectory(write_cooling(tmp_path / "run.h5")) as run:
         frames, box, radius = list(run), run.box, run.disks.radius
         positions, velocities = [f.position for f in frames], [f.velocity for f in frames]
         last, times, steps = frames[-1], run.times, np.linspace(0.0, 5.0, 50)
@@ -301,7 +301,7 @@ def test_fits_draw_their_results() -> None:
 
 
 def test_pictures_of_runs_take_an_open_trajectory_and_leave_it_open(tmp_path: Path) -> None:
-    with Trajectory(write(tmp_path / "run.h5")) as run:
+    with Trajectory(write_cooling(tmp_path / "run.h5")) as run:
         figure = plots.cooling(run)
         assert "temperature" in texts(figure)
         plots.cooling(run, tmp_path / "a.png")
@@ -353,7 +353,7 @@ def test_a_plateau_above_one_is_explained(clustered: bool) -> None:
 
 def test_warnings_are_shown_below_the_picture(tmp_path: Path) -> None:
     with Trajectory(
-        write(tmp_path / "run.h5", rate=0.0)
+        write_cooling(tmp_path / "run.h5", rate=0.0)
     ) as run:  # its temperature falls, and not by collisions
         figure = pictures.figure(run, "vacf")
     figure.draw_without_rendering()
@@ -369,12 +369,12 @@ def png(page: str) -> np.ndarray:
     return imread(io.BytesIO(base64.b64decode(data)))
 
 
-def test_objects_show_tables_with_thumbnails(tmp_path: Path, gas: ifrdem.Simulation) -> None:
-    path = write(tmp_path / "a<b>.h5")
+def test_objects_show_tables_with_thumbnails(tmp_path: Path, three: ifrdem.Simulation) -> None:
+    path = write_cooling(tmp_path / "a<b>.h5")
     with Trajectory(path) as run:
         pages = {
-            gas._repr_html_(): ["Simulation", "8 x 8, periodic along x and y"],
-            gas.state._repr_html_(): ["State", "root mean square spin", "1.633"],  # sqrt(8 / 3)
+            three._repr_html_(): ["Simulation", "8 x 8, periodic along x and y"],
+            three.state._repr_html_(): ["State", "root mean square spin", "1.633"],  # sqrt(8 / 3)
             run._repr_html_(): ["Trajectory", "0 to 5 s", "a&lt;b&gt;.h5"],
             run[2]._repr_html_(): ["Frame 2 of 6", "2 s"],
         }

@@ -12,7 +12,7 @@ from ifrdem import Box, Disks, InputError, Piston, State, Trajectory, Trajectory
 from ifrdem.plots import pictures
 
 
-def write(path: Path, walls: list[Wall]) -> Path:
+def write_pistons(path: Path, walls: list[Wall]) -> Path:
     """Pistons j = 1, 2, ... at s = j t with the energy -j t^2; the wall that is none comes first."""
     disks = Disks(1, 1.0, 0.5)
     number = np.arange(1.0, 1.0 + sum(wall.piston is not None for wall in walls))
@@ -33,7 +33,7 @@ PISTON, FLOOR = Wall.line((0.0, 8.0), (0.0, -1.0), piston=Piston(mass=2.0)), Wal
 
 
 def test_place_and_speed_of_each_piston_are_drawn_against_time(tmp_path: Path) -> None:
-    with Trajectory(write(tmp_path / "a.h5", [FLOOR, PISTON, PISTON])) as run:
+    with Trajectory(write_pistons(tmp_path / "a.h5", [FLOOR, PISTON, PISTON])) as run:
         figure = pictures.figure(run, "piston")
         place, speed = figure.axes
         assert [line.get_label() for line in place.lines] == ["wall 1 line", "wall 2 line"]
@@ -52,7 +52,7 @@ def test_place_and_speed_of_each_piston_are_drawn_against_time(tmp_path: Path) -
 
 def test_a_file_without_a_piston_names_the_key_that_makes_one(tmp_path: Path) -> None:
     with (
-        Trajectory(write(tmp_path / "a.h5", [FLOOR])) as run,
+        Trajectory(write_pistons(tmp_path / "a.h5", [FLOOR])) as run,
         pytest.raises(InputError, match=r"a wall with piston = \{ mass = \.\.\. \} in \[\[wall\]\]"),
     ):
         pictures.figure(run, "piston")

@@ -37,7 +37,7 @@ SMOOTH = {
 MASS, RADIUS, PHI = 2.0, 0.5, 0.1
 
 
-def write(
+def write_relaxing(
     path: Path,
     *,
     n: int = 30,
@@ -69,7 +69,7 @@ def write(
 
 
 def test_picture_is_a_png_and_nothing_else_is_left(tmp_path: Path) -> None:
-    write(tmp_path / "a.h5")
+    write_relaxing(tmp_path / "a.h5")
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     image = imread(tmp_path / "a.png")
     assert min(image.shape[:2]) > 1000
@@ -78,7 +78,7 @@ def test_picture_is_a_png_and_nothing_else_is_left(tmp_path: Path) -> None:
 
 
 def test_circles_are_the_measured_temperatures(tmp_path: Path, drawn: list[Figure]) -> None:
-    write(tmp_path / "a.h5")
+    write_relaxing(tmp_path / "a.h5")
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     upper, lower = drawn[0].axes[:2]
     time = np.arange(1.0, 11.0)  # time 0 has no place on a logarithmic axis
@@ -90,7 +90,7 @@ def test_circles_are_the_measured_temperatures(tmp_path: Path, drawn: list[Figur
 
 
 def test_theory_of_smooth_disks_is_haffs_law_in_the_same_colour(tmp_path: Path, drawn: list[Figure]) -> None:
-    write(tmp_path / "a.h5")
+    write_relaxing(tmp_path / "a.h5")
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     upper = drawn[0].axes[0]
     dashed = [line for line in upper.lines if line.get_linestyle() == "--" and len(line.get_xdata())]
@@ -108,10 +108,10 @@ def test_theory_of_smooth_disks_is_haffs_law_in_the_same_colour(tmp_path: Path, 
 def test_laws_are_checked_for_the_disks_that_have_them(tmp_path: Path, drawn: list[Figure]) -> None:
     """e_n = 1 requires e_t + (1 + k) / 2 <= 1 of the percussion-centre law: -0.3 is right for hoops, k = 1, only."""
     law = {**SMOOTH, "e_n": 1.0, "e_t": -0.3, "mu": 0.2, "k": 1.0}
-    write(tmp_path / "a.h5", law=law, k=1.0)
+    write_relaxing(tmp_path / "a.h5", law=law, k=1.0)
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert "kinetic theory (homogeneous gas)" in texts(drawn[0])
-    write(tmp_path / "b.h5", law={**law, "k": 2.0}, k=2.0)  # such a gas cannot be run
+    write_relaxing(tmp_path / "b.h5", law={**law, "k": 2.0}, k=2.0)  # such a gas cannot be run
     run.cooling(tmp_path / "b.h5", tmp_path / "b.png")
     assert "no kinetic theory here" in texts(drawn[1])
 
@@ -176,7 +176,7 @@ def test_theory_of_a_mixture_begins_at_the_temperatures_of_its_species(
 def test_picture_reports_where_the_theory_does_not_hold(
     tmp_path: Path, drawn: list[Figure], changes: dict[str, object], reason: str
 ) -> None:
-    write(tmp_path / "a.h5", **changes)  # type: ignore[arg-type]
+    write_relaxing(tmp_path / "a.h5", **changes)  # type: ignore[arg-type]
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert f"{reason}: no kinetic theory here" in texts(drawn[0])
     assert not [line for axes in drawn[0].axes[:2] for line in axes.lines if line.get_linestyle() == "--"]
@@ -185,7 +185,7 @@ def test_picture_reports_where_the_theory_does_not_hold(
 def test_disks_are_drawn_to_scale_with_their_periodic_images(tmp_path: Path, drawn: list[Figure]) -> None:
     # One disk in the corner shows in all four corners, one on a side on two sides, one inside once.
     radius = np.array([0.5, 0.4, 0.3])
-    _, box = write(
+    _, box = write_relaxing(
         tmp_path / "a.h5",
         n=3,
         radius=radius,
@@ -207,14 +207,14 @@ def test_disks_are_drawn_to_scale_with_their_periodic_images(tmp_path: Path, dra
 
 def test_colours_are_symmetric_and_no_outlier_washes_them_out(tmp_path: Path, drawn: list[Figure]) -> None:
     spin = np.concatenate([np.full(60, -1.0), np.full(39, 1.0), [1e6]])
-    write(tmp_path / "a.h5", n=100, spin=spin)
+    write_relaxing(tmp_path / "a.h5", n=100, spin=spin)
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     (collection,) = drawn[0].findobj(EllipseCollection)
     assert collection.get_clim() == (-1.0, 1.0)
 
 
 def test_labels_carry_units(tmp_path: Path, drawn: list[Figure]) -> None:
-    write(tmp_path / "a.h5")
+    write_relaxing(tmp_path / "a.h5")
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     shown = texts(drawn[0])
     for label in ("temperature (J)", "time $t$ (s)", "$x$ (m)", "$y$ (m)", "(rad/s)", "$t$ = 10 s"):
@@ -247,13 +247,13 @@ def test_labels_of_logarithmic_time_are_apart_and_at_least_two(first: float, spa
 
 @pytest.mark.parametrize("frames", [2, 21])
 def test_time_labels_of_short_runs_are_apart(tmp_path: Path, drawn: list[Figure], frames: int) -> None:
-    write(tmp_path / "a.h5", frames=frames)
+    write_relaxing(tmp_path / "a.h5", frames=frames)
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert_labels_are_apart(drawn[0].axes[1])
 
 
 def test_there_are_no_time_labels_between_the_panels(tmp_path: Path, drawn: list[Figure]) -> None:
-    write(tmp_path / "a.h5")
+    write_relaxing(tmp_path / "a.h5")
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     drawn[0].draw_without_rendering()
     axis = drawn[0].axes[0].xaxis
@@ -262,7 +262,7 @@ def test_there_are_no_time_labels_between_the_panels(tmp_path: Path, drawn: list
 
 @pytest.mark.parametrize("frames", [2, 6])
 def test_no_theta_marker_is_cut_at_the_top(tmp_path: Path, drawn: list[Figure], frames: int) -> None:
-    write(tmp_path / "a.h5", frames=frames)
+    write_relaxing(tmp_path / "a.h5", frames=frames)
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     drawn[0].draw_without_rendering()
     lower = drawn[0].axes[1]
@@ -274,7 +274,7 @@ def test_no_theta_marker_is_cut_at_the_top(tmp_path: Path, drawn: list[Figure], 
 
 
 def test_reduced_units_are_called_so(tmp_path: Path, drawn: list[Figure]) -> None:
-    write(tmp_path / "a.h5", units=dict.fromkeys(SI, "reduced"))
+    write_relaxing(tmp_path / "a.h5", units=dict.fromkeys(SI, "reduced"))
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert "temperature (reduced units)" in texts(drawn[0])
     assert "(J)" not in texts(drawn[0])
@@ -284,7 +284,7 @@ def test_very_many_disks_become_a_density_map_with_a_note(
     tmp_path: Path, drawn: list[Figure], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(plot_disks, "MOST_DISKS", 1000)
-    write(tmp_path / "a.h5", n=5000)
+    write_relaxing(tmp_path / "a.h5", n=5000)
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert not drawn[0].findobj(EllipseCollection)
     assert "above 1000 disks, single disks are not drawn" in texts(drawn[0])
@@ -305,7 +305,7 @@ def test_gas_at_rest_can_be_drawn(tmp_path: Path, drawn: list[Figure]) -> None:
 
 
 def test_picture_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
-    write(tmp_path / "a.h5")
+    write_relaxing(tmp_path / "a.h5")
     with pytest.raises(InputError, match="cannot be written"):
         run.cooling(tmp_path / "a.h5", tmp_path / "nowhere" / "a.png")
     assert [path.name for path in tmp_path.iterdir()] == ["a.h5"]

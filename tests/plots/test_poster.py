@@ -24,14 +24,14 @@ def in_style():
 
 
 @pytest.fixture
-def run(tmp_path: Path):
+def opened(tmp_path: Path):
     layout_files.write(tmp_path / "gas.h5", n=50)
     with ifrdem.Trajectory(tmp_path / "gas.h5") as trajectory:
         yield trajectory
 
 
-def test_a_snapshot_has_no_title_and_no_axes_but_a_bar_of_its_length(run, in_style) -> None:
-    figure = pictures.figure(run, "disks", color="speed", size=(4.0,))
+def test_a_snapshot_has_no_title_and_no_axes_but_a_bar_of_its_length(opened, in_style) -> None:
+    figure = pictures.figure(opened, "disks", color="speed", size=(4.0,))
     (axes,) = figure.axes
     assert figure.get_suptitle() == axes.get_title() == axes.get_xlabel() == ""
     assert not axes.child_axes
@@ -54,14 +54,14 @@ def test_the_bar_has_a_round_length(width: float, length: float) -> None:
     assert poster.scale_length(width) == pytest.approx(length)
 
 
-def test_many_disks_are_a_map_that_is_bright_where_they_are(run, in_style, monkeypatch) -> None:
+def test_many_disks_are_a_map_that_is_bright_where_they_are(opened, in_style, monkeypatch) -> None:
     monkeypatch.setattr(disks, "MOST_DISKS", 10)
-    figure = pictures.figure(run, "disks", color="direction")
+    figure = pictures.figure(opened, "disks", color="direction")
     picture = np.asarray(figure.axes[0].images[0].get_array())  # rows of y
     rows, columns = picture.shape[:2]
     assert columns / rows == pytest.approx(1.5, rel=0.05)
     lit = picture.any(axis=-1)
-    position, angle = run[-1].position, np.arctan2(*run[-1].velocity.T[::-1])
+    position, angle = opened[-1].position, np.arctan2(*opened[-1].velocity.T[::-1])
     cells = np.floor(position / (30.0, 20.0) * (columns, rows)).astype(int)
     assert sorted({(y, x) for x, y in cells.tolist()}) == sorted(zip(*np.nonzero(lit), strict=True))
     # A disk that is alone in its cell has the hue of its direction.
@@ -73,13 +73,13 @@ def test_many_disks_are_a_map_that_is_bright_where_they_are(run, in_style, monke
         assert shade / shade.max() == pytest.approx(full / full.max(), rel=1e-9)
 
 
-def test_only_pictures_of_places_have_the_style(run, in_style) -> None:
-    assert len(pictures.figure(run, "fields").axes) == 2
+def test_only_pictures_of_places_have_the_style(opened, in_style) -> None:
+    assert len(pictures.figure(opened, "fields").axes) == 2
     with pytest.raises(ifrdem.InputError, match="style = poster: cannot be combined with rdf"):
-        pictures.figure(run, "rdf")
+        pictures.figure(opened, "rdf")
 
 
-def test_the_style_ends_with_the_command(run, tmp_path: Path, monkeypatch) -> None:
+def test_the_style_ends_with_the_command(opened, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert cli.main(["plot", "gas.h5", "disks", "--style", "poster", "-o", "a.png"]) == 0
     assert Path("a.png").stat().st_size > 1000

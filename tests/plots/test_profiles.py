@@ -30,7 +30,7 @@ WIDTH, HEIGHT = 30.0, 20.0
 SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}
 
 
-def write(
+def write_layers(
     path: Path,
     walls: tuple[Wall, ...] = (),
     *,
@@ -60,7 +60,7 @@ def write(
 
 
 def test_profiles_are_those_of_the_second_half(tmp_path: Path) -> None:
-    write(tmp_path / "a.h5")
+    write_layers(tmp_path / "a.h5")
     with Trajectory(tmp_path / "a.h5") as trajectory:
         found = profiles.of(trajectory)
     assert found is not None
@@ -157,7 +157,7 @@ def test_profiles_go_along_gravity_or_from_wall_to_wall(
     walls: tuple[Wall, ...],
     axis: int,
 ) -> None:
-    write(tmp_path / "a.h5", walls, gravity=gravity, periodic=periodic, frames=2, n=500)
+    write_layers(tmp_path / "a.h5", walls, gravity=gravity, periodic=periodic, frames=2, n=500)
     with Trajectory(tmp_path / "a.h5") as trajectory:
         found = profiles.of(trajectory)
     assert found is not None
@@ -172,7 +172,7 @@ def test_the_picture_shows_walls_profiles_and_no_theory(tmp_path: Path, drawn: l
         Wall.segment((2.0, 12.0), (6.0, 14.0)),
         Wall.line((0.0, 20.0), (0.0, -1.0), temperature=5.0),
     )
-    write(tmp_path / "a.h5", walls)
+    write_layers(tmp_path / "a.h5", walls)
     run.walled(tmp_path / "a.h5", tmp_path / "a.png")
     (figure,) = drawn
     shown = texts(figure)

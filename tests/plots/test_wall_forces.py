@@ -17,7 +17,7 @@ WALLS = [Wall.post((2.0 + i, 3.0), 0.1, group="rake" if i < 2 else "") for i in 
 BOX = Box((9.0, 9.0), (True, False))
 
 
-def write(path: Path, *, sums: bool = True, turning: int = 0, box: Box = BOX) -> Path:
+def write_sums(path: Path, *, sums: bool = True, turning: int = 0, box: Box = BOX) -> Path:
     """Walls whose sums grow steadily: wall j gives the momentum (0, -j t), the work 2 j t and the torque 3 j t."""
     disks, state = Disks(1, 1.0, 0.5), State([[5.0, 5.0]], [[0.0, 0.0]], [0.0])
     turn = Turn("steady", center=(3.0, 3.0), rate=1.0)
@@ -39,7 +39,7 @@ def write(path: Path, *, sums: bool = True, turning: int = 0, box: Box = BOX) ->
 
 
 def test_forces_are_the_momentum_that_walls_take_over_the_time(tmp_path: Path) -> None:
-    with Trajectory(write(tmp_path / "a.h5")) as run:
+    with Trajectory(write_sums(tmp_path / "a.h5")) as run:
         np.testing.assert_allclose(run.series["walls_work/rake"], 6.0 * run.series.time)  # 2 (1 + 2) t
         np.testing.assert_allclose(run.series["walls_work/wall 2 post"], 6.0 * run.series.time)
         with pytest.raises(KeyError, match="no column 'rak'"):
@@ -68,7 +68,7 @@ def test_forces_are_the_momentum_that_walls_take_over_the_time(tmp_path: Path) -
 def test_each_torque_is_about_the_centre_that_the_label_says(
     tmp_path: Path, turning: int, box: Box, says: str
 ) -> None:
-    with Trajectory(write(tmp_path / "a.h5", turning=turning, box=box)) as run:
+    with Trajectory(write_sums(tmp_path / "a.h5", turning=turning, box=box)) as run:
         assert pictures.figure(run, "walls").axes[1].get_ylabel() == says
 
 
@@ -122,7 +122,7 @@ def groups(walls: list[Wall]) -> list[str]:
 
 def test_a_file_without_sums_of_walls_names_the_key_that_stores_them(tmp_path: Path) -> None:
     with (
-        Trajectory(write(tmp_path / "a.h5", sums=False)) as run,
+        Trajectory(write_sums(tmp_path / "a.h5", sums=False)) as run,
         pytest.raises(InputError, match=r"requires output\.wall_sums = true"),
     ):
         pictures.figure(run, "walls")

@@ -120,7 +120,7 @@ def test_differences_are_the_assignments_between(old: Any, new: Any, found: list
 @pytest.mark.parametrize(
     ("section", "key", "value", "says"),
     [
-        ("run", "seed", -1, ("run.seed = -1", "must be an integer from 0 to")),
+        ("run", "seed", -1, ("run.seed = -1", "must be")),
         ("run", "seed", 1.5, ("run.seed = 1.5", "whole number")),
         ("run", "sede", 1, ("run.sede = 1", "unknown key (did you mean 'seed'?)")),
         ("run", "device", "cdua", ('run.device = "cdua"', "did you mean 'cuda'?")),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.cases import case_text
 from support.layout_files import some_disks
 
 import ifrdem
@@ -17,32 +18,16 @@ from ifrdem.runs import compare
 from ifrdem.tools.tables import TableFormat
 from ifrdem.trajectory.writer import TrajectoryWriter
 
-CASE = """\
-[run]
-name = "two"
-t_end = 2.0
-[box]
-open = true
-[[material]]
-name = "m"
-e_n = 0.8
-e_t = -1.0
-mu = 0.0
-[[species]]
-name = "a"
-number = 2
-material = "m"
-mass = 1.0
-radius = 0.5
-[start]
-file = "start.csv"
-[output]
-frames = 4
-"""
+CASE = case_text({
+    "run.name": "two", "run.t_end": 2.0, "run.units": None, "box.open": True, "box.packing_fraction": None,
+    "material[0].name": "m", "material[0].e_n": 0.8, "material[0].e_t": -1.0, "material[0].mu": 0.0,
+    "species[0].name": "a", "species[0].number": 2, "species[0].material": "m",
+    "species[0].speed_rms": None, "start": {"file": "start.csv"}, "output": {"frames": 4},
+})  # fmt: skip
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def head_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Disk 0 at 1 m/s meets disk 1 at rest after 1 s, head-on: e_n = 0.8 leaves it 0.1 m/s, and gives 0.9 m/s."""
     monkeypatch.chdir(tmp_path)
     Path("two.toml").write_text(CASE, encoding="utf-8")
@@ -52,14 +37,14 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.full
-def test_picture_has_walls_and_times_of_positions(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_picture_has_walls_and_times_of_positions(head_on: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     walls = '[[wall]]\nshape = "line"\npoint = [0.0, 4.45]\nnormal = [0.0, 1.0]\nmaterial = "m"\n'
     case = CASE.replace("open = true", 'lengths = [10.0, 10.0]\nperiodic = [true, false]\nmaterial = "m"')
     Path("two.toml").write_text(case + walls, encoding="utf-8")
     Path("start.csv").write_text("x,y,vx,vy,spin\n0,5,1,0,0\n2,5,0,0,0\n", encoding="utf-8")
     assert main(["run", "two.toml", "--no-picture", "--quiet", "--force"]) == 0
     Path("rest.csv").write_text("id,x,y,t\n0,1.1,5.3,\n0,0.5,5,0.5\n", encoding="utf-8")
-    found = compare.compare(run, compare.read("rest.csv", {"positions": 0.1}, TableFormat()))
+    found = compare.compare(head_on, compare.read("rest.csv", {"positions": 0.1}, TableFormat()))
     figures = []
     monkeypatch.setattr(compare, "save", lambda figure, paths: figures.append(figure))
     found.draw([Path("two.png")])
@@ -70,12 +55,12 @@ def test_picture_has_walls_and_times_of_positions(run: Path, monkeypatch: pytest
 
 
 def test_places_distances_and_spread_are_those_of_the_mechanics(
-    run: Path, capsys: pytest.CaptureFixture[str]
+    head_on: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("rest.csv").write_text("id,x,y,t\n0,1.1,0.3,\n1,2.9,0,\n0,0.5,0,0.5\n", encoding="utf-8")
     observed = compare.read("rest.csv", {"positions": 0.1}, TableFormat())
     found = compare.compare(
-        run,
+        head_on,
         observed,
         laws=[{"e_n": 0.6, "e_t": -1.0, "mu": 0.0}, {"e_n": 1.0, "e_t": -1.0, "mu": 0.0}],
         members=4,
@@ -118,11 +103,11 @@ def test_ellipses_contain_the_stated_share_of_positions(members: int, error: flo
     assert np.mean(found.probability < 0.95) == pytest.approx(0.95, abs=0.015)
 
 
-def test_start_errors_spread_the_runs(run: Path) -> None:
+def test_start_errors_spread_the_runs(head_on: Path) -> None:
     """Of 0.1 m/s: disk 0 flies 1 s at v, then a second or so at 0.1 v; disk 1 takes 0.9 v: spreads follow by differences."""
     Path("rest.csv").write_text("id,x,y,t\n0,0.5,0,0.5\n", encoding="utf-8")
     observed = compare.read("rest.csv", {}, TableFormat())
-    found = compare.compare(run, observed, errors={"velocities": 0.1}, members=6, seed=3)
+    found = compare.compare(head_on, observed, errors={"velocities": 0.1}, members=6, seed=3)
     assert 0.02 < found.spread[0, 0] < 0.1  # 0.05 for 0.5 s, from six draws
 
 
@@ -136,10 +121,10 @@ def test_start_errors_spread_the_runs(run: Path) -> None:
         ("id,x,y,x_error\n0,1,1,-1\n", "line 2: error of x = -1"),
     ],
 )
-def test_wrong_places_are_refused(run: Path, text: str, says: str) -> None:
+def test_wrong_places_are_refused(head_on: Path, text: str, says: str) -> None:
     Path("rest.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=says):
-        compare.compare(run, compare.read("rest.csv", {}, TableFormat()))
+        compare.compare(head_on, compare.read("rest.csv", {}, TableFormat()))
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.cases import case_text
 from support.layout_files import BOX, some_disks, some_state, write
 
 from ifrdem.cli.main import main
@@ -38,25 +39,9 @@ with TrajectoryWriter(sys.argv[2], some_disks(3), BOX, force=True) as writer:
     sys.stdin.readline()
     writer.write(some_state(3, 1))
 """
-CASE = """
-[run]
-name = "gas"
-t_end = 1e-3
-[box]
-packing_fraction = 0.1
-[[material]]
-name = "coin"
-e_n = 0.9
-e_t = -0.8
-mu = 0.2
-[[species]]
-name = "coins"
-number = 3
-material = "coin"
-mass = 1.0
-diameter = 1.0
-speed_rms = 1.0
-"""
+CASE = case_text({
+    "run.t_end": 0.001, "run.units": None, "box.packing_fraction": 0.1, "species[0].number": 3,
+})  # fmt: skip
 LOCKED = (
     "other.nc",
     "other.vtkhdf",

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.cases import case_text
 
 import ifrdem
 from ifrdem.analysis.catalogue import FUNCTIONS
@@ -17,22 +18,16 @@ from ifrdem.cli.main import main
 from ifrdem.plots import run
 from ifrdem.trajectory.parts_writer import PartsWriter
 
-CASE = """
-[run]
-name = "gas"
-collisions_per_disk = 4.0
-[box]
-packing_fraction = 0.3
-[[species]]
-name = "coins"
-coin = "1 pta"
-number = 300
-speed_rms = 1.0
-[output]
-frames = 6
-histories = [0, 7]
-fields = ["position", "velocity", "angular_velocity", "collisions", "image", "angle", "last_partner", "dissipated"]
-"""
+CASE = case_text({
+    "run.collisions_per_disk": 4.0, "run.t_end": None, "run.units": None, "box.packing_fraction": 0.3,
+    "species[0].coin": "1 pta", "species[0].number": 300, "species[0].material": None,
+    "species[0].mass": None, "species[0].radius": None,
+    "output": {
+        "frames": 6, "histories": [0, 7],
+        "fields": ["position", "velocity", "angular_velocity", "collisions", "image", "angle", "last_partner", "dissipated"],
+    },
+    "material": None,
+})  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ class Calls:
         self.rows.append(len(rows))
 
 
-def gas(n: int) -> tuple[ifrdem.State, object]:
+def frame_of(n: int) -> tuple[ifrdem.State, object]:
     disks = ifrdem.Disks(n, mass=1.0, radius=0.5)
     state = ifrdem.State(np.zeros((n, 2)), np.ones((n, 2)), np.zeros(n))
     return state, ifrdem.observables.measure(disks, state)
@@ -37,7 +37,7 @@ def test_small_frames_are_committed_together_and_large_ones_at_once(n, calls):
         for i in range(10):
             if i == 8:
                 now[0] += WAIT  # the ninth frame finds that the others have waited long enough
-            recorder.frame(*gas(n))
+            recorder.frame(*frame_of(n))
     assert callbacks.frames == calls
 
 
@@ -47,8 +47,8 @@ def test_frames_so_far_are_written_when_a_run_fails():
     def collapse() -> None:
         with Recorder(callbacks, ifrdem.Ledger(), clock=lambda: 0.0) as recorder:
             for _ in range(3):
-                recorder.frame(*gas(2))
-                recorder.row(gas(2)[1])
+                recorder.frame(*frame_of(2))
+                recorder.row(frame_of(2)[1])
             raise ifrdem.EngineError("collapse")
 
     with pytest.raises(ifrdem.EngineError):

@@ -17,6 +17,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from support.cases import case_text
 
 from ifrdem.case import starts
 from ifrdem.case.case import CaseSections
@@ -35,42 +36,16 @@ from ifrdem.tools.versions import package_versions
 from ifrdem.trajectory.background import AsyncWriter
 from ifrdem.trajectory.reader import Trajectory
 
-CASE = """
-[run]
-name = "gas"
-seed = 3
-t_end = 2.0
-units = "reduced"
-
-[box]
-packing_fraction = 0.3
-
-[[material]]
-name = "coin"
-e_n = 0.87
-e_t = -0.88
-mu = 0.21
-
-[[species]]
-name = "coins"
-number = 400
-material = "coin"
-mass = 1.0
-diameter = 1.0
-speed_rms = 1.4
-
-[[force]]
-kind = "random_kicks"
-step = 0.05
-power = 0.5
-
-[output]
-frames = 12
-fields = ["position", "velocity", "angle", "angular_velocity", "collisions", "image", "last_partner"]
-series = 70
-histories_sample = 20
-picture = false
-"""
+CASE = case_text({
+    "run.seed": 3, "run.t_end": 2.0, "box.packing_fraction": 0.3, "material[0].e_n": 0.87,
+    "material[0].e_t": -0.88, "material[0].mu": 0.21, "species[0].number": 400,
+    "species[0].speed_rms": 1.4, "force": [{"kind": "random_kicks", "step": 0.05, "power": 0.5}],
+    "output": {
+        "frames": 12,
+        "fields": ["position", "velocity", "angle", "angular_velocity", "collisions", "image", "last_partner"],
+        "series": 70, "histories_sample": 20, "picture": False,
+    },
+})  # fmt: skip
 
 
 def contents(path: Path) -> dict[str, bytes]:
@@ -290,12 +265,10 @@ def test_a_checkpoint_that_cannot_be_written_reports_what_remains(
     same(tmp_path / "gas.h5", whole)
 
 
-def test_a_changed_case_is_refused_with_what_changed(whole, tmp_path, stopping, capsys):
-    case = tmp_path / "gas.toml"
-    case.write_text(CASE)
+def test_a_changed_case_is_refused_with_what_changed(whole, toml, tmp_path, stopping, capsys):
     stopping += [20]
-    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
-    case.write_text(CASE.replace("mu = 0.21", "mu = 0.3"))
+    assert cli.main(["run", str(toml), "-o", f"{tmp_path}/"]) == 130
+    toml.write_text(CASE.replace("mu = 0.21", "mu = 0.3"))
     capsys.readouterr()
     assert cli.main(["resume", str(tmp_path)]) == 2
     printed = capsys.readouterr().err
@@ -412,37 +385,12 @@ def test_signals_end_a_run_with_a_checkpoint(tmp_path, monkeypatch, capsys, numb
         assert 5 < len(file["particles/all/box/edges/step"]) < 100  # of 4001
 
 
-SLOT = """
-[run]
-name = "gas"
-t_end = 0.26
-units = "reduced"
-threads = 1
-
-[box]
-lengths = [10.0, 1.0000002]
-periodic = [true, false]
-material = "coin"
-
-[[material]]
-name = "coin"
-e_n = 1.0
-e_t = -1.0
-mu = 0.0
-
-[[species]]
-name = "coins"
-number = 1
-material = "coin"
-mass = 1.0
-diameter = 1.0
-speed_rms = 1.4
-
-[output]
-frames = 1
-picture = false
-views = false
-"""
+SLOT = case_text({
+    "run.t_end": 0.26, "run.threads": 1, "box.lengths": [10.0, 1.0000002], "box.periodic": [True, False],
+    "box.material": "coin", "box.packing_fraction": None, "material[0].e_n": 1.0, "material[0].e_t": -1.0,
+    "material[0].mu": 0.0, "species[0].number": 1, "species[0].diameter": 1.0, "species[0].speed_rms": 1.4,
+    "species[0].radius": None, "output": {"frames": 1, "picture": False, "views": False},
+})  # fmt: skip
 
 
 def test_a_signal_within_a_window_of_a_million_events_ends_the_run_there(tmp_path, monkeypatch, capsys):
@@ -483,12 +431,10 @@ def stopped_with_a_checkpoint(folder: Path, word: str, printed: str) -> None:
     assert content["state"] == "interrupted"
 
 
-def test_a_killed_run_resumes_to_the_same_file(whole, tmp_path):
+def test_a_killed_run_resumes_to_the_same_file(whole, toml, tmp_path):
     """SIGKILL at moments of its life drawn at random; the checkpoint is the one of the beginning."""
     rng = random.Random(5)
-    case = tmp_path / "gas.toml"
-    case.write_text(CASE)
-    process = launched(case)
+    process = launched(toml)
     while not (tmp_path / "gas.checkpoint.h5").exists():
         assert process.poll() is None, process.communicate()[1]
         time.sleep(0.005)

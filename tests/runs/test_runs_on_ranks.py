@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 import pytest
 from support import mpi
+from support.cases import case_text
 from support.manual import block
 from support.ranks.results import differing
 
@@ -26,53 +27,34 @@ from ifrdem.mpi import communicator
 from ifrdem.tools.files import checkpoint_of
 from ifrdem.trajectory import layout
 
-CASE = """
-[run]
-name = "gas"
-collisions_per_disk = 5.0
-[box]
-packing_fraction = 0.3
-[[species]]
-name = "coins"
-coin = "1 pta"
-number = 21000
-speed_rms = 1.0
-[[force]]
-kind = "random_kicks"
-step = 0.02
-power = 2.0e-3
-[[force]]
-kind = "langevin"
-step = 0.027
-temperature = 1.0e-3
-rate = 0.5
-[[force]]
-kind = "rescale"
-step = 0.05
-energy = 1.0e-3
-[output]
-frames = 4
-histories_sample = 40
-picture = false
-views = false
-"""
+CASE = case_text({
+    "run.collisions_per_disk": 5.0, "run.t_end": None, "run.units": None, "box.packing_fraction": 0.3,
+    "species[0].coin": "1 pta", "species[0].number": 21000, "species[0].material": None,
+    "species[0].mass": None, "species[0].radius": None,
+    "force": [
+        {"kind": "random_kicks", "step": 0.02, "power": 0.002},
+        {"kind": "langevin", "step": 0.027, "temperature": 0.001, "rate": 0.5},
+        {"kind": "rescale", "step": 0.05, "energy": 0.001},
+    ],
+    "output": {"frames": 4, "histories_sample": 40, "picture": False, "views": False}, "material": None,
+})  # fmt: skip
 SUPPORT = Path(__file__).parents[1] / "support"
 
 
 @pytest.fixture(scope="module")
-def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def toml(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("ranks") / "gas.toml"
     path.write_text(CASE)
     return path
 
 
 @pytest.fixture(scope="module")
-def plain(case: Path) -> Path:
+def plain(toml: Path) -> Path:
     """The trajectory of one process."""
-    folder = case.parent / "plain"
+    folder = toml.parent / "plain"
     folder.mkdir()
     subprocess.run(
-        list(map(str, mpi.ifrdem("run", case, "-o", f"{folder}/"))), check=True, capture_output=True
+        list(map(str, mpi.ifrdem("run", toml, "-o", f"{folder}/"))), check=True, capture_output=True
     )
     return folder / "gas.h5"
 
@@ -81,11 +63,11 @@ LONG = ["--set", "output.frames=20", "--set", "run.collisions_per_disk=10.0"]
 
 
 @pytest.fixture(scope="module")
-def long(case: Path) -> Path:
+def long(toml: Path) -> Path:
     """The same, longer and with 20 frames: a run that can be killed on the way."""
-    folder = case.parent / "long"
+    folder = toml.parent / "long"
     folder.mkdir()
-    words = mpi.ifrdem("run", case, "-o", f"{folder}/", *LONG)
+    words = mpi.ifrdem("run", toml, "-o", f"{folder}/", *LONG)
     subprocess.run(list(map(str, words)), check=True, capture_output=True)
     return folder / "gas.h5"
 
@@ -109,16 +91,16 @@ def _material_and_radii() -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def outcomes(case: Path, plain: Path) -> dict[str, dict[str, Any]]:
+def outcomes(toml: Path, plain: Path) -> dict[str, dict[str, Any]]:
     """Commands on some of four ranks, one after another: how each ended, what it said, the files there were then."""
-    folder, radii = case.parent, _material_and_radii()
+    folder, radii = toml.parent, _material_and_radii()
     start = ["start.motion=true", f"start.positions={plain}", "species[0].speed_rms=", "output.frames=1"]
     start += ["run.collisions_per_disk=8.0"]  # the clock continues: 3 more
     frame = [word for each in start for word in ("--set", each)]
 
     def run(name: str, *more: str) -> list[str]:
         (folder / name).mkdir()
-        return ["run", str(case), "-o", f"{folder / name}/", *more]
+        return ["run", str(toml), "-o", f"{folder / name}/", *more]
 
     def resume(name: str, *more: str) -> list[str]:
         return ["resume", str(folder / name / "gas.h5"), *more]
@@ -130,7 +112,7 @@ def outcomes(case: Path, plain: Path) -> dict[str, dict[str, Any]]:
         "stopped": (3, {}, run("stopped", *MAX_HOURS)),
         "stopped goes on": (2, {}, resume("stopped")),
         "4 parts": (4, {}, run("parts4", *PARTS)),
-        "4 parts again": (2, {}, ["run", str(case), "-o", f"{folder / 'parts4'}/", *PARTS]),
+        "4 parts again": (2, {}, ["run", str(toml), "-o", f"{folder / 'parts4'}/", *PARTS]),
         "radii stopped": (3, few, run("radii", *radii, *stopped)),
         "radii stopped again": (2, few, resume("radii", *MAX_HOURS)),
         "gathered stopped": (2, many, run("gathered", "--set", "output.parts=false", *MAX_HOURS)),
@@ -243,11 +225,11 @@ def test_many_disks_go_into_one_file_if_the_case_says_so(
 
 
 @mpi.needed
-def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(case: Path, plain: Path) -> None:
-    folder = case.parent / "killed"
+def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(toml: Path, plain: Path) -> None:
+    folder = toml.parent / "killed"
     folder.mkdir()
     longer = ["--set", "output.frames=40"]
-    words = mpi.command(2, *mpi.ifrdem("run", case, "-o", f"{folder}/", *longer))
+    words = mpi.command(2, *mpi.ifrdem("run", toml, "-o", f"{folder}/", *longer))
     run = subprocess.Popen(words, env=mpi.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     checkpoint = checkpoint_of(folder / "gas.h5")
     end = time.monotonic() + 60.0
@@ -270,12 +252,12 @@ def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(case: Path, pl
 
 @pytest.mark.full
 @mpi.needed
-def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(case: Path, long: Path) -> None:
+def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(toml: Path, long: Path) -> None:
     """The second of two ranks is killed; the file has the counts of the run. Three ranks resume to the same bits."""
-    folder = case.parent / "dies"
+    folder = toml.parent / "dies"
     folder.mkdir()
     file = folder / "gas.h5"
-    begin = mpi.ifrdem("run", case, "-o", f"{folder}/", *LONG, "--set", "output.parts=true")
+    begin = mpi.ifrdem("run", toml, "-o", f"{folder}/", *LONG, "--set", "output.parts=true")
     _kill_after(3, file, 2, 1, begin)
     with ifrdem.Trajectory(file) as found, ifrdem.Trajectory(long) as expected:
         assert 3 <= len(found) < 21
@@ -311,10 +293,10 @@ def _counted(path: Path) -> int:
 
 @pytest.mark.full
 @mpi.needed
-def test_a_checkpoint_or_trajectory_that_lacks_a_part_is_refused_on_all_ranks(case: Path) -> None:
-    folder = case.parent / "lacking"
+def test_a_checkpoint_or_trajectory_that_lacks_a_part_is_refused_on_all_ranks(toml: Path) -> None:
+    folder = toml.parent / "lacking"
     folder.mkdir()
-    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.parts=true", "--max-hours", "1e-6")
+    words = mpi.ifrdem("run", toml, "-o", f"{folder}/", "--set", "output.parts=true", "--max-hours", "1e-6")
     assert mpi.on(2, *words).returncode == 3
     for part in (folder / "gas.parts" / "0001.h5", *sorted((folder / "gas.checkpoint.parts").iterdir())[1:]):
         part.rename(folder / "away")
@@ -361,8 +343,8 @@ def test_what_cannot_be_divided_is_named(name: str, changes: list[str], key: str
     assert key in why
 
 
-def test_a_gas_is_shared_by_as_many_ranks_as_its_tiles_can_be_divided_among(case: Path) -> None:
-    gas = case_file.read(case, ["species[0].number=200000"]).gas
+def test_a_gas_is_shared_by_as_many_ranks_as_its_tiles_can_be_divided_among(toml: Path) -> None:
+    gas = case_file.read(toml, ["species[0].number=200000"]).gas
     assert gas.usable_ranks(4) == (4, "")
     count, why = gas.usable_ranks(1000)
     assert 16 <= count <= 36  # straight cuts cannot make 36 blocks of one tile each
@@ -371,8 +353,8 @@ def test_a_gas_is_shared_by_as_many_ranks_as_its_tiles_can_be_divided_among(case
 
 @pytest.mark.full
 @mpi.needed
-def test_a_case_is_checked_on_ranks_as_by_one_process(case: Path) -> None:
-    words = list(map(str, mpi.ifrdem("check", case)))
+def test_a_case_is_checked_on_ranks_as_by_one_process(toml: Path) -> None:
+    words = list(map(str, mpi.ifrdem("check", toml)))
     alone = subprocess.run(words, check=True, capture_output=True, text=True)
     done = mpi.on(2, *words)
     assert done.returncode == 0, done.stderr

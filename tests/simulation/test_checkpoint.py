@@ -73,7 +73,7 @@ def same_bits(one: Simulation, other: Simulation) -> None:
     assert one.dissipated_energy == other.dissipated_energy
 
 
-def gas(precision: str = "f64", **options: object) -> Callable[..., Simulation]:
+def dense(precision: str = "f64", **options: object) -> Callable[..., Simulation]:
     return lambda threads=None: gas_of(
         mixture(1200),
         0.5,
@@ -139,7 +139,7 @@ def sheared(threads: int | None = None) -> Simulation:
 
 
 def freed(threads: int | None = None) -> Simulation:
-    return gas_of(equal_disks(100), 0.4, COIN, Box.open(), device=Device(threads=threads), record=RECORD)
+    return gas_of(100, 0.4, COIN, Box.open(), device=Device(threads=threads), record=RECORD)
 
 
 def driven(threads: int | None = None) -> Simulation:
@@ -198,7 +198,7 @@ def test_every_force_and_law_of_the_program_comes_back_with_all_of_its_attribute
 @pytest.mark.full(keep=("walled", "driven"))
 @pytest.mark.parametrize(
     "make",
-    [gas(), walled, pushed, heap, sheared, freed, driven, pytest.param(gas(precision="f32"), id="f32")],
+    [dense(), walled, pushed, heap, sheared, freed, driven, pytest.param(dense(precision="f32"), id="f32")],
 )
 def test_a_run_resumes_to_the_bit(tmp_path, make):
     """In the same gas made again, and in one made from the file."""
@@ -310,7 +310,7 @@ def test_custom_laws_and_forces_are_given_again(tmp_path):
 @pytest.mark.full
 def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch):
     monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
-    make = gas(histories=[0, 5])
+    make = dense(histories=[0, 5])
     whole = make(2)
     whole.run(collisions_per_disk=3.0)
     whole.save_checkpoint(tmp_path / "a.h5")
@@ -327,7 +327,7 @@ def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch
 
 
 def test_writing_a_checkpoint_changes_nothing(tmp_path):
-    make = gas()
+    make = dense()
     plain, stored = make(), make()
     for end in (0.3, 0.6, 0.9):
         plain.run(t_end=end)
@@ -338,7 +338,7 @@ def test_writing_a_checkpoint_changes_nothing(tmp_path):
 
 def test_a_return_to_the_beginning_of_a_window_forgets_that_it_was_run(tmp_path):
     """The window that followed was taken for one that is run again, and `statistics` did not count it."""
-    one, other = (gas_of(equal_disks(100), 0.3, COIN) for _ in range(2))
+    one, other = (gas_of(100, 0.3, COIN) for _ in range(2))
     one.save_checkpoint(tmp_path / "begin.h5")
     one.run(t_end=0.01)
     one.load_checkpoint(tmp_path / "begin.h5")
@@ -349,12 +349,12 @@ def test_a_return_to_the_beginning_of_a_window_forgets_that_it_was_run(tmp_path)
 
 
 def test_the_checkpoint_of_another_gas_is_refused(tmp_path):
-    make = gas()
+    make = dense()
     make().save_checkpoint(tmp_path / "a.h5")
     for other, what in (
-        (gas(seed=2), "seed"),
+        (dense(seed=2), "seed"),
         (driven, "disks, box, forces, seed"),
-        (gas(precision="f32"), "device"),
+        (dense(precision="f32"), "device"),
     ):
         with pytest.raises(InputError, match=f"another gas: it differs in {what}$"):
             other().load_checkpoint(tmp_path / "a.h5")

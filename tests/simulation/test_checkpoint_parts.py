@@ -37,7 +37,7 @@ def rows(seed: int) -> dict[str, np.ndarray]:
     return {"disk": rng.normal(size=(N, 6)), "meta": rng.integers(0, 9, (N, 2), dtype=np.int32)}
 
 
-def write(path: Path, seed: int) -> None:
+def write_both(path: Path, seed: int) -> None:
     checkpoint.write_parts(path, rows(seed), {"clock": np.array([0.5, seed])}, {"seed": seed})
 
 
@@ -54,13 +54,13 @@ def check(path: Path, seed: int) -> None:
 def test_a_new_checkpoint_takes_the_place_of_the_old_one(tmp_path: Path) -> None:
     path = tmp_path / "run.checkpoint.h5"
     for seed in (1, 2):
-        write(path, seed)
+        write_both(path, seed)
         check(path, seed)
     assert set(checkpoint.read(path, rows=False)[0]) == {"clock"}
     checkpoint.write(path, {"all": np.ones(3)}, {"seed": 3})  # by one rank, which leaves no parts of before
     assert set(checkpoint.read(path)[0]) == {"all"}
     assert [each.name for each in tmp_path.iterdir()] == [path.name]
-    write(path, 4)
+    write_both(path, 4)
     checkpoint.remove(path)
     assert list(tmp_path.iterdir()) == []
 
@@ -71,7 +71,7 @@ def test_the_checkpoint_before_is_kept_where_one_fails(
 ) -> None:
     """The part cannot be written, or what names it."""
     path, written, real = tmp_path / "run.checkpoint.h5", [], checkpoint._write
-    write(path, 1)
+    write_both(path, 1)
 
     def failing(place: Path, *given: Any) -> None:
         written.append(place)
@@ -81,7 +81,7 @@ def test_the_checkpoint_before_is_kept_where_one_fails(
 
     monkeypatch.setattr(checkpoint, "_write", failing)
     with pytest.raises(InputError, match="no room"):
-        write(path, 2)
+        write_both(path, 2)
     assert len(written) == fails
     check(path, 1)
 
@@ -90,7 +90,7 @@ def test_a_kill_between_part_and_name_leaves_the_checkpoint_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, real = tmp_path / "run.checkpoint.h5", checkpoint._write
-    write(path, 1)
+    write_both(path, 1)
 
     def killed(place: Path, *given: Any) -> None:
         if place == path:
@@ -100,17 +100,17 @@ def test_a_kill_between_part_and_name_leaves_the_checkpoint_before(
     with monkeypatch.context() as patch:
         patch.setattr(checkpoint, "_write", killed)
         with pytest.raises(KeyboardInterrupt):
-            write(path, 2)
+            write_both(path, 2)
     assert checkpoint.read(path)[1]["seed"] == 1
     assert len(list(checkpoint.parts_of(path).iterdir())) == 2
-    write(path, 3)  # which removes what was left
+    write_both(path, 3)  # which removes what was left
     check(path, 3)
 
 
 @pytest.mark.parametrize("size", [1, 2, 5])
 def test_each_of_any_number_of_ranks_gets_the_rows_of_its_slice(tmp_path: Path, size: int) -> None:
     path = tmp_path / "run.checkpoint.h5"
-    write(path, 1)
+    write_both(path, 1)
     with Communicator(Rank(0, size)):
         arrays, record = checkpoint.read_slice(path)
     found = [arrays]
@@ -125,7 +125,7 @@ def test_each_of_any_number_of_ranks_gets_the_rows_of_its_slice(tmp_path: Path, 
 
 def test_a_part_that_is_missing_damaged_or_of_another_checkpoint_is_named(tmp_path: Path) -> None:
     path = tmp_path / "run.checkpoint.h5"
-    write(path, 1)
+    write_both(path, 1)
     (part,) = checkpoint.parts_of(path).iterdir()
     kept = part.read_bytes()
     part.unlink()
@@ -138,7 +138,7 @@ def test_a_part_that_is_missing_damaged_or_of_another_checkpoint_is_named(tmp_pa
     part.write_bytes(kept.replace(number, bytes(8)))
     with pytest.raises(InputError, match=part.name):
         checkpoint.read(path)
-    write(tmp_path / "other.checkpoint.h5", 1)
+    write_both(tmp_path / "other.checkpoint.h5", 1)
     (other,) = checkpoint.parts_of(tmp_path / "other.checkpoint.h5").iterdir()
     shutil.copy(other, part)
     with pytest.raises(InputError, match="is part of another one"):

@@ -29,7 +29,7 @@ def test_a_cpu_is_always_available() -> None:
     [
         ("cdua", None, "= 'cdua': must be one of 'cpu', 'cuda' .did you mean 'cuda'"),
         ("gpu", None, "= 'gpu': must be"),
-        ("cpu", 0, "threads = 0: must be an integer from 1"),
+        ("cpu", 0, "threads = 0: must be"),
         ("cpu", backend.cores() + 1, f"must be from 1 to the {backend.cores()} cores"),
     ],
 )
@@ -65,9 +65,7 @@ def test_precision_is_the_type_of_real_numbers(precision: str) -> None:
 
 
 def test_an_unknown_precision_is_refused_with_the_nearest_spelling() -> None:
-    with pytest.raises(
-        InputError, match=r"precision = 'f46': must be one of 'f64', 'f32' \(did you mean 'f64'\?\)"
-    ):
+    with pytest.raises(InputError, match=r"precision = 'f46': .*did you mean 'f64'\?\)"):
         backend.start(Device("cpu", precision="f46"))
 
 

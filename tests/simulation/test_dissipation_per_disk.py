@@ -17,7 +17,7 @@ from ifrdem.validation.rows import engine_of
 LAW = ifrdem.IFRLaw(e_n=0.8, e_t=-0.5, mu=0.2, rho=0.05)
 
 
-def gas(n=1500, *, walls=(), law=LAW, **options):
+def two_sizes(n=1500, *, walls=(), law=LAW, **options):
     disks = ifrdem.Disks(n, mass=1.0, radius=np.where(np.arange(n) % 2, 0.4, 0.5))
     box = ifrdem.Box((60.0, 45.0), periodic=(True, not walls))
     position = ifrdem.initial.random_positions(box, disks.radius, seed=1, walls=walls)
@@ -55,7 +55,7 @@ def test_a_wall_leaves_all_of_it_to_the_disk():
 
 def test_disks_lose_together_what_the_ledger_says():
     post = ifrdem.Wall.post((30.0, 20.0), 4.0)
-    run = gas(walls=(post,))
+    run = two_sizes(walls=(post,))
     run.run(collisions_per_disk=12.3)
     ledger = run.measure().dissipated
     assert ledger[:6].all()  # sticking gives energy of the surfaces back; nothing rests
@@ -63,12 +63,12 @@ def test_disks_lose_together_what_the_ledger_says():
 
 
 def test_it_depends_neither_on_frames_nor_changes_the_motion():
-    at_once, in_steps = gas(), gas()
+    at_once, in_steps = two_sizes(), two_sizes()
     at_once.run(t_end=2.0)
     for t in (0.3, 0.71, 1.9, 2.0):
         in_steps.run(t_end=t)
     assert np.array_equal(at_once.state.dissipated, in_steps.state.dissipated)
-    without = ifrdem.Simulation(at_once.disks, at_once.box, LAW, gas().state)
+    without = ifrdem.Simulation(at_once.disks, at_once.box, LAW, two_sizes().state)
     without.run(t_end=2.0)
     assert np.array_equal(without.state.position, at_once.state.position)
     assert np.array_equal(without.state.velocity, at_once.state.velocity)
@@ -77,7 +77,7 @@ def test_it_depends_neither_on_frames_nor_changes_the_motion():
 
 
 def test_tiles_know_what_one_tile_knows():
-    start = gas()
+    start = two_sizes()
     state, table = dataclasses.replace(start.state), PairLaws.of(LAW, start.disks).coefficients
     found = []
     for order in ("serial", "tiled"):
@@ -97,7 +97,7 @@ def test_tiles_know_what_one_tile_knows():
 
 
 def test_a_run_that_continues_from_a_state_continues_its_sums():
-    whole, first = gas(), gas()
+    whole, first = two_sizes(), two_sizes()
     whole.run(t_end=0.6)
     first.run(t_end=0.3)
     second = ifrdem.Simulation(first.disks, first.box, LAW, first.state, record=["dissipated"])
@@ -108,12 +108,12 @@ def test_a_run_that_continues_from_a_state_continues_its_sums():
 
 def test_a_ledger_that_records_losses_of_disks_cannot_be_switched_off():
     with pytest.raises(InputError, match='"dissipated" needs "ledger"'):
-        gas(100).switch_ledger(False)
+        two_sizes(100).switch_ledger(False)
 
 
 @pytest.fixture
 def trajectory(tmp_path):
-    run = gas(200)
+    run = two_sizes(200)
     fields = ["position", "velocity", "angular_velocity", "dissipated"]
     with ifrdem.TrajectoryWriter(tmp_path / "g.h5", run.disks, run.box, fields=fields) as writer:
         run.run(t_end=4.0, frames=4, frame_callbacks=[lambda state, _: writer.write(state)])
@@ -176,7 +176,7 @@ def test_the_picture_has_the_map_and_a_bar_for_each_mechanism(trajectory):
 def test_a_map_of_one_frame_or_without_the_field_is_refused(trajectory, tmp_path):
     with pytest.raises(InputError, match="must have two frames"):
         dissipation.of(trajectory, [2])
-    run = gas(50)
+    run = two_sizes(50)
     with ifrdem.TrajectoryWriter(tmp_path / "p.h5", run.disks, run.box) as writer:
         writer.write(run.state)
     with ifrdem.Trajectory(tmp_path / "p.h5") as plain, pytest.raises(InputError, match="'dissipated'"):

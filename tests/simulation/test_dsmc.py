@@ -34,7 +34,7 @@ def ended() -> Iterator[None]:
     backend.stop()
 
 
-def gas(n: int, law: IFRLaw, *, T_rot: float = 0.0, **given) -> DSMC:
+def homogeneous(n: int, law: IFRLaw, *, T_rot: float = 0.0, **given) -> DSMC:
     """n equal disks of mass 1, diameter 1 at T = 1 and phi = 0.2."""
     disks = Disks(n, 1.0, 0.5)
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=5)
@@ -43,7 +43,7 @@ def gas(n: int, law: IFRLaw, *, T_rot: float = 0.0, **given) -> DSMC:
 
 
 def test_elastic_collisions_keep_energy_and_momentum_and_share_it_out() -> None:
-    start = gas(3000, ELASTIC_ROUGH)
+    start = homogeneous(3000, ELASTIC_ROUGH)
     found = start.run(collisions_per_disk=15.0, samples=3)
     np.testing.assert_allclose(found.energy, found.energy[0], rtol=1e-12)  # 22,500 collisions of round-off
     np.testing.assert_allclose(start.velocity.sum(axis=0), 0.0, atol=1e-10)
@@ -56,13 +56,13 @@ def test_elastic_collisions_keep_energy_and_momentum_and_share_it_out() -> None:
 def test_a_gas_in_equilibrium_collides_at_enskog_s_rate() -> None:
     """To half a percent: counting half a million collisions leaves 0.14 %, so that 1 % in the rate is seen surely."""
     n, t_end = 4000, 400.0
-    found = gas(n, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)).run(t_end=t_end, samples=1)
+    found = homogeneous(n, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)).run(t_end=t_end, samples=1)
     assert found.time[-1] == t_end
     # (n - 1) / n of it, because a disk does not meet itself. T is 1 throughout: elastic.
     expected = t_end * collision_rate(0.2, 1.0, 1.0, 0.5) * (1.0 - 1.0 / n)
     assert 0.5 * n * expected > 5e5
     assert found.collisions_per_disk[-1] == pytest.approx(expected, rel=0.005)
-    of_disks = gas(n, COIN)
+    of_disks = homogeneous(n, COIN)
     of_disks.run(t_end=1.0, samples=1)
     assert of_disks.collisions_of_disks.sum() == 2 * of_disks.collisions
 
@@ -99,7 +99,7 @@ def test_disks_of_all_sizes_have_the_collision_rates_of_theory_on_one_thread(con
 
 def test_young_coins_cool_by_the_closed_form() -> None:
     """Half a collision per disk: velocities are Gaussian still; the theory is exact but for the sample's size."""
-    found = gas(40_000, COIN).run(collisions_per_disk=0.5, samples=1)
+    found = homogeneous(40_000, COIN).run(collisions_per_disk=0.5, samples=1)
     T, T_rot, tau = cooling(COIN, 1.0, 0.5, 2.0, 0.2, 1.0, 0.0, found.time)
     # 10^4 collisions: 1 % of their number, and some 2 % of what they change.
     assert found.collisions_per_disk[-1] == pytest.approx(tau[-1], rel=0.03)
@@ -111,7 +111,7 @@ def test_young_coins_cool_by_the_closed_form() -> None:
 def test_smooth_disks_follow_haff_with_the_cumulant_that_theory_says() -> None:
     """e = 0.8: a_2 = -0.0260 (`sonine`), and losses that are 1 + 3/16 a_2 of a Gaussian's."""
     n = 20_000
-    found = gas(n, SMOOTH).run(collisions_per_disk=30.0, samples=30)
+    found = homogeneous(n, SMOOTH).run(collisions_per_disk=30.0, samples=30)
     later = found.collisions_per_disk > 8.0
     # a_2 scatters by 1 / sqrt(n) and forgets it in 2 collisions per disk: 22 samples leave 0.003, three of which:
     assert np.mean(found.a_2[later]) == pytest.approx(-0.0260, abs=0.009)
@@ -125,7 +125,7 @@ def test_smooth_disks_follow_haff_with_the_cumulant_that_theory_says() -> None:
 def test_heated_smooth_disks_follow_the_driven_theory() -> None:
     n = 5000
     driving = Driving(power=1.0)
-    found = gas(n, SMOOTH, driving=driving).run(t_end=6.0, samples=30)
+    found = homogeneous(n, SMOOTH, driving=driving).run(t_end=6.0, samples=30)
     late = slice(12, None)
     T, _, _ = driven(SMOOTH, 1.0, 0.5, 2.0, 0.2, driving, 1.0, 0.0, found.time)
     np.testing.assert_allclose(
@@ -142,7 +142,7 @@ def test_heated_smooth_disks_follow_the_driven_theory() -> None:
 
 def test_a_heat_bath_alone_brings_disks_to_its_temperature() -> None:
     bath = Driving(power=2.0 * 0.5 * 3.0, rate=0.5, spin_power=0.5 * 2.0, spin_rate=0.5)  # T = 3, T_rot = 2
-    found = gas(4_000, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), driving=bath).run(t_end=8.0, samples=1)
+    found = homogeneous(4_000, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), driving=bath).run(t_end=8.0, samples=1)
     assert found.temperature[-1] == pytest.approx(3.0, rel=0.06)  # 1 / sqrt(n), and exp(-8)
     assert found.rotational_temperature[-1] == pytest.approx(2.0, rel=0.09)
     gained = found.energy[-1] - found.energy[0]  # elastic: all of it is the bath's
@@ -178,7 +178,7 @@ def test_one_and_two_threads_give_the_same_bits(precision: str) -> None:
     """One thread settles candidates in order, two in rounds."""
     ends = []
     for threads in (1, 2):  # the tests before this one have one
-        one = gas(4000, COIN, device=Device(threads=threads, precision=precision), T_rot=1.0)
+        one = homogeneous(4000, COIN, device=Device(threads=threads, precision=precision), T_rot=1.0)
         found = one.run(collisions_per_disk=2.0, samples=2)
         ends.append((one.velocity, one.spin, one.collisions_of_disks, found.time, found.energy))
     for a, b in zip(*ends, strict=True):
@@ -191,7 +191,7 @@ def test_a_batch_that_makes_a_disk_too_fast_is_cut_and_loses_nothing(monkeypatch
     ends = []
     for margin in (1.15, 30.0):
         monkeypatch.setattr(dsmc, "MARGIN", margin)
-        hot = gas(4000, ELASTIC_ROUGH, T_rot=200.0)
+        hot = homogeneous(4000, ELASTIC_ROUGH, T_rot=200.0)
         found = hot.run(t_end=0.1, samples=1)
         np.testing.assert_allclose(found.energy, found.energy[0], rtol=1e-12)
         ends.append((found.collisions_per_disk[-1], found.temperature[-1], hot.cut_for_speed))
@@ -214,8 +214,8 @@ class Wood(CollisionLaw):
 
 
 def test_a_custom_law_runs_and_is_checked_for_energy() -> None:
-    ifr = gas(200, SMOOTH)
-    own = gas(200, Wood(e=0.8))  # whose trial says nothing: no collision gains
+    ifr = homogeneous(200, SMOOTH)
+    own = homogeneous(200, Wood(e=0.8))  # whose trial says nothing: no collision gains
     for one in (ifr, own):
         one.run(collisions_per_disk=2.0, samples=1)
     np.testing.assert_array_equal(ifr.velocity, own.velocity)
@@ -223,7 +223,7 @@ def test_a_custom_law_runs_and_is_checked_for_energy() -> None:
 
 def test_a_gas_resumed_from_a_checkpoint_has_the_same_bits() -> None:
     given = {"driving": Driving(power=1.0, spin_power=0.2), "T_rot": 0.5}
-    whole, first, second = (gas(300, COIN, **given) for _ in range(3))
+    whole, first, second = (homogeneous(300, COIN, **given) for _ in range(3))
     whole.run(t_end=2.0, samples=2)
     first.run(t_end=1.0, samples=1)
     second.resume(first.checkpoint())
@@ -232,11 +232,11 @@ def test_a_gas_resumed_from_a_checkpoint_has_the_same_bits() -> None:
         np.testing.assert_array_equal(getattr(second, name), getattr(whole, name))
     assert found.time.tolist() == [1.0, 2.0]
     with pytest.raises(InputError, match="checkpoint has 300 disks"):
-        gas(200, COIN).resume(first.checkpoint())
+        homogeneous(200, COIN).resume(first.checkpoint())
 
 
 def test_seeds_differ_and_repeat() -> None:
-    ends = [gas(200, COIN, seed=seed) for seed in (1, 1, 2)]
+    ends = [homogeneous(200, COIN, seed=seed) for seed in (1, 1, 2)]
     for one in ends:
         one.run(collisions_per_disk=2.0, samples=1)
     np.testing.assert_array_equal(ends[0].velocity, ends[1].velocity)

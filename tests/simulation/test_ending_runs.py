@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import gases
+from support.gases import MakeGas, gas_of
 
 from ifrdem import Box, ContactTime, Device, Disks, EngineError, IFRLaw, InputError, Simulation, State
 from ifrdem.kernels.events.events import MOST_EVENTS_OF_A_LAUNCH
@@ -28,12 +28,6 @@ from ifrdem.mpi.communicator import SERIAL, Communicator, current
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.windows.runner import TileRunner
-
-LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
-
-
-def gas(n: int = 100, **options: Any) -> Simulation:
-    return gases.gas_of(gases.equal_disks(n), 0.3, LAW, **options)
 
 
 class Halt(Exception):
@@ -68,7 +62,7 @@ def assert_same_motion(one: State, other: State) -> None:
 )
 @pytest.mark.parametrize("options", [{}, {"collapse": ContactTime(1e-9)}], ids=["plain", "contact_time"])
 def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
-    end: dict[str, float], way: str, raised: type[BaseException] | None, options: dict[str, Any]
+    gas: MakeGas, end: dict[str, float], way: str, raised: type[BaseException] | None, options: dict[str, Any]
 ) -> None:
     """One window of 100 disks holds many of these frames.
 
@@ -107,15 +101,13 @@ def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
 def test_stopping_within_a_window_changes_no_bit_in_any_order_of_the_engine(
     order: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    disks = gases.equal_disks(400)
-    box, state = gases.start(disks, 0.3)
-    whole = Simulation(disks, box, LAW, state)
+    whole = gas_of(400)
     frames: list[State] = []
     whole.run(t_end=1.0, frames=32, frame_callbacks=[lambda state, measure: frames.append(state)])
     monkeypatch.setattr(
         "ifrdem.simulation.simulation.Engine", functools.partial(Engine, order=order, tile_disks=60)
     )
-    part = Simulation(disks, box, LAW, state)
+    part = gas_of(400)
     observed: list[State] = []
     for stops_at in (7, 6, 11):  # frames at 7/32, 13/32 and 24/32 of the way: exact numbers
         observed.clear()
@@ -130,7 +122,7 @@ def test_stopping_within_a_window_changes_no_bit_in_any_order_of_the_engine(
     assert at == 24
 
 
-def test_a_stop_from_a_callback_or_progress_ends_the_run_at_the_end_of_a_window() -> None:
+def test_a_stop_from_a_callback_or_progress_ends_the_run_at_the_end_of_a_window(gas: MakeGas) -> None:
     one = gas(2000)
     one.run(collisions_per_disk=5000.0, progress=lambda time, collisions: one.stop())
     assert 0 < one.collisions < 5_000_000
@@ -141,6 +133,7 @@ def test_a_stop_from_a_callback_or_progress_ends_the_run_at_the_end_of_a_window(
 
 
 def test_ctrl_c_during_a_window_takes_effect_at_its_end_and_the_gas_stays_usable(
+    gas: MakeGas,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     one, other = gas(), gas()
@@ -206,6 +199,7 @@ def test_a_run_stops_within_a_window_of_more_than_a_million_events(
 
 
 def test_a_second_ctrl_c_ends_a_window_at_once_and_the_lost_state_is_refused(
+    gas: MakeGas,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     one = gas()
@@ -222,7 +216,7 @@ def test_a_second_ctrl_c_ends_a_window_at_once_and_the_lost_state_is_refused(
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_second_thread_is_refused_while_another_one_runs_a_simulation() -> None:
+def test_a_second_thread_is_refused_while_another_one_runs_a_simulation(gas: MakeGas) -> None:
     one = gas()
     raised: list[BaseException] = []
 
@@ -247,7 +241,7 @@ def test_a_second_thread_is_refused_while_another_one_runs_a_simulation() -> Non
     assert one.time == 0.2
 
 
-def test_a_gas_that_was_made_in_another_thread_runs_in_this_one_and_the_other_way_round() -> None:
+def test_a_gas_that_was_made_in_another_thread_runs_in_this_one_and_the_other_way_round(gas: MakeGas) -> None:
     """Taichi ends its work with an assertion if its first kernel is launched by another thread than started it.
 
     Each device with other threads starts the runtime anew.
@@ -284,7 +278,7 @@ def test_blocks_of_communicators_in_two_threads_do_not_meet() -> None:
     assert current() is SERIAL
 
 
-def test_a_simulation_is_not_copied_and_says_what_to_do() -> None:
+def test_a_simulation_is_not_copied_and_says_what_to_do(gas: MakeGas) -> None:
     """`copy.copy` gave a second name to the same arrays on the device: both moved at once."""
     one = gas()
     for act in (copy.copy, copy.deepcopy, pickle.dumps):
@@ -297,13 +291,13 @@ def test_a_forked_copy_of_a_process_with_a_simulation_is_refused_and_does_not_ha
     """Of one process, a copy for each act."""
     program = f"""
 import os, signal, sys
-sys.path[:0] = {[os.path.dirname(__file__), os.path.dirname(os.path.dirname(__file__))]!r}
-from test_ending_runs import gas
+sys.path[:0] = [{os.path.dirname(os.path.dirname(__file__))!r}]
+from support.gases import gas_of
 from ifrdem import ContactTime, EngineError
 from ifrdem.simulation import backend
-one = gas()
+one = gas_of()
 one.run(t_end=0.1)
-acts = [gas, lambda: one.run(t_end=2.0), lambda: one.state, backend.stop]
+acts = [gas_of, lambda: one.run(t_end=2.0), lambda: one.state, backend.stop]
 for number, act in enumerate(acts):
     child = os.fork()
     if child == 0:
@@ -319,7 +313,7 @@ one.run(t_end=0.2)
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
 
 
-def test_run_for_adds_to_what_has_been_and_run_is_a_total() -> None:
+def test_run_for_adds_to_what_has_been_and_run_is_a_total(gas: MakeGas) -> None:
     """100 disks: 1.5 collisions of each are 75; after 75, and 75 more, the total is 3 per disk."""
     total, added = gas(), gas()
     total.run(collisions_per_disk=3.0)
@@ -339,18 +333,18 @@ def test_run_for_adds_to_what_has_been_and_run_is_a_total() -> None:
     [
         ({}, "exactly one of time and collisions_per_disk"),
         ({"time": 1.0, "collisions_per_disk": 1.0}, "exactly one of"),
-        ({"time": 0.0}, "time = 0.0: must be a positive number from 1e-50"),
+        ({"time": 0.0}, "time = 0.0: must be"),
         ({"time": float("inf")}, "time = inf: must be"),
         ({"collisions_per_disk": -1.0}, "collisions_per_disk = -1.0: must be"),
         ({"collisions_per_disk": "x"}, "collisions_per_disk = 'x': must be"),
     ],
 )
-def test_run_for_nothing_is_refused(more: dict[str, Any], message: str) -> None:
+def test_run_for_nothing_is_refused(gas: MakeGas, more: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         gas(4).run_for(**more)
 
 
-def test_a_simulation_prints_what_it_is_and_its_progress() -> None:
+def test_a_simulation_prints_what_it_is_and_its_progress(gas: MakeGas) -> None:
     made = gas(16, record=["ledger"])
     made.run(t_end=0.5)
     what, where = str(made).splitlines()

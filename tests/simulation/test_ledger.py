@@ -157,7 +157,7 @@ def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(device, 
 def test_the_ledger_closes_where_a_law_drives_spins(device):
     """A negative T gives spins energy: a loss below 0."""
     measures: list[Measure] = []
-    simulation = gas_of(equal_disks(300), 0.3, Driving(), device=device, record=["ledger"])
+    simulation = gas_of(300, 0.3, Driving(), device=device, record=["ledger"])
     simulation.run(collisions_per_disk=3.0, series=3, series_callbacks=[measures.append])
     assert measures[-1].dissipated[MECHANISMS.index("rolling")] < -1e-3
     assert abs(residual(measures[0], measures[-1])) < 1e-13
@@ -240,7 +240,7 @@ def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
 def test_series_at_the_ends_of_windows_change_nothing(device):
     ends, rows = [], []
     for series in (None, Trigger(number=200, exact=False)):
-        simulation = gas_of(equal_disks(600), 0.5, COIN, device=device, record=["ledger"])
+        simulation = gas_of(600, 0.5, COIN, device=device, record=["ledger"])
         simulation.run(collisions_per_disk=40.0, series=series, series_callbacks=[rows.append])
         ends.append(simulation.state)
     assert len(rows) > 5
@@ -250,7 +250,7 @@ def test_series_at_the_ends_of_windows_change_nothing(device):
 
 def test_exact_series_have_rows_where_they_are_due(device):
     rows: list[Measure] = []
-    simulation = gas_of(equal_disks(50), 0.3, COIN, device=device)
+    simulation = gas_of(50, 0.3, COIN, device=device)
     simulation.run(t_end=1.0, series=40, series_callbacks=[rows.append])
     assert [row.time for row in rows] == pytest.approx(np.linspace(0.0, 1.0, 41), abs=1e-15)
     assert rows[0].dissipated is None  # no ledger was requested
@@ -279,7 +279,7 @@ def test_totals_on_the_device_are_those_of_the_state(device):
 
 def test_a_ledger_that_is_switched_off_misses_just_that_time(device):
     """Switched on again, it continues; the collisions are the same to the bit."""
-    whole, parts = (gas_of(equal_disks(300), 0.4, COIN, device=device, record=["ledger"]) for _ in range(2))
+    whole, parts = (gas_of(300, 0.4, COIN, device=device, record=["ledger"]) for _ in range(2))
     expected = np.zeros(len(MECHANISMS))
     for k, on in enumerate([True, False, True]):
         parts.switch_ledger(on)
@@ -294,6 +294,6 @@ def test_a_ledger_that_is_switched_off_misses_just_that_time(device):
 
 
 def test_a_simulation_without_a_ledger_has_none_to_switch(device):
-    simulation = gas_of(equal_disks(10), 0.4, COIN, device=device)
+    simulation = gas_of(10, 0.4, COIN, device=device)
     with pytest.raises(InputError, match="the ledger is not recorded"):
         simulation.switch_ledger(True)

@@ -43,7 +43,7 @@ def order(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> st
     return chosen
 
 
-def gas(*, n: int = 1500, **options: object) -> Simulation:
+def dense(*, n: int = 1500, **options: object) -> Simulation:
     return gas_of(mixture(n), 0.5, COIN, record=["ledger", "last_partner", "angle"], **options)
 
 
@@ -61,7 +61,7 @@ def same(one: State, other: State) -> None:
 
 @pytest.mark.parametrize("until", [{"t_end": 0.6}, {"collisions_per_disk": 1.3}], ids=["time", "collisions"])
 def test_the_motion_does_not_depend_on_how_often_it_is_read(order: str, until: dict[str, float]) -> None:
-    rare, often = gas(), gas()
+    rare, often = dense(), dense()
     frames_of(rare, **until, frames=1)
     found = frames_of(often, **until, frames=37)
     assert len(found) == 38
@@ -74,7 +74,7 @@ def test_series_tracked_disks_and_the_ledger_change_no_bit(order: str) -> None:
     bare = gas_of(mixture(1500), 0.5, COIN)
     bare.run(t_end=0.6)
     expected = bare.state
-    followed = gas(histories=[0, 7, 700])
+    followed = dense(histories=[0, 7, 700])
     rows: list[Measure] = []
     followed.run(t_end=0.6, series=41, series_callbacks=[rows.append])
     assert len(rows) == 42
@@ -84,9 +84,9 @@ def test_series_tracked_disks_and_the_ledger_change_no_bit(order: str) -> None:
 
 
 def test_a_frame_is_the_state_of_a_run_that_ends_there(order: str) -> None:
-    found = frames_of(gas(), t_end=0.6, frames=5)
+    found = frames_of(dense(), t_end=0.6, frames=5)
     for k, (state, recorded) in enumerate(found):
-        ended = gas()
+        ended = dense()
         ended.run(t_end=0.6 * k / 5)
         same(state, ended.state)
         assert state.time == 0.6 * k / 5 == recorded.time
@@ -94,8 +94,8 @@ def test_a_frame_is_the_state_of_a_run_that_ends_there(order: str) -> None:
 
 
 def test_a_frame_by_collisions_is_right_after_the_last_of_them(order: str) -> None:
-    found = frames_of(gas(n=1600), collisions_per_disk=1.5, frames=6)
-    ended = gas(n=1600)
+    found = frames_of(dense(n=1600), collisions_per_disk=1.5, frames=6)
+    ended = dense(n=1600)
     for k, (state, recorded) in enumerate(found):
         ended.run(collisions_per_disk=0.25 * k)
         assert recorded.collisions == ended.collisions == 200 * k
@@ -104,7 +104,7 @@ def test_a_frame_by_collisions_is_right_after_the_last_of_them(order: str) -> No
 
 
 def test_what_is_measured_at_a_frame_is_that_of_its_state(order: str) -> None:
-    for state, recorded in frames_of(gas(), t_end=0.6, frames=4):
+    for state, recorded in frames_of(dense(), t_end=0.6, frames=4):
         expected = measure(mixture(1500), state)
         assert recorded.dissipated is None
         assert recorded.regimes is None
@@ -115,7 +115,7 @@ def test_what_is_measured_at_a_frame_is_that_of_its_state(order: str) -> None:
 
 
 def test_positions_of_a_frame_lie_in_the_box_and_paths_have_no_jumps(order: str) -> None:
-    simulation = gas()
+    simulation = dense()
     found = [state for state, _ in frames_of(simulation, t_end=0.6, frames=60)]
     lengths = np.array(simulation.box.lengths)
     for state in found:
@@ -130,7 +130,7 @@ def test_positions_of_a_frame_lie_in_the_box_and_paths_have_no_jumps(order: str)
 
 def test_the_angle_is_the_integral_of_the_spin_of_the_history(order: str) -> None:
     # Collision by collision, from what is kept of every one: spin before, from the latest one on, times the time.
-    simulation = gas(n=300, histories=range(300))
+    simulation = dense(n=300, histories=range(300))
     found = [state for state, _ in frames_of(simulation, t_end=1.5, frames=7)]
     events = simulation.take_events()
     begin = found[0]
@@ -154,7 +154,7 @@ def test_threads_do_not_matter() -> None:
                 "ifrdem.simulation.simulation.Engine",
                 functools.partial(Engine, order="tiled", tile_disks=300),
             )
-            found.append(frames_of(gas(device=Device(threads=threads)), t_end=0.5, frames=9))
+            found.append(frames_of(dense(device=Device(threads=threads)), t_end=0.5, frames=9))
     for (one, measured_one), (other, measured_other) in zip(*found, strict=True):
         same(one, other)
         assert measured_one.energy == measured_other.energy
@@ -164,7 +164,7 @@ def test_threads_do_not_matter() -> None:
 @pytest.mark.full(keep=1)
 def test_kicks_do_not_move_frames(order: str) -> None:
     def driven() -> Simulation:
-        return gas(forces=[RandomKicks(0.07, power=0.5)], seed=5)
+        return dense(forces=[RandomKicks(0.07, power=0.5)], seed=5)
 
     rare, often = driven(), driven()
     frames_of(rare, t_end=0.6, frames=1)
@@ -206,7 +206,7 @@ def test_frames_of_one_disk_and_of_disks_at_rest_are_at_their_times() -> None:
 
 
 def test_an_open_gas_does_not_mind_being_looked_at() -> None:
-    rare, often = gas(n=200, box=Box.open()), gas(n=200, box=Box.open())
+    rare, often = dense(n=200, box=Box.open()), dense(n=200, box=Box.open())
     frames_of(rare, t_end=3.0, frames=1)
     found = frames_of(often, t_end=3.0, frames=31)
     same(rare.state, often.state)
@@ -215,7 +215,7 @@ def test_an_open_gas_does_not_mind_being_looked_at() -> None:
 
 def test_frames_that_coincide_are_given_once() -> None:
     # 40 points within some tens of collisions: many fall onto the same collision.
-    simulation = gas(n=100)
+    simulation = dense(n=100)
     found = frames_of(simulation, collisions_per_disk=0.5, frames=Trigger(number=40, spacing="log"))
     counts = [recorded.collisions for _, recorded in found]
     assert counts == sorted(set(counts))
@@ -231,7 +231,7 @@ def test_a_run_that_a_callback_ends_can_be_continued() -> None:
         if state.time > 0.2:
             raise Enough
 
-    stopped, whole = gas(), gas()
+    stopped, whole = dense(), dense()
     with pytest.raises(Enough):
         stopped.run(t_end=0.6, frames=20, frame_callbacks=[stop])
     assert stopped.time == pytest.approx(0.21)  # frame 7 of 20
@@ -241,9 +241,9 @@ def test_a_run_that_a_callback_ends_can_be_continued() -> None:
 
 
 def test_single_precision_looks_back_to_its_rounding() -> None:
-    double = gas(device=Device(threads=1))  # as the test before this one: another number restarts Taichi
+    double = dense(device=Device(threads=1))  # as the test before this one: another number restarts Taichi
     exact, box = frames_of(double, t_end=0.3, frames=3), np.array(double.box.lengths)
-    found = frames_of(gas(device=Device(precision="f32")), t_end=0.3, frames=3)
+    found = frames_of(dense(device=Device(precision="f32")), t_end=0.3, frames=3)
     for (state, _), (expected, _) in zip(found, exact, strict=True):
         apart = state.position + state.image * box - expected.position - expected.image * box
         assert np.median(np.abs(apart)) < 1e-5
@@ -253,7 +253,7 @@ def test_single_precision_looks_back_to_its_rounding() -> None:
 def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str) -> None:
     found: list[list[State]] = [[], []]
     for frames, stored in zip(found, (None, STORED), strict=True):
-        simulation = gas()
+        simulation = dense()
         simulation.follow(
             RunPlan(1500, RunPoint(0.0, 0), RunPoint(time=0.6), Trigger(number=12)),
             frame_callbacks=[lambda state, _, to=frames: to.append(state)],
@@ -263,7 +263,7 @@ def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str)
     assert sum(isinstance(state, FrameRows) for state in rounded) == 13  # the first and the last, too
     for one, other in zip(exact, rounded, strict=True):
         assert one.time == other.time
-        inside = np.array([below(length, np.float32) for length in gas().box.lengths])
+        inside = np.array([below(length, np.float32) for length in dense().box.lengths])
         expected = np.minimum(one.position, inside).astype(np.float32)
         assert np.array_equal(np.asarray(other.position, dtype=np.float32), expected)
         for name in ("velocity", "spin", "angle"):
@@ -284,7 +284,7 @@ def test_frames_that_are_kept_are_not_written_over(stored: np.dtype | None) -> N
         kept.append(state)
         copies.append(tuple(np.array(getattr(state, name)) for name in COMPARED))
 
-    gas(n=300).follow(
+    dense(n=300).follow(
         RunPlan(300, RunPoint(0.0, 0), RunPoint(time=0.6), Trigger(number=20)),
         frame_callbacks=[look],
         stored=stored,
@@ -296,7 +296,7 @@ def test_frames_that_are_kept_are_not_written_over(stored: np.dtype | None) -> N
 
 
 def test_frames_at_intervals_of_time_end_with_the_collisions_of_the_run(order: str) -> None:
-    simulation = gas()
+    simulation = dense()
     found = frames_of(simulation, collisions_per_disk=1.0, frames=Trigger(interval=0.02))
     times = [state.time for state, _ in found]
     assert times[:-1] == pytest.approx(0.02 * np.arange(len(times) - 1))
@@ -316,7 +316,7 @@ def test_collisions_that_can_never_come_are_said_whatever_the_frames(frames: int
 
 
 def test_an_observer_may_ask_the_simulation_and_save_it(order: str, tmp_path: Path) -> None:
-    asked, plain = gas(n=900), gas(n=900)
+    asked, plain = dense(n=900), dense(n=900)
     path = tmp_path / "a.h5"
     asked_of: list[tuple[State, Measure, State, Measure]] = []
 
@@ -339,7 +339,7 @@ def test_an_observer_may_ask_the_simulation_and_save_it(order: str, tmp_path: Pa
 
 
 def test_series_callbacks_get_the_exact_moment(order: str) -> None:
-    simulation = gas(n=900)
+    simulation = dense(n=900)
     frames: Frames = []
     rows: list[Measure] = []
     simulation.run(
@@ -359,7 +359,7 @@ def test_series_callbacks_get_the_exact_moment(order: str) -> None:
 
 
 def test_moments_one_clock_step_apart_are_separate_frames() -> None:
-    simulation = gas(n=300)
+    simulation = dense(n=300)
     simulation.run(t_end=0.1)
     before = simulation.state
     after = float(np.nextafter(0.1, 1.0))

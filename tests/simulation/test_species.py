@@ -17,7 +17,7 @@ import ifrdem
 SPECIES = {"light": 300, "heavy": 200}
 
 
-def gas(**options: Any) -> ifrdem.Simulation:
+def two_species(**options: Any) -> ifrdem.Simulation:
     mass, radius = np.repeat([1.0, 4.0], [300, 200]), np.repeat([0.5, 0.8], [300, 200])
     disks = ifrdem.Disks(500, mass, radius, species=options.pop("species", SPECIES))
     box = options.pop("box", ifrdem.Box((60.0, 60.0)))
@@ -37,7 +37,7 @@ def gas(**options: Any) -> ifrdem.Simulation:
 ], ids=["periodic", "drift", "sheared", "walls"])  # fmt: skip
 def test_sums_over_a_species(options: dict[str, Any]) -> None:
     """Sums in the kernel are those of NumPy over its disks, written out here."""
-    simulation, frames = gas(**options), []
+    simulation, frames = two_species(**options), []
     callbacks = [lambda state, measure: frames.append((state, measure))]
     simulation.run(collisions_per_disk=2.0, frames=2, frame_callbacks=callbacks)
     found, state, disks = simulation.measure(), simulation.state, simulation.disks
@@ -70,7 +70,7 @@ def test_sums_over_a_species(options: dict[str, Any]) -> None:
 ])  # fmt: skip
 def test_refusals(species: Any, message: str) -> None:
     with pytest.raises(ifrdem.InputError, match=message):
-        gas(species=species)
+        two_species(species=species)
 
 
 CASE = {
@@ -120,7 +120,7 @@ def test_one_species_has_no_columns(tmp_path: Path) -> None:
 
 
 def test_checkpoint_keeps_species(tmp_path: Path) -> None:
-    simulation = gas()
+    simulation = two_species()
     simulation.run(collisions_per_disk=1.0)
     simulation.save_checkpoint(tmp_path / "gas.h5")
     expected = simulation.measure().species_temperature

@@ -192,7 +192,7 @@ def test_threads_orders_and_precisions_agree() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"mu": 0.0}, r"mu = 0\.0: must be a positive number from 1e-50 to 1e\+50"),
+        ({"mu": 0.0}, r"mu = 0\.0: must be"),
         ({"mu": 0.2, "gravity": -1.0}, "gravity = -1.0: must be a positive number"),
     ],
 )

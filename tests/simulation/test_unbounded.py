@@ -190,8 +190,8 @@ def test_a_box_is_open_on_all_sides_or_on_none() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"walls": [Wall.post((50.0, 0.0), 1.0)]}, r"walls: cannot be combined with box = Box.open\(\): use"),
-        ({"gravity": (0.0, -1.0)}, r"gravity = .* with box = Box.open\(\): disks would fall for ever; use"),
+        ({"walls": [Wall.post((50.0, 0.0), 1.0)]}, r"walls: cannot be combined with box = Box.open"),
+        ({"gravity": (0.0, -1.0)}, r"gravity = .* with box = Box.open"),
     ],
 )
 def test_what_an_open_box_cannot_have_is_refused(options: dict[str, Any], message: str) -> None:

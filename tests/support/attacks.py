@@ -1,9 +1,10 @@
-"""Random attacks on files that are read and folders that are written: `python -m support.attacks`, in tests/.
+"""Attacks on files that are read and folders that are written: `python -m support.attacks`, in tests/.
 
-`... attacks [NAME ...] [--cases N] [--seed S]` runs N cases of each attack, or of those that are named, from seed S on,
-and prints what did not end in an answer or a message: a traceback, a hang, a crash of the process, a result that is
-silently another one. A case is reproduced by its seed. Each runs in a forked process, because HDF5 can end it: POSIX
-only. `tests/trajectory/test_attacks.py` has a sample.
+`... attacks [NAME ...] [--cases N] [--seed S]` runs N cases of each attack, or of those that are named, drawn by
+Hypothesis from a seed, and prints the smallest case that did not end in an answer or a message: a traceback, a hang, a
+crash of the process, a result that is silently another one. An attack draws what it does to files and does it; what it
+returns, the program's answer, runs in a forked process, because HDF5 can end it: POSIX only.
+`tests/trajectory/test_attacks.py` has a sample.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import contextlib
 import io
 import json
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -25,8 +25,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import h5py
+import hypothesis
 import numpy as np
 from cyclopts import Parameter
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from support.cases import case_text
+from support.drawn import Dice, damaged, damages
 
 import ifrdem
 from ifrdem.cli import main as cli
@@ -41,36 +46,18 @@ from ifrdem.study.task import Variable
 from ifrdem.tools import arguments
 from ifrdem.trajectory.views import write_views
 
+Act = Callable[[], None]
 PATIENCE = 60
 """Seconds that a case may take."""
 NONSENSE: tuple[Any, ...] = (
     None, True, -1, 0, 3.5, 1e300, 10**400, float("nan"), float("inf"), "", "x", "\x1b[2J", "\ud800", [], [[]], {},
     [1e999],
 )  # fmt: skip
-STUDY = """
-[run]
-name = "gas"
-seed = 3
-collisions_per_disk = 20.0
-threads = 1
-[box]
-packing_fraction = 0.2
-[[material]]
-name = "coin"
-e_n = 0.9
-e_t = -0.8
-mu = 0.2
-[[species]]
-name = "coins"
-number = 60
-material = "coin"
-mass = 1.0
-diameter = 1.0
-speed_rms = 1.4
-[output]
-frames = 4
-series = 5
-"""
+STUDY = case_text({
+    "run.seed": 3, "run.collisions_per_disk": 20.0, "run.threads": 1, "run.t_end": None, "run.units": None,
+    "species[0].number": 60, "species[0].diameter": 1.0, "species[0].speed_rms": 1.4,
+    "species[0].radius": None, "output": {"frames": 4, "series": 5},
+})  # fmt: skip
 
 
 def alone(act: Callable[[], object], seconds: int = PATIENCE) -> str:
@@ -122,25 +109,7 @@ def says(words: list[str], allowed: tuple[int, ...] = (0, 2)) -> str:
     return shown
 
 
-def damaged(content: bytes, chance: random.Random) -> bytes:
-    """A file that was cut, zeroed in a place, or has one or three bits flipped, where it is not empty anyway."""
-    data, used = bytearray(content), [i for i, byte in enumerate(content) if byte]
-    kind = chance.choice(("bit", "bit", "bits", "cut", "zeros", "noise", "more"))
-    if kind in ("bit", "bits"):
-        for _ in range(1 if kind == "bit" else 3):
-            data[chance.choice(used)] ^= 1 << chance.randrange(8)
-    elif kind == "cut":
-        del data[chance.randrange(len(data)) :]
-    elif kind == "more":
-        data += chance.randbytes(chance.choice((1, 4096)))
-    else:
-        at, size = chance.choice(used), chance.choice((8, 64, 512))
-        size = len(data[at : at + size])
-        data[at : at + size] = bytes(size) if kind == "zeros" else chance.randbytes(size)
-    return bytes(data)
-
-
-def altered(value: Any, chance: random.Random) -> Any:
+def altered(value: Any, chance: Dice) -> Any:
     """A value of JSON with one of its parts replaced by nonsense, or left out."""
     if isinstance(value, dict | list) and value and chance.random() < 0.9:
         copy: Any = value.copy()
@@ -153,7 +122,7 @@ def altered(value: Any, chance: random.Random) -> Any:
     return chance.choice(NONSENSE)
 
 
-def harm(path: Path, chance: random.Random) -> str:
+def harm(path: Path, chance: Dice) -> str:
     """Replace a dataset or an attribute of an HDF5 file by nonsense; returns which."""
     with h5py.File(path, "r+") as file:
         places: list[tuple[str, str | None]] = []
@@ -295,62 +264,78 @@ def some_results(path: Path) -> None:
     ).write(path)
 
 
-# --- attacks: each takes a folder of its own, what was made once, and chance
+# --- attacks: each takes a folder of its own, what was made once, and chance; it returns what runs in a process of its own
 
 
-def result_of_a_run(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> None:
+def harmed(path: Path, content: bytes, chance: Dice) -> str:
+    """Write a file with damaged bytes or nonsense in it; returns which."""
+    damage = chance.draw(st.none() | damages(content))
+    path.write_bytes(damaged(content, damage or ()))
+    return str(damage) if damage else harm(path, chance)
+
+
+def result_of_a_run(folder: Path, made: Mapping[str, bytes], chance: Dice) -> Act:
     """Damaged NAME.runs/*.npz: refused, or the same to the last bit."""
     path = folder / "a.npz"
     path.write_bytes(made["result"])
     whole = task.load(path)
-    path.write_bytes(damaged(made["result"], chance))
-    found, seconds = task.load(path)
-    same = found.keys() == whole[0].keys() and seconds == whole[1]
-    for name, (dims, values, unit, text) in whole[0].items():
-        other = found[name]
-        if not (
-            same
-            and (other.dims, other.unit, other.text) == (dims, unit, text)
-            and np.array_equal(other.values, values, equal_nan=True)
-        ):
-            raise AssertionError(f"another {name}")
+    path.write_bytes(damaged(made["result"], chance.draw(damages(made["result"]))))
+
+    def act() -> None:
+        found, seconds = task.load(path)
+        same = found.keys() == whole[0].keys() and seconds == whole[1]
+        for name, (dims, values, unit, text) in whole[0].items():
+            other = found[name]
+            if not (
+                same
+                and (other.dims, other.unit, other.text) == (dims, unit, text)
+                and np.array_equal(other.values, values, equal_nan=True)
+            ):
+                raise AssertionError(f"another {name}")
+
+    return act
 
 
-def results(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> None:
+def results(folder: Path, made: Mapping[str, bytes], chance: Dice) -> Act:
     """Damaged NAME.nc, and one with nonsense in it: pictures and the viewer's points fail, and no reader crashes."""
     path = folder / "some.nc"
-    path.write_bytes(damaged(made["results"], chance) if chance.random() < 0.6 else made["results"])
-    if path.read_bytes() == made["results"]:
-        harm(path, chance)
-    found = Results.read(path)  # in a process of its own, which HDF5 may end
-    from ifrdem.viewer.points import StudyPoints
-
+    harmed(path, made["results"], chance)
     what = chance.choice(("T", "theta", "time", "dissipated_by_mechanism"))
-    for act in (
-        lambda: figure.draw(found, what, chance.choice((None, "tau", "t", "e_n", "number"))),
-        lambda: StudyPoints(path).head(),
-        lambda: StudyPoints(path).point(chance.randrange(4)),
-        found.to_xarray,
-    ):
-        with contextlib.suppress(InputError):
-            act()
+    over, point = chance.choice((None, "tau", "t", "e_n", "number")), chance.randrange(4)
+
+    def act() -> None:
+        from ifrdem.viewer.points import StudyPoints
+
+        found = Results.read(path)
+        for each in (
+            lambda: figure.draw(found, what, over),
+            lambda: StudyPoints(path).head(),
+            lambda: StudyPoints(path).point(point),
+            found.to_xarray,
+        ):
+            with contextlib.suppress(InputError):
+                each()
+
+    return act
 
 
-def concat(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> None:
+def concat(folder: Path, made: Mapping[str, bytes], chance: Dice) -> Act:
     """`concat` of whole and damaged trajectories: a message that names one of them, or a data set."""
     paths = [folder / f"{i}.h5" for i in range(3)]
     for path in paths:
         path.write_bytes(made["heap"])
     for path in chance.sample(paths, chance.choice((1, 2))):
-        if chance.random() < 0.5:
-            path.write_bytes(damaged(made["heap"], chance))
-        else:
-            harm(path, chance)
-    try:
-        ifrdem.concat(chance.sample(paths, 3)).load()
-    except InputError as error:
-        if not any(str(path) in str(error) for path in paths):
-            raise AssertionError(f"{error}: names none of the files") from error
+        harmed(path, made["heap"], chance)
+    order = chance.sample(paths, 3)
+
+    def act() -> None:
+        try:
+            ifrdem.concat(order).load()
+        except InputError as error:
+            if not any(str(path) in str(error) for path in paths):
+                raise AssertionError(f"{error}: names none of the files") from error
+
+    return act
 
 
 PICTURES = (
@@ -380,19 +365,23 @@ def verbs(f: str, folder: Path) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def heaps(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> None:
+def heaps(folder: Path, made: Mapping[str, bytes], chance: Dice) -> Act:
     """Nonsense in a trajectory with a heap and a piston: every verb ends in an answer or a message."""
     path = folder / "heap.h5"
     path.write_bytes(made["heap"])
-    what = harm(path, chance)
-    for words in chance.sample(verbs(str(path), folder), 4):
-        try:
-            says(words)
-        except Exception as error:  # raised again, with the damage and the command that led to it
-            raise AssertionError(f"{what}: {words}") from error
+    what, lines = harm(path, chance), chance.sample(verbs(str(path), folder), 4)
+
+    def act() -> None:
+        for words in lines:
+            try:
+                says(words)
+            except Exception as error:  # raised again, with the damage and the command that led to it
+                raise AssertionError(f"{what}: {words}") from error
+
+    return act
 
 
-def studies(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> None:
+def studies(folder: Path, made: Mapping[str, bytes], chance: Dice) -> Act:
     """A study that is killed, and whose files are damaged, ends with the results of an undisturbed one."""
     (folder / "gas.toml").write_text(STUDY)
     (folder / "s.toml").write_text(
@@ -400,23 +389,33 @@ def studies(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> N
         f"[output]\nseries = 5\ntrajectories = {'true' if chance.random() < 0.5 else 'false'}\n"
     )
     words = ["study", str(folder / "s.toml"), "--workers", "0", "-o", str(folder / "s.nc")]
-    for _ in range(chance.choice((1, 2))):
-        process = os.fork()
-        if not process:
-            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-                cli.main(words)
-            os._exit(0)
-        time.sleep(chance.uniform(0.5, 3.0))
-        os.kill(process, chance.choice((signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)))
-        os.waitpid(process, 0)
-        there = [each for each in (folder / "s.runs").glob("*") if each.suffix in (".npz", ".h5")]
-        for each in chance.sample(there, min(len(there), chance.choice((0, 1, 2)))):
-            each.write_bytes(damaged(each.read_bytes() or b"x", chance))
-    shown = says(words, (0,))
-    done, whole = Results.read(folder / "s.nc"), made["study"]
-    for name in ("temperature", "dissipated_by_mechanism"):
-        if done.values(name).tobytes() != np.load(io.BytesIO(whole))[name].tobytes():
-            raise AssertionError(f"another {name}: {shown}")
+    numbers = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+    kills = [(chance.uniform(0.5, 3.0), chance.choice(numbers)) for _ in range(chance.choice((1, 2)))]
+    # Which files are there when the process is killed is not known before: a part of what there is then.
+    cuts = [(chance.random(), chance.random()) for _ in range(chance.choice((0, 1, 2)))]
+
+    def act() -> None:
+        for seconds, number in kills:
+            process = os.fork()
+            if not process:
+                with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+                    cli.main(words)
+                os._exit(0)
+            time.sleep(seconds)
+            os.kill(process, number)
+            os.waitpid(process, 0)
+            there = [each for each in (folder / "s.runs").glob("*") if each.suffix in (".npz", ".h5")]
+            for which, part in cuts if there else ():
+                each = there[int(which * len(there))]
+                content = each.read_bytes()
+                each.write_bytes(content[: int(part * len(content))])
+        shown = says(words, (0,))
+        done, whole = Results.read(folder / "s.nc"), made["study"]
+        for name in ("temperature", "dissipated_by_mechanism"):
+            if done.values(name).tobytes() != np.load(io.BytesIO(whole))[name].tobytes():
+                raise AssertionError(f"another {name}: {shown}")
+
+    return act
 
 
 @contextlib.contextmanager
@@ -450,49 +449,55 @@ def can_be_read_only() -> bool:
         return done.returncode == 0 and subprocess.run(["umount", folder], check=False).returncode == 0
 
 
-def read_only_folders(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> None:
+def read_only_folders(folder: Path, made: Mapping[str, bytes], chance: Dice) -> Act:
     """Verbs that write into a folder that cannot be written to name it; those that only read work."""
     place = folder / "fixed"
     content = {"heap.h5": made["heap"], "gas.toml": STUDY.encode(), "some.nc": made["results"]}
-    with read_only(place, content):
-        f, case = str(place / "heap.h5"), str(place / "gas.toml")
-        writing = [
-            ["run", case, "-o", f"{place}/"], ["run", case, "-o", f"{place}/heap", "--force"], ["link", f],
-            ["repair", f, "--in-place"], ["study", case, "--seeds", "2", "-o", f"{place}/s.nc"],
-            ["study", case, "-o", f"{place}/some.nc"],
-            *(["export", f, "--to", each] for each in ("csv", "extxyz", "gsd")), ["movie", f, "-o", f"{place}/m.webp"],
-            *(["plot", f, each, "-o", f"{place}/{each}.png"] for each in ("disks", "walls")),
-            ["view", f, "--html", f"{place}/p.html"],
-            ["plot", f"{place}/some.nc", "T", "-o", f"{place}/T.png"], ["analyse", f, "velocity", "-o", f"{place}/a"],
-            ["new", "cooling", "-o", f"{place}/c.toml"], ["new", "cooling", "-o", case, "--force"],
-            ["history", f, "--id", "2", "-o", f"{place}/h.csv"],
-            ["run", case, "-o", "/proc/x"], ["study", case, "-o", "/sys/kernel/s.nc"],
-            ["export", f, "--to", "csv", "-o", "/proc/1/o.csv"],
-        ]  # fmt: skip
-        words = chance.choice(writing)
-        before = sorted(place.iterdir())
-        shown = says(words, (0, 2) if words[0] == "repair" else (2,))  # there may be nothing to repair
-        if not any(str(each) in shown for each in (place, "/proc", "/sys")):
-            raise AssertionError(f"{words}: {shown}")
-        if sorted(place.iterdir()) != before:
-            raise AssertionError(f"{words}: left something")
-        for words in (["info", f], ["plot", f, "disks", "-o", str(folder / "d.png")], ["check", case]):
-            says(words, (0,))
-        for act in (
-            lambda: ifrdem.TrajectoryWriter(f, ifrdem.Disks(1, 1.0, 0.1), ifrdem.Box((1.0, 1.0)), force=True),
-            lambda: write_views(f),
-            lambda: some_results(place / "r.nc"),
-        ):
-            try:
-                act()
-            except InputError as error:
-                if str(place) not in str(error):
-                    raise AssertionError(str(error)) from error
-            else:
-                raise AssertionError("a folder that cannot be written to was")
+    f, case = str(place / "heap.h5"), str(place / "gas.toml")
+    writing = [
+        ["run", case, "-o", f"{place}/"], ["run", case, "-o", f"{place}/heap", "--force"], ["link", f],
+        ["repair", f, "--in-place"], ["study", case, "--seeds", "2", "-o", f"{place}/s.nc"],
+        ["study", case, "-o", f"{place}/some.nc"],
+        *(["export", f, "--to", each] for each in ("csv", "extxyz", "gsd")), ["movie", f, "-o", f"{place}/m.webp"],
+        *(["plot", f, each, "-o", f"{place}/{each}.png"] for each in ("disks", "walls")),
+        ["view", f, "--html", f"{place}/p.html"],
+        ["plot", f"{place}/some.nc", "T", "-o", f"{place}/T.png"], ["analyse", f, "velocity", "-o", f"{place}/a"],
+        ["new", "cooling", "-o", f"{place}/c.toml"], ["new", "cooling", "-o", case, "--force"],
+        ["history", f, "--id", "2", "-o", f"{place}/h.csv"],
+        ["run", case, "-o", "/proc/x"], ["study", case, "-o", "/sys/kernel/s.nc"],
+        ["export", f, "--to", "csv", "-o", "/proc/1/o.csv"],
+    ]  # fmt: skip
+    words = chance.choice(writing)
+
+    def act() -> None:
+        with read_only(place, content):
+            before = sorted(place.iterdir())
+            shown = says(words, (0, 2) if words[0] == "repair" else (2,))  # there may be nothing to repair
+            if not any(str(each) in shown for each in (place, "/proc", "/sys")):
+                raise AssertionError(f"{words}: {shown}")
+            if sorted(place.iterdir()) != before:
+                raise AssertionError(f"{words}: left something")
+            for reading in (["info", f], ["plot", f, "disks", "-o", str(folder / "d.png")], ["check", case]):
+                says(reading, (0,))
+            for write in (
+                lambda: ifrdem.TrajectoryWriter(
+                    f, ifrdem.Disks(1, 1.0, 0.1), ifrdem.Box((1.0, 1.0)), force=True
+                ),
+                lambda: write_views(f),
+                lambda: some_results(place / "r.nc"),
+            ):
+                try:
+                    write()
+                except InputError as error:
+                    if str(place) not in str(error):
+                        raise AssertionError(str(error)) from error
+                else:
+                    raise AssertionError("a folder that cannot be written to was")
+
+    return act
 
 
-Attack = Callable[[Path, Mapping[str, bytes], random.Random], None]
+Attack = Callable[[Path, Mapping[str, bytes], Dice], Act]
 ATTACKS: dict[str, Attack] = {
     one.__name__: one for one in (result_of_a_run, results, concat, heaps, studies, read_only_folders)
 }
@@ -552,13 +557,11 @@ def made_once(folder: Path, names: tuple[str, ...]) -> dict[str, bytes]:
     return found
 
 
-def attack(name: str, seeds: range, made: Mapping[str, bytes]) -> Iterator[str]:
-    """Failures among the cases of an attack, with the seed of each."""
-    for seed in seeds:
-        with tempfile.TemporaryDirectory() as folder:
-            chance = random.Random(f"{name} {seed}")
-            if failure := alone(lambda: ATTACKS[name](Path(folder), made, chance)):  # noqa: B023 (called at once)
-                yield f"{name} {seed}: {failure}"
+def attack(name: str, made: Mapping[str, bytes], data: st.DataObject) -> None:
+    """Let Hypothesis draw a case of an attack; AssertionError with what went wrong."""
+    with tempfile.TemporaryDirectory() as folder:
+        failure = alone(ATTACKS[name](Path(folder), made, Dice(data.draw)))
+    assert not failure, failure
 
 
 def attacks(
@@ -577,11 +580,19 @@ def attacks(
     for name in chosen:
         began = time.perf_counter()
         number = cases or CASES[name]
-        wrong = 0
-        for wrong, each in enumerate(attack(name, range(seed, seed + number), made), start=1):  # noqa: B007
-            print(each, flush=True)
-        count += wrong
-        print(f"{name}: {number} cases, {wrong} wrong, {time.perf_counter() - began:.0f} s", flush=True)
+
+        @hypothesis.seed(seed)
+        @settings(max_examples=number, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+        @given(st.data())
+        def whole(data: st.DataObject) -> None:
+            attack(name, made, data)  # noqa: B023 (called at once)
+
+        try:
+            whole()
+        except AssertionError as error:
+            print(f"{name}: {error}", *getattr(error, "__notes__", ()), sep="\n", flush=True)
+            count += 1
+        print(f"{name}: at most {number} cases, {time.perf_counter() - began:.0f} s", flush=True)
     return 1 if count else 0
 
 

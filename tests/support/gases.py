@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ifrdem.initial import placement
+from ifrdem.laws import IFRLaw
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import CollisionTimes, Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.rows import engine_of
 
+MakeGas = Callable[..., Simulation]
+"""Type of the fixture `gas`."""
 ELASTIC = (1.0, -1.0, 0.0, 0.0, 0.0)  # smooth elastic disks: e_n = 1, e_t = -1, mu = 0
 COIN = (0.87, -0.88, 0.21, 0.0, 0.0)  # 1 pta coins of the paper's Table II, percussion-centre sticking
+ROUGH = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
 ROLLING = (0.9, -0.9, 0.15, 1.0, 0.02)  # contact-point sticking and rolling friction: every branch of the law
 
 
@@ -38,9 +43,14 @@ def start(disks: Disks, packing_fraction: float, seed: int = 1) -> tuple[Box, St
 
 
 def gas_of(
-    disks: Disks, packing_fraction: float, law: Any, box: Box | None = None, **options: Any
+    disks: Disks | int = 100,
+    packing_fraction: float = 0.3,
+    law: Any = ROUGH,
+    box: Box | None = None,
+    **options: Any,
 ) -> Simulation:
-    """The simulation of a gas that begins as `start` says, or so but in another box."""
+    """The simulation of a gas, or of a number of equal disks, that begins as `start` says, or so but in another box."""
+    disks = equal_disks(disks) if isinstance(disks, int) else disks
     filled, state = start(disks, packing_fraction)
     return Simulation(disks, box or filled, law, state, **options)
 

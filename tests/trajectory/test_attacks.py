@@ -7,7 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support import attacks
+from support.drawn import examples
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 SAMPLE = {"result_of_a_run": 60, "results": 3, "concat": 2, "heaps": 3}
@@ -21,14 +24,14 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]:
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", SAMPLE)
 def test_damaged_files_end_in_answers_or_messages(made, name):
-    assert list(attacks.attack(name, range(1, 1 + SAMPLE[name]), made)) == []
+    given(st.data())(examples(SAMPLE[name])(lambda data: attacks.attack(name, made, data)))()
 
 
 @pytest.mark.filterwarnings("ignore")
 def test_folders_that_cannot_be_written_to_are_named(made):
     if not attacks.can_be_read_only():  # a file system is mounted for it, which takes rights
         pytest.skip("no folder can be made read-only here")
-    assert list(attacks.attack("read_only_folders", range(1, 4), made)) == []
+    given(st.data())(examples(3)(lambda data: attacks.attack("read_only_folders", made, data)))()
 
 
 def test_an_attack_that_crashes_hangs_or_raises_is_reported(tmp_path: Path):

@@ -11,7 +11,7 @@ import ifrdem
 from ifrdem.runs.info import describe
 
 
-def written(path: Path) -> ifrdem.Trajectory:
+def two_disks(path: Path) -> ifrdem.Trajectory:
     """Two disks at t = 0, 2 and 3 after 0, 3 and 4 collisions of a pair each, with T_rot = T / 2, at rest at last."""
     disks, box = ifrdem.Disks(2, mass=1.0, radius=0.5), ifrdem.Box((10.0, 10.0))
     with ifrdem.TrajectoryWriter(path, disks, box) as file:
@@ -27,7 +27,7 @@ def written(path: Path) -> ifrdem.Trajectory:
 
 
 def test_derived_quantities(tmp_path: Path) -> None:
-    with written(tmp_path / "a.h5") as run:
+    with two_disks(tmp_path / "a.h5") as run:
         for source in (run.series, run.observables):
             np.testing.assert_array_equal(source["collisions_per_disk"], [0.0, 3.0, 4.0])
             np.testing.assert_array_equal(source["collision_rate"], [np.nan, 1.5, 1.0])
@@ -55,7 +55,7 @@ def test_unknown_quantities_are_refused(tmp_path: Path) -> None:
 
 
 def test_info_separates_long_names_from_their_types(tmp_path: Path) -> None:
-    with written(tmp_path / "c.h5") as run:
+    with two_disks(tmp_path / "c.h5") as run:
         path = run.path
     lines = describe(path).splitlines()
     for name in ("species_temperature", "species_rotational_temperature"):

@@ -8,6 +8,7 @@ import shutil
 import h5py
 import numpy as np
 import pytest
+from support.cases import case_text
 from support.layout_files import BOX, some_disks, some_state
 from support.manual import block
 
@@ -17,52 +18,23 @@ from ifrdem.trajectory.layout import FIELDS
 
 SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J", "momentum": "kg m s-1", "velocity": "m s-1",
       "angular_velocity": "rad s-1", "force": "N", "angle": "rad"}  # fmt: skip
-GAS = """
-[run]
-name = "gas"
-t_end = 0.2
-units = "SI"
-[box]
-lengths = [30.0, 20.0]
-periodic = [true, false]
-material = "a"
-[[species]]
-name = "small"
-number = 12
-material = "b"
-mass = 1.0
-radius = 0.2
-speed_rms = 10.0
-[[species]]
-name = "large"
-number = 8
-material = "a"
-mass = 4.0
-radius = 0.4
-speed_rms = 5.0
-[[material]]
-name = "a"
-e_n = 0.9
-e_t = -0.5
-mu = 0.1
-[[material]]
-name = "b"
-e_n = 0.8
-e_t = -0.5
-mu = 0.1
-[[pair]]
-materials = ["a", "b"]
-e_n = 0.8
-e_t = -0.5
-mu = 0.1
-[output]
-frames = 2
-series = 5
-histories = [0, 3]
-stress = true
-wall_sums = true
-fields = ["position", "velocity", "angle", "angular_velocity", "collisions", "image", "last_partner", "dissipated"]
-"""
+CASE = case_text({
+    "run.t_end": 0.2, "run.units": "SI", "box.lengths": [30.0, 20.0], "box.periodic": [True, False],
+    "box.material": "a", "box.packing_fraction": None,
+    "species": [
+        {"name": "small", "number": 12, "material": "b", "mass": 1.0, "radius": 0.2, "speed_rms": 10.0},
+        {"name": "large", "number": 8, "material": "a", "mass": 4.0, "radius": 0.4, "speed_rms": 5.0},
+    ],
+    "material": [
+        {"name": "a", "e_n": 0.9, "e_t": -0.5, "mu": 0.1},
+        {"name": "b", "e_n": 0.8, "e_t": -0.5, "mu": 0.1},
+    ],
+    "pair": [{"materials": ["a", "b"], "e_n": 0.8, "e_t": -0.5, "mu": 0.1}],
+    "output": {
+        "frames": 2, "series": 5, "histories": [0, 3], "stress": True, "wall_sums": True,
+        "fields": ["position", "velocity", "angle", "angular_velocity", "collisions", "image", "last_partner", "dissipated"],
+    },
+})  # fmt: skip
 
 
 def datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
@@ -81,16 +53,16 @@ def datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
 
 
 @pytest.fixture(scope="module")
-def gas(tmp_path_factory):
+def described(tmp_path_factory):
     folder = tmp_path_factory.mktemp("described")
-    (folder / "gas.toml").write_text(GAS)
+    (folder / "gas.toml").write_text(CASE)
     case = ifrdem.Case.read(folder / "gas.toml")
     case.run_to(folder / "gas.h5")
     return folder / "gas.h5"
 
 
-def test_each_dataset_of_a_run_has_units_and_a_description(gas):
-    with h5py.File(gas) as file:
+def test_each_dataset_of_a_run_has_units_and_a_description(described):
+    with h5py.File(described) as file:
         found = datasets(file)
         assert len(found) > 80
         for name, dataset in found.items():
@@ -107,15 +79,15 @@ def test_each_dataset_of_a_run_has_units_and_a_description(gas):
     assert units["observables/temperature/value"] == units["particles/all/dissipated/value"] == "J"
 
 
-def test_the_example_of_the_manual_prints_a_description(gas, tmp_path, monkeypatch, capsys):
-    shutil.copy(gas, tmp_path / "cooling.h5")
+def test_the_example_of_the_manual_prints_a_description(described, tmp_path, monkeypatch, capsys):
+    shutil.copy(described, tmp_path / "cooling.h5")
     monkeypatch.chdir(tmp_path)
     exec(compile(block("describe-python"), "format.md", "exec"), {})
     assert capsys.readouterr().out == "angular velocities, counter-clockwise [ rad s-1 ]\n"
 
 
-def test_species_are_not_materials(gas):
-    with h5py.File(gas) as file:
+def test_species_are_not_materials(described):
+    with h5py.File(described) as file:
         particles = file["particles/all"]
         assert particles["species"][:].tolist() == [0] * 12 + [1] * 8
         names = [one["name"] for one in json.loads(file["parameters/species"].asstr()[()])]

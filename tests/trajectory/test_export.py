@@ -29,22 +29,22 @@ N, FRAMES = 30, 6
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Path:
+def three_frames(tmp_path: Path) -> Path:
     write(tmp_path / "run.h5", n=N, frames=FRAMES)
     return tmp_path / "run.h5"
 
 
-def exported(run: Path, to: str, frames=range(FRAMES)) -> Path:
-    place = run.with_suffix(f".{to}")
-    with Trajectory(run) as trajectory:
+def exported(three_frames: Path, to: str, frames=range(FRAMES)) -> Path:
+    place = three_frames.with_suffix(f".{to}")
+    with Trajectory(three_frames) as trajectory:
         export(trajectory, place, to, frames)
     return place
 
 
-def test_gsd_holds_a_gas_in_two_dimensions_about_the_origin(run):
+def test_gsd_holds_a_gas_in_two_dimensions_about_the_origin(three_frames):
     import gsd.hoomd
 
-    with gsd.hoomd.open(str(exported(run, "gsd", range(0, FRAMES, 2)))) as file:
+    with gsd.hoomd.open(str(exported(three_frames, "gsd", range(0, FRAMES, 2)))) as file:
         assert len(file) == 3
         for snapshot, i in zip(file, (0, 2, 4), strict=True):
             state, disks = some_state(N, i), some_disks(N)
@@ -107,10 +107,10 @@ def test_gsd_holds_orientations_and_angular_momenta_as_hoomd_defines_them(tmp_pa
     assert np.array_equal(log["particles/angle"], angle)
 
 
-def test_gsd_without_angles_has_the_momenta_of_disks_that_have_not_turned(run):
+def test_gsd_without_angles_has_the_momenta_of_disks_that_have_not_turned(three_frames):
     import gsd.hoomd
 
-    with gsd.hoomd.open(str(exported(run, "gsd", [2]))) as file:
+    with gsd.hoomd.open(str(exported(three_frames, "gsd", [2]))) as file:
         particles = file[0].particles
     assert np.array_equal(particles.orientation, np.tile([1.0, 0.0, 0.0, 0.0], (N, 1)))
     momentum = some_disks(N).inertia * some_state(N, 2).spin
@@ -119,10 +119,13 @@ def test_gsd_without_angles_has_the_momenta_of_disks_that_have_not_turned(run):
 
 
 @pytest.mark.parametrize("umask", [0o022, 0o077, 0o002])
-def test_exported_files_have_the_permissions_that_the_umask_gives(run, umask):
+def test_exported_files_have_the_permissions_that_the_umask_gives(three_frames, umask):
     before = os.umask(umask)
     try:
-        modes = {to: stat.S_IMODE(exported(run, to, [0]).stat().st_mode) for to in ("gsd", "extxyz", "csv")}
+        modes = {
+            to: stat.S_IMODE(exported(three_frames, to, [0]).stat().st_mode)
+            for to in ("gsd", "extxyz", "csv")
+        }
     finally:
         os.umask(before)
     assert modes == dict.fromkeys(modes, 0o666 & ~umask)
@@ -193,10 +196,10 @@ def test_gsd_of_an_open_plane_gets_a_square_around_all(tmp_path):
     )
 
 
-def test_extxyz_comes_back_through_ase(run):
+def test_extxyz_comes_back_through_ase(three_frames):
     import ase.io
 
-    place = exported(run, "extxyz")
+    place = exported(three_frames, "extxyz")
     assert "np." not in place.read_text()  # NumPy 2 writes its numbers as np.float64(0.0) where repr is asked
     frames = ase.io.read(place, index=":", format="extxyz")
     assert len(frames) == FRAMES
@@ -268,9 +271,9 @@ def test_plain_lines_give_the_progress_and_the_remaining_time():
     assert lines[0] == "export: 2 of 10 frames, ETA 0:24"
 
 
-def test_the_command_writes_next_to_the_trajectory_and_keeps_existing_files(run, capsys):
-    assert main(["export", str(run), "--to", "extxyz", "--frames", "::2"]) == 0
-    place = run.with_suffix(".extxyz")
+def test_the_command_writes_next_to_the_trajectory_and_keeps_existing_files(three_frames, capsys):
+    assert main(["export", str(three_frames), "--to", "extxyz", "--frames", "::2"]) == 0
+    place = three_frames.with_suffix(".extxyz")
     assert f"wrote {place}: 3 frames" in capsys.readouterr().out
     assert place.read_text().count("Lattice") == 3
     before = place.read_bytes()
@@ -281,16 +284,16 @@ def test_the_command_writes_next_to_the_trajectory_and_keeps_existing_files(run,
             "--to extzyx: must be one of 'gsd', 'extxyz', 'csv', 'h5' (did you mean 'extxyz'?)",
         ),
         (["--to", "csv", "--frames", "9"], "names none of the 6 frames"),
-        (["--to", "csv", "-o", str(run)], "is the trajectory itself"),
-        (["--to", "csv", "-o", str(run.parent / "absent" / "x.csv")], "does not exist"),
+        (["--to", "csv", "-o", str(three_frames)], "is the trajectory itself"),
+        (["--to", "csv", "-o", str(three_frames.parent / "absent" / "x.csv")], "does not exist"),
         (["--to", "csv", "-o", " "], "-o ' ': must be the path of a file"),
         ([], "--to"),
     ):
-        assert main(["export", str(run), *arguments]) == 2
+        assert main(["export", str(three_frames), *arguments]) == 2
         assert reason in capsys.readouterr().err
     assert place.read_bytes() == before
-    assert sorted(os.listdir(run.parent)) == ["run.extxyz", "run.h5"]
-    assert main(["export", str(run), "--to", "extxyz", "--force", "--frames=-1"]) == 0
+    assert sorted(os.listdir(three_frames.parent)) == ["run.extxyz", "run.h5"]
+    assert main(["export", str(three_frames), "--to", "extxyz", "--force", "--frames=-1"]) == 0
     assert place.read_text().count("Lattice") == 1
 
 

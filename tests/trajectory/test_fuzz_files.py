@@ -7,7 +7,6 @@ import itertools
 import json
 import math
 import os
-import random
 import re
 import signal
 import warnings
@@ -17,6 +16,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.drawn import Whole, damaged, examples, flips
 from support.layout_files import BOX, add_histories, add_series, some_disks, some_state
 
 from ifrdem.cli import main as cli
@@ -41,7 +43,6 @@ PARAMETERS = {
     "gravity": "[0.0, -1.0]",
 }
 TURN = itertools.count()
-SEEDS = 8  # of each kind of damage at random
 
 
 @contextlib.contextmanager
@@ -77,7 +78,7 @@ def make(path: Path, compression: str = "none") -> Path:
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("whole")
-    return {each: make(folder / f"{each}.h5", each).read_bytes() for each in ("none", "gzip")}
+    return {each: Whole(make(folder / f"{each}.h5", each).read_bytes()) for each in ("none", "gzip")}
 
 
 def read(path: Path) -> None:
@@ -134,17 +135,14 @@ def ends_well(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
                 read(path.with_name("repaired.h5"))
 
 
-@pytest.mark.full(keep=4)
 @pytest.mark.parametrize("compression", ["none", "gzip"])
-@pytest.mark.parametrize("seed", range(SEEDS))
-def test_a_flipped_bit_is_reported_or_harmless(tmp_path, capsys, files, compression, seed):
-    chance = random.Random(f"{compression}{seed}")
-    content = bytearray(files[compression])
-    used = [i for i, byte in enumerate(content) if byte]  # most of the rest is empty
-    for _ in range(chance.choice((1, 1, 3))):
-        content[chance.choice(used)] ^= 1 << chance.randrange(8)
+@given(st.data())
+@examples(3)
+def test_flipped_bits_are_reported_or_harmless(tmp_path, capsys, files, compression, data):
+    content = files[compression]
     path = tmp_path / "run.h5"
-    path.write_bytes(content)
+    path.write_bytes(damaged(content, data.draw(st.lists(flips(content), min_size=1, max_size=3))))
+    (tmp_path / "repaired.h5").unlink(missing_ok=True)
     ends_well(path, capsys)
 
 
@@ -360,24 +358,18 @@ def test_a_damaged_description_is_reported_and_left_out_by_repair(tmp_path, caps
         assert trajectory.parameters["name"] == "gas"
 
 
-@pytest.mark.parametrize("seed", range(3 * SEEDS))
-def test_a_damaged_status_is_reported(tmp_path, capsys, seed):
-    chance = random.Random(seed)
+WRONG = (None, -1, 0, 1e999, -1e999, 10**400, math.nan, "x", "\x1b]0;owned\x07", [], {}, True)
+
+
+@given(st.data(), st.sampled_from((status.RUNNING, "done", "failed")), st.sampled_from(WRONG), st.booleans())
+@examples(24)
+def test_a_damaged_status_is_reported(tmp_path, capsys, data, state, wrong, flipped):
     one = status.Status(tmp_path / "run.h5", name="gas", t_end=10.0, device="cpu")
     one.update(time=1.0, fraction=0.1, eta_seconds=9.0, temperature=1.0, rotational_temperature=0.5)
-    one.finish(chance.choice((status.RUNNING, "done", "failed")))
+    one.finish(state)
     content = json.loads(one.path.read_text())
-    key = chance.choice(list(content))
-    wrong = chance.choice(
-        (None, -1, 0, 1e999, -1e999, 10**400, math.nan, "x", "\x1b]0;owned\x07", [], {}, True)
-    )
-    text = json.dumps({**content, key: wrong})
-    if seed % 3 == 0:
-        data = bytearray(text.encode())
-        data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
-        one.path.write_bytes(data)
-    else:
-        one.path.write_text(text)
+    text = json.dumps({**content, data.draw(st.sampled_from(list(content))): wrong}).encode()
+    one.path.write_bytes(damaged(text, [data.draw(flips(text))] * flipped))
     with no_hang():
         found = cli.main(["status", str(tmp_path)])
     shown = capsys.readouterr()
@@ -399,19 +391,16 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     chance = np.random.default_rng(1)
     arrays = {"flight": chance.normal(size=(N, 5)), "clock": np.array([1.0]), "one": np.array(3)}
     checkpoint.write(path, arrays, {"fingerprint": "f", "extra": {"plan": {}, "case": "text" * 50}})
-    return path.read_bytes()
+    return Whole(path.read_bytes())
 
 
-@pytest.mark.parametrize("seed", range(2 * SEEDS))
-def test_a_flipped_bit_of_a_checkpoint_is_reported_or_harmless(tmp_path, capsys, stored, seed):
+@given(st.data())
+@examples(16)
+def test_a_flipped_bit_of_a_checkpoint_is_reported_or_harmless(tmp_path, capsys, stored, data):
     path = tmp_path / "run.checkpoint.h5"
     path.write_bytes(stored)
     arrays, record = checkpoint.read(path)
-    chance = random.Random(seed)
-    content = bytearray(stored)
-    used = [i for i, byte in enumerate(content) if byte]
-    content[chance.choice(used)] ^= 1 << chance.randrange(8)
-    path.write_bytes(content)
+    path.write_bytes(damaged(stored, [data.draw(flips(stored))]))
     with no_hang():
         try:
             again, same = checkpoint.read(path)

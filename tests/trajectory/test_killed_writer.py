@@ -51,7 +51,7 @@ for line in sys.stdin:
     pid = os.fork()
     if pid == 0:
         try:
-            test_killed_writer.write(**json.loads(line))
+            test_killed_writer.write_until(**json.loads(line))
         finally:
             os._exit(1)
     print(pid, flush=True)
@@ -60,7 +60,7 @@ for line in sys.stdin:
 """
 
 
-def write(path: str, log: str, compression: str, how: str, n: int, limit: int) -> None:
+def write_until(path: str, log: str, compression: str, how: str, n: int, limit: int) -> None:
     """Write until something ends it; how: plain, or queued to a thread."""
     if limit:
         import resource

@@ -37,7 +37,9 @@ Pairs = dict[tuple[int, int], float]
 
 
 @pytest.fixture(scope="module", params=BOXES)
-def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Box]:
+def written_for_others(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, Box]:
     path = tmp_path_factory.mktemp("made") / "run.h5"
     box = BOXES[request.param]
     write(path, n=N, frames=FRAMES, box=box, fields=FIELDS, precision="f64")
@@ -82,11 +84,11 @@ def once(pairs: np.ndarray, distances: np.ndarray) -> Pairs:
     return {(i, j): r for i, j, r in found}
 
 
-def test_mdanalysis_finds_the_neighbours(run):
+def test_mdanalysis_finds_the_neighbours(written_for_others):
     from MDAnalysis.analysis.rdf import InterRDF
     from MDAnalysis.lib.distances import capped_distance, self_capped_distance, self_distance_array
 
-    path, box = run
+    path, box = written_for_others
     with Trajectory(path) as trajectory:
         universe = trajectory.universe()
     for frame, step in enumerate(universe.trajectory):
@@ -107,8 +109,8 @@ def test_mdanalysis_finds_the_neighbours(run):
     assert rdf.run().results.count.tolist() == (2 * np.histogram(r, 8, (0.0, REACH))[0]).tolist()
 
 
-def test_a_universe_warns_of_walls_next_to_a_periodic_side(run):
-    path, box = run
+def test_a_universe_warns_of_walls_next_to_a_periodic_side(written_for_others):
+    path, box = written_for_others
     with Trajectory(path) as trajectory, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         trajectory.universe()
@@ -138,11 +140,11 @@ def test_a_universe_has_the_time_step_of_even_frames(tmp_path, times, dt):
 
 
 @pytest.mark.parametrize("kind", ["extxyz", "nc"])
-def test_ase_finds_the_neighbours(run, kind):
+def test_ase_finds_the_neighbours(written_for_others, kind):
     import ase.io
     from ase.neighborlist import neighbor_list
 
-    path, box = run
+    path, box = written_for_others
     form = "netcdftrajectory" if kind == "nc" else "extxyz"
     for frame in range(FRAMES):
         atoms = ase.io.read(path.with_suffix(f".{kind}"), index=frame, format=form)
@@ -152,11 +154,11 @@ def test_ase_finds_the_neighbours(run, kind):
 
 
 @pytest.mark.parametrize("source", ["gsd", "frame"])
-def test_freud_finds_the_neighbours(run, source):
+def test_freud_finds_the_neighbours(written_for_others, source):
     import freud
     import gsd.hoomd
 
-    path, box = run
+    path, box = written_for_others
     if source == "frame" and box.is_open:
         with Trajectory(path) as trajectory, pytest.raises(InputError, match="an open box has no sides"):
             trajectory[0].points  # noqa: B018
@@ -169,13 +171,13 @@ def test_freud_finds_the_neighbours(run, source):
             assert_equal(once(near[:], near.distances), box, frame, 2e-5)  # single precision
 
 
-def test_vtk_finds_the_neighbours_within_the_box(run):
+def test_vtk_finds_the_neighbours_within_the_box(written_for_others):
     """VTK knows no box: its neighbours are those without images."""
     from vtkmodules.vtkCommonCore import vtkIdList
     from vtkmodules.vtkCommonDataModel import vtkStaticPointLocator
     from vtkmodules.vtkIOHDF import vtkHDFReader
 
-    path, _ = run
+    path, _ = written_for_others
     reader = vtkHDFReader()
     reader.SetFileName(str(path.with_suffix(".vtkhdf")))
     reader.UpdateInformation()
@@ -184,7 +186,7 @@ def test_vtk_finds_the_neighbours_within_the_box(run):
     locator, near = vtkStaticPointLocator(), vtkIdList()
     locator.SetDataSet(reader.GetOutput())
     locator.BuildLocator()
-    position = some_state(N, 1, run[1]).position
+    position = some_state(N, 1, written_for_others[1]).position
     for i in range(N):
         locator.FindPointsWithinRadius(REACH, (*position[i], 0.0), near)
         found = {near.GetId(k) for k in range(near.GetNumberOfIds())}
@@ -192,12 +194,12 @@ def test_vtk_finds_the_neighbours_within_the_box(run):
 
 
 @pytest.mark.parametrize("kind", ["nc", "extxyz", "gsd"])
-def test_ovito_finds_the_neighbours(run, kind):
+def test_ovito_finds_the_neighbours(written_for_others, kind):
     reason = "ovito is not installed: pip install ovito (250 MB)"
     io = pytest.importorskip("ovito.io", reason=reason, exc_type=ImportError)
     from ovito.modifiers import CoordinationAnalysisModifier, CreateBondsModifier, VoronoiAnalysisModifier
 
-    path, box = run
+    path, box = written_for_others
     for frame in range(FRAMES):
         wanted = expected(box, frame)
         counts = np.bincount(np.array([*wanted], dtype=int).reshape(-1), minlength=N)
@@ -335,8 +337,8 @@ READERS = {
 
 
 @pytest.mark.parametrize("reader", READERS)
-def test_masses_radii_motion_box_boundary_and_time_come_back(run, reader):
-    path, box = run
+def test_masses_radii_motion_box_boundary_and_time_come_back(written_for_others, reader):
+    path, box = written_for_others
     disks, state = some_disks(N), some_state(N, 2, box)
     found = READERS[reader](path, 2)
     single = reader in ("from_gsd", "from_a_universe")
@@ -373,11 +375,11 @@ def test_immovable_disks_come_back_from_extxyz_at_rest(tmp_path):
     assert atoms.get_velocities().tolist() == [[0.0, 0.0, 0.0], [1.0, 2.0, 0.0]]
 
 
-def test_edges_are_absent_without_a_periodic_side_and_pyh5md_reads_both(run):
+def test_edges_are_absent_without_a_periodic_side_and_pyh5md_reads_both(written_for_others):
     """H5MD 1.1: "If all values in boundary are none, edges may be omitted"; else those of a side of none are placeholders."""
     import pyh5md
 
-    path, box = run
+    path, box = written_for_others
     with h5py.File(path) as file:
         group = file["particles/all"]
         assert list(group["box"].attrs["boundary"]) == [

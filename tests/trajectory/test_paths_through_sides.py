@@ -32,7 +32,7 @@ def walks(frames: int = 60) -> np.ndarray:
     return 5.0 + np.cumsum(rng.normal(size=(frames, N, 2)) * size, axis=0)
 
 
-def written(path: Path, places: np.ndarray, velocity: np.ndarray, fields: list[str], box: Box = BOX) -> Path:
+def on_paths(path: Path, places: np.ndarray, velocity: np.ndarray, fields: list[str], box: Box = BOX) -> Path:
     """A trajectory of these places on paths without jumps, a frame in each unit of time."""
     n = places.shape[1]
     with TrajectoryWriter(path, Disks(n, 1.0, 0.01), box, fields=fields, precision="f64", units={}) as file:
@@ -61,10 +61,10 @@ def test_few_fast_disks_do_not_hide_among_many_slow_ones(tmp_path: Path) -> None
     slow = slice(0, HEAVY)
     np.testing.assert_allclose(np.diff(analysis.unwrap(inside[:, slow], BOX), axis=0), np.diff(path[:, slow], axis=0),
                                atol=1e-12)  # fmt: skip
-    bare = written(tmp_path / "bare.h5", path, np.zeros_like(path), ["position"])
+    bare = on_paths(tmp_path / "bare.h5", path, np.zeros_like(path), ["position"])
     with Trajectory(bare) as trajectory, pytest.raises(InputError, match='"image" into'):
         catalogue.FUNCTIONS["msd"](trajectory, None)
-    whole = written(tmp_path / "whole.h5", path, np.zeros_like(path), ["position", "image"])
+    whole = on_paths(tmp_path / "whole.h5", path, np.zeros_like(path), ["position", "image"])
     with Trajectory(whole) as trajectory:
         found = catalogue.FUNCTIONS["msd"](trajectory, None).result["all disks"].fit
     # Of 12 disks that make all of it, over 60 frames: the error that it states, by the spread over disks.
@@ -108,17 +108,17 @@ def test_a_place_between_two_frames_is_on_the_way_through_the_side(
     velocity = np.broadcast_to([[[3.0, 0.0]]], (5, 1, 2))
     path = np.array([[3.0, 5.0]]) + velocity * np.arange(5.0)[:, None, None]
     fields = ["position", "velocity", "angular_velocity"]
-    run = written(Path("run.h5"), path, velocity, [*fields, "image"])
+    run = on_paths(Path("run.h5"), path, velocity, [*fields, "image"])
     Path("seen.csv").write_text("id,x,y,t\n0,0.6,5,2.5\n0,9.9,5,2.25\n0,5,5,\n")
     found = compare.compare(run, compare.read("seen.csv", {}, TableFormat()))
     np.testing.assert_allclose(found.distance, [0.1, 0.15, 0.0], atol=1e-12)
     np.testing.assert_allclose(found.position[:, 0], [0.5, 9.75, 5.0], atol=1e-12)
     found.draw([Path("seen.png")])
-    bare = written(Path("bare.h5"), path, velocity, fields)
+    bare = on_paths(Path("bare.h5"), path, velocity, fields)
     np.testing.assert_allclose(compare.compare(bare, compare.read("seen.csv", {}, TableFormat())).distance,
                                [0.1, 0.15, 0.0], atol=1e-12)  # fmt: skip
     Path("soon.csv").write_text("id,x,y,t\n0,6,5,0.5\n")
-    fast = written(Path("fast.h5"), path[::2], 2.0 * velocity[::2], fields)
+    fast = on_paths(Path("fast.h5"), path[::2], 2.0 * velocity[::2], fields)
     with pytest.raises(InputError, match=r"a disk moves 0\.6 of the box along x"):
         compare.compare(fast, compare.read("soon.csv", {}, TableFormat()))
 
@@ -128,7 +128,7 @@ def test_the_picture_of_a_table_draws_no_paths_without_positions(tmp_path: Path)
     names = ["position", "velocity", "angular_velocity"]
     still = np.zeros_like(path)
     for name, fields, velocity in (("known", [*names, "image"], still), ("unknown", names, still + 9.0)):
-        figure = plots.table(written(tmp_path / f"{name}.h5", path, velocity, fields))
+        figure = plots.table(on_paths(tmp_path / f"{name}.h5", path, velocity, fields))
         axes = figure.axes[2]
         drawn = any(isinstance(each, LineCollection) for each in axes.collections)
         assert drawn == (name == "known")

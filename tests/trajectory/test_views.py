@@ -24,7 +24,7 @@ PRECISIONS = [("f32", np.float32, "none"), ("f64", np.float64, "gzip")]
 
 
 @pytest.fixture(scope="module", params=PRECISIONS, ids=["f32", "f64 gzip"])
-def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, type]:
+def viewed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, type]:
     """A trajectory with its views, moved together after they were written, and the type of its floats."""
     made = tmp_path_factory.mktemp("made")
     precision, dtype, compression = request.param
@@ -43,10 +43,10 @@ def stored(name: str, frame: int, dtype: type) -> np.ndarray:
     return np.column_stack([value, np.zeros(N, value.dtype)]) if value.ndim == 2 else value
 
 
-def test_mdanalysis_reads_positions_and_velocities(run):
+def test_mdanalysis_reads_positions_and_velocities(viewed):
     import MDAnalysis
 
-    path, dtype = run
+    path, dtype = viewed
     universe = MDAnalysis.Universe.empty(N, trajectory=True, velocities=True)
     universe.load_new(str(path), format="H5MD", convert_units=False)
     assert len(universe.trajectory) == FRAMES
@@ -58,8 +58,8 @@ def test_mdanalysis_reads_positions_and_velocities(run):
         assert np.allclose(step.dimensions[:2], BOX.lengths)
 
 
-def test_a_trajectory_is_a_universe_of_mdanalysis(run):
-    path, dtype = run
+def test_a_trajectory_is_a_universe_of_mdanalysis(viewed):
+    path, dtype = viewed
     with Trajectory(path) as trajectory:
         universe, disks = trajectory.universe(), trajectory.disks
     assert len(universe.trajectory) == FRAMES
@@ -100,10 +100,10 @@ def test_freud_takes_frames_as_systems(tmp_path, shear):
         freud.locality.AABBQuery.from_system(trajectory[0])
 
 
-def test_pyh5md_reads_every_field(run):
+def test_pyh5md_reads_every_field(viewed):
     import pyh5md
 
-    path, dtype = run
+    path, dtype = viewed
     with pyh5md.File(str(path), "r") as file:
         group = file.particles_group("all")
         for name in FIELDS:
@@ -114,11 +114,11 @@ def test_pyh5md_reads_every_field(run):
             assert np.array_equal(element.time, [0.1 * i for i in range(FRAMES)])
 
 
-def test_vtk_reads_every_step(run):
+def test_vtk_reads_every_step(viewed):
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOHDF import vtkHDFReader
 
-    path, dtype = run
+    path, dtype = viewed
     reader = vtkHDFReader()
     reader.SetFileName(str(path.with_suffix(".vtkhdf")))
     reader.UpdateInformation()
@@ -142,10 +142,10 @@ def test_vtk_reads_every_step(run):
 
 
 @pytest.mark.parametrize("engine", ["netcdf4", "h5netcdf"])
-def test_xarray_reads_every_frame(run, engine):
+def test_xarray_reads_every_frame(viewed, engine):
     import xarray
 
-    path, dtype = run
+    path, dtype = viewed
     with xarray.open_dataset(path.with_suffix(".nc"), engine=engine) as data:
         assert data.attrs["Conventions"] == "AMBER"
         assert data.coordinates.dims == ("frame", "atom", "spatial")
@@ -178,10 +178,10 @@ def test_every_variable_of_netcdf_has_units_and_a_long_name(tmp_path: Path, stat
             assert unit == (stated_one if name in units else other), name
 
 
-def test_ase_reads_every_frame(run):
+def test_ase_reads_every_frame(viewed):
     from ase.io.netcdftrajectory import NetCDFTrajectory
 
-    path, dtype = run
+    path, dtype = viewed
     frames = NetCDFTrajectory(str(path.with_suffix(".nc")), "r")
     assert len(frames) == FRAMES
     for i in range(FRAMES):
@@ -195,10 +195,10 @@ def test_ase_reads_every_frame(run):
     frames.close()
 
 
-def test_ovito_reads_every_frame(run):
+def test_ovito_reads_every_frame(viewed):
     reason = "ovito is not installed: pip install ovito (250 MB)"
     import_file = pytest.importorskip("ovito.io", reason=reason, exc_type=ImportError).import_file
-    path, dtype = run
+    path, dtype = viewed
     pipeline = import_file(str(path.with_suffix(".nc")))
     assert pipeline.source.num_frames == FRAMES
     with Trajectory(path) as trajectory:
@@ -218,11 +218,11 @@ def test_ovito_reads_every_frame(run):
         assert np.allclose(np.diag(data.cell[:2, :2]), BOX.lengths)
 
 
-def test_ovito_s_reader_of_netcdf_finds_its_names(run):
+def test_ovito_s_reader_of_netcdf_finds_its_names(viewed):
     """Also where OVITO is not installed: the names, axes and types that its AMBER reader needs, by netCDF4."""
     import netCDF4
 
-    path, _ = run
+    path, _ = viewed
     with netCDF4.Dataset(path.with_suffix(".nc")) as file:
         assert file.Conventions == "AMBER"
         assert file.ConventionVersion == "1.0"

