@@ -11,10 +11,13 @@ import pytest
 from support.bounds import check_bounds
 from support.force_examples import SMOOTH, still
 from support.gases import COIN, equal_disks, gas_of, mixture, run_to, start
+from support.scene import Scene
 
 from ifrdem import Device
 from ifrdem.errors import EngineError, InputError
+from ifrdem.kernels.columns import FORCE_VALUES
 from ifrdem.kernels.compiler.language import ti
+from ifrdem.kernels.layout import Uses
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, PoissonForce, PoissonKicks, PoissonSpinKicks, RandomKicks
 from ifrdem.model.gravity import Gravity
@@ -25,6 +28,7 @@ from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
 from ifrdem.simulation.measuring.tracking import KICK
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.steps.force_steps import _compiled
 from ifrdem.validation.rows import engine_of
 
 LOSSY = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
@@ -79,6 +83,32 @@ def test_times_are_a_poisson_process_of_each_disk() -> None:
         distance = np.abs(below(found) - (np.arange(len(found)) + 0.5) / len(found)).max()
         assert distance < 1.95 / math.sqrt(len(found))
     assert simulation.collisions == simulation.state.collisions.sum() == 0
+
+
+def test_no_action_is_lost_in_the_longest_of_runs() -> None:
+    """What comes first after the moment before an action is that action, at 2^43 mean times after the beginning.
+
+    There n + u has steps of 1/512, and the time over the length is n + 1 for the last of a slice: a search that began
+    in that slice would miss them. Of 4000 disks some 8 have their action there.
+    """
+    backend.start("cpu")
+    from support.kernels.actions import find
+
+    n, length = 4000, 0.1
+    uses = Uses(forces=(_compiled(Note, 0, 0, 0),))
+    scene = Scene(n, force_values=FORCE_VALUES.width + 2)
+    scene.event_info.id, scene.grid.seed_low = np.arange(n), 7
+    scene.force_values[FORCE_VALUES.width] = length
+    scene.force_values[FORCE_VALUES.width + 1] = 3
+    names = "uses grid event_info action force_values"
+    begin = (2.0**43 + np.random.default_rng(1).random(n)) * length
+    scene.call(find, uses, names, begin, np.full(n, -1.0))
+    first = scene.action.array.copy()
+    time, number, draw = scene.action.time.copy(), scene.action.slice.copy(), scene.action.draw.copy()
+    assert np.all((time >= begin) & (time < begin + 40.0 * length))
+    assert np.count_nonzero(time / length >= number + 1.0) > 2
+    scene.call(find, uses, names, time, draw - 1.0)
+    np.testing.assert_array_equal(scene.action.array, first)
 
 
 @pytest.mark.parametrize("strength", [{"power": 0.6}, {"diffusion": 0.3}])
