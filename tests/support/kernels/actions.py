@@ -8,7 +8,8 @@ from ifrdem.kernels.layout import FAR
 
 @kernel
 def find(after: Rows, after_draw: Rows, gas: Arrays("uses grid event_info action force_values")):
-    """First action of force 0 on the disk in each slot after a time and a number in its slice."""
+    """First action of the forces on the disk in each slot after a time and a number in its slice."""
     for i in range(after.shape[0]):
         gas.action[i].time = ti.f64(FAR)
-        find_action(i, after[i], ti.cast(after_draw[i], ti.i32), ti.static(gas.uses.forces[0]), gas)
+        for force in ti.static(gas.uses.forces):
+            find_action(i, after[i], ti.cast(after_draw[i], ti.i32), force, gas)
