@@ -172,6 +172,7 @@ def test_a_run_from_a_stored_state_draws_on() -> None:
     assert np.abs(forgot.velocity - end.velocity).max() > 0.1
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(("precision", "error"), [("f64", 1e-11), ("f32", 1e-4)])
 def test_heat_and_work_are_what_elastic_disks_gain(precision: str, error: float) -> None:
     engine = furnished("tiled", law=ELASTIC, device=Device(precision=precision))
