@@ -279,6 +279,7 @@ def column_density(
     return np.interp(y, fine, whole / whole[-1])
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("floor", ["thermal", "elastic"])
 def test_an_elastic_gas_under_gravity_follows_the_barometric_law(floor: str) -> None:
     """Chi-square of 500 disks' heights in 15 strips, 150 frames that are independent, at a level of 0.001.
