@@ -1,18 +1,15 @@
-"""Fixtures that all tests share; which tests run without `--full`, in which order, and what they may cost."""
+"""Fixtures that all tests share; how their kernels are compiled. Which tests run: `support/tiers.py`."""
 
 from __future__ import annotations
 
 import os
-import re
-import resource
 import signal
 import sys
-import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from support import own_folders  # isort: skip (before matplotlib and Taichi)
+from support import own_folders  # isort: skip  # noqa: F401 (before matplotlib and Taichi)
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
@@ -24,6 +21,8 @@ from ifrdem.kernels.compiler import runtime
 from ifrdem.plots import run
 from ifrdem.simulation import backend
 
+pytest_plugins = ["support.tiers"]
+
 # A shell starts background jobs deaf to SIGINT, and children inherit that; tests interrupt some of theirs.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 # Kernels without the optimiser, here and in processes that tests start: the same bits, half the time to compile.
@@ -31,149 +30,35 @@ OPTIMIZATION = ("TI_ADVANCED_OPTIMIZATION", "QD_ADVANCED_OPTIMIZATION")
 os.environ.update(dict.fromkeys(OPTIMIZATION, "0"))
 
 CUDA = any(device.name == "cuda" for device in backend.available())
-COSTS = Path(__file__).with_name("costs.txt")
-for name in (
-    "default run",
-    "full",
-):  # examples: the same in each run, of fixtures that they share, however long
+# Examples of drawn tests are the same in each run, however long one takes; fixtures are shared among them.
+for profile in ("default run", "full"):
     settings.register_profile(
-        name,
-        derandomize=True,
-        deadline=None,
-        print_blob=False,
-        suppress_health_check=list(HealthCheck),
+        profile, derandomize=True, deadline=None, print_blob=False, suppress_health_check=list(HealthCheck),
         phases=(Phase.explicit, Phase.generate, Phase.shrink),
-    )
+    )  # fmt: skip
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--runtime", choices=runtime.NAMES, help="what compiles the kernels, also in processes of tests"
     )
-    parser.addoption("--full", action="store_true", help="run tests marked `full` too")
-    parser.addoption(
-        "--budget", type=float, metavar="SECONDS",
-        help="fail if all tests take more CPU time, or one test more than a twentieth of it",
-    )  # fmt: skip
-    parser.addoption("--costs", action="store_true", help=f"write the CPU time of each file to {COSTS.name}")
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    """Without `--full` gases run on one thread unless a test says otherwise: kernels are compiled for a number of threads.
+
+    With that of the cores, each test that asks for one thread would restart the runtime and compile its own kernels.
+    """
     runtime.choose(config.getoption("--runtime"), "--runtime")
     settings.load_profile("full" if config.getoption("--full") else "default run")
-    if not hasattr(config, "workerinput"):
-        config.pluginmanager.register(Costs(config))
-
-
-def beyond(items: list[pytest.Item]) -> Iterator[pytest.Item]:
-    """Tests that need `--full`: those marked, but for parameters that `keep` names, or so many from first to last."""
-    functions = dict[tuple[Path, str], list[pytest.Item]]()
-    for item in items:
-        if item.get_closest_marker("full") is not None:
-            functions.setdefault((item.path, getattr(item, "originalname", item.name)), []).append(item)
-    for (path, name), each in functions.items():
-        for number, item in enumerate(each):
-            mark = item.get_closest_marker("full")
-            keep = mark.kwargs.get("keep", 0) if mark is not None else 0
-            if isinstance(keep, int):
-                kept = number in {round(k * (len(each) - 1) / max(keep - 1, 1)) for k in range(keep)}
-            else:
-                kept = item.name in [f"{name}[{parameter}]" for parameter in keep]
-                if not any(f"{name}[{keep[0]}]" == other.name for other in each):
-                    raise pytest.UsageError(f"{path}: {name} has no parameter {keep[0]!r} to keep")
-            if not kept:
-                yield item
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what needs `--full`, unless the command names its file; begin with the files that take longest.
-
-    Tests of threads, precision and profiles come last in their files: they restart the runtime, kernels are lost.
-    """
     if not config.getoption("--full"):
-        named = {Path(word.split("::")[0]).resolve() for word in config.args if ".py" in word}
-        out = {item for item in beyond(items) if item.path not in named}
-        config.hook.pytest_deselected(items=[item for item in items if item in out])
-        items[:] = [item for item in items if item not in out]
-    costs = {name: float(seconds) for seconds, name in map(str.split, COSTS.read_text().splitlines())}
-    files = list(dict.fromkeys(item.path for item in items))
-    place = {path: number for number, path in enumerate(files)}
-    name = {path: path.relative_to(COSTS.parent).as_posix() for path in files}
-    items.sort(
-        key=lambda item: (
-            -costs.get(name[item.path], 0.0),
-            place[item.path],
-            re.search("thread|precision|f32|profiled?_", item.name) is not None,
-        )
-    )
-
-
-def cpu_time() -> float:
-    """CPU time of this process and of children that have ended."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
+        backend.limit_threads(1)
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    item.stash[BEGIN] = cpu_time()
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> None:
-    if call.when == "teardown" and BEGIN in item.stash:
-        item.user_properties.append(("cpu", cpu_time() - item.stash[BEGIN]))
-
-
-BEGIN = pytest.StashKey[float]()
-
-
-class Costs:
-    """CPU time of tests and number of kernels that were compiled: reported at the end, and limited by `--budget`."""
-
-    def __init__(self, config: pytest.Config) -> None:
-        self.budget: float | None = config.getoption("--budget")
-        self.write: bool = config.getoption("--costs")
-        self.before = self.kernels()
-        self.tests = dict[str, float]()
-
-    @staticmethod
-    def kernels() -> int:
-        return sum(1 for _ in own_folders.kernels().rglob("*.tic"))
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        self.tests.update(
-            (report.nodeid, seconds) for name, seconds in report.user_properties if name == "cpu"
-        )
-
-    def excess(self) -> list[str]:
-        """What is above the budget."""
-        if self.budget is None:
-            return []
-        found = [f"all tests: {cpu_time():.0f} s"] * (cpu_time() > self.budget)
-        return found + [
-            f"{test}: {taken:.1f} s" for test, taken in self.tests.items() if taken > self.budget / 20.0
-        ]
-
-    @pytest.hookimpl(trylast=True)
-    def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        if self.excess():
-            session.exitstatus = pytest.ExitCode.TESTS_FAILED
-
-    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        new = self.kernels() - self.before
-        terminalreporter.write_line(f"CPU time {cpu_time():.0f} s, {new} kernels compiled and stored")
-        for line in self.excess():
-            terminalreporter.write_line(f"above the budget of CPU time (mark it `full`?): {line}", red=True)
-        if self.write:
-            files = dict[str, float]()
-            for test, taken in self.tests.items():
-                file = test.split("::")[0].removeprefix("tests/")
-                files[file] = files.get(file, 0.0) + taken
-            lines = [
-                f"{taken:7.1f} {file}\n" for file, taken in sorted(files.items(), key=lambda each: -each[1])
-            ]
-            COSTS.write_text("".join(lines))
+def pytest_sessionfinish() -> None:
+    """Have the runtime store the kernels that this process compiled, before they are counted."""
+    backend.stop()
 
 
 @pytest.fixture(

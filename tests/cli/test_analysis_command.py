@@ -481,6 +481,7 @@ def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Pat
         figure.draw_without_rendering()  # labels that mathtext cannot read fail here
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("what", ["velocity", "energy", "ledger", "mechanisms"])
 def test_legends_hide_no_curve_and_axes_end_where_the_data_do(what: str, tmp_path: Path) -> None:
     """Legends stand outside of the axes, on the page, and apart from the title."""

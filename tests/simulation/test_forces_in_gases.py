@@ -33,6 +33,7 @@ def test_the_energy_of_an_elastic_gas_is_what_forces_put_in() -> None:
         RandomKicks(0.05, power=1.0),
         Drag(0.05, rate=0.3, quadratic=0.1),
         Langevin(0.1, temperature=1.0, rate=0.2, spin_rate=0.1),
+        SpinKicks(1e6, power=1.0),  # never acts: the next test has the same kernels
     ]
     simulation = Simulation(disks, box, SMOOTH, state, forces=forces, seed=1)
     simulation.run(t_end=5.0)
@@ -59,10 +60,11 @@ def test_sums_over_all_disks_hold_for_the_smallest_and_largest_masses(mass: floa
 
 def test_the_ledger_is_the_energy_before_and_after_each_force() -> None:
     """IFR coins, which dissipate: the ledger against the energy one rounding before each force, and after it."""
-    disks = equal_disks(500)
+    disks = mixture(500)
     box, state = start(disks, 0.3)
     coin = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
-    forces = [RandomKicks(0.2, power=1.0), SpinKicks(0.3, power=0.2)]
+    idle = [Drag(1e6, rate=1.0), Langevin(1e6, temperature=1.0, rate=1.0)]  # of the test before, never acting
+    forces = [RandomKicks(0.2, power=1.0), *idle, SpinKicks(0.3, power=0.2)]
     simulation = Simulation(disks, box, coin, state, forces=forces, seed=1)
     begin, energy_input, lost = measure(disks, state).energy, 0.0, 0.0
     for t in sorted({0.1, 0.3, 0.5, 0.7, 0.9, 0.15, 0.45, 0.75}):

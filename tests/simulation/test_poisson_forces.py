@@ -8,23 +8,28 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from support.bounds import check_bounds
 from support.force_examples import SMOOTH, still
 from support.gases import COIN, equal_disks, gas_of, mixture, run_to, start
+from support.scene import Scene
 
 from ifrdem import Device
 from ifrdem.errors import EngineError, InputError
+from ifrdem.kernels.columns import FORCE_VALUES
 from ifrdem.kernels.compiler.language import ti
+from ifrdem.kernels.layout import Uses
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, PoissonForce, PoissonKicks, PoissonSpinKicks, RandomKicks
+from ifrdem.model.forces import Drag, Force, PoissonForce, PoissonKicks, PoissonSpinKicks, RandomKicks
 from ifrdem.model.gravity import Gravity
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation import backend
-from ifrdem.simulation.measuring.tracking import KICK
+from ifrdem.simulation.measuring.tracking import KICK, Tracking
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.steps.force_steps import _compiled
 from ifrdem.validation.rows import engine_of
 
 LOSSY = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
@@ -43,11 +48,30 @@ class Andersen(PoissonForce):
 
 
 class Note(PoissonForce):
-    """Velocities become the time and the mean time between two actions, spins are counted up."""
+    """Velocities become the time and the mean time between two actions; spins grow by the eighth power of a number."""
+
+    parameters = ("number",)
 
     @staticmethod
     def act(disk, step, p):  # type: ignore[no-untyped-def]
-        return 1e-3 * step.time, 1e-3 * step.dt, disk.spin + 1.0
+        square = p.number * p.number
+        return 1e-3 * step.time, 1e-3 * step.dt, disk.spin + square * square * square * square
+
+
+IDLE = (
+    PoissonKicks(1e-9, diffusion=1e-12), PoissonSpinKicks(1e-9, diffusion=1e-12), Drag(1e6, rate=1.0), Note(1e-9, number=0.0)
+)  # fmt: skip
+RECORD = ["ledger", "last_partner"]
+
+
+def among_all(*given: Force) -> list[Force]:
+    """Forces among those of this file, in the order of `IDLE`, the others of which do not act before a time of 1e5.
+
+    Kernels are compiled for a list of forces and for what is recorded: with the same ones, once for all gases.
+    """
+    acting: dict[type[Force], Force] = {type(force): force for force in given}
+    assert acting.keys() <= {type(force) for force in IDLE}
+    return [acting.get(type(force), force) for force in IDLE]
 
 
 # --- statistics ---------------------------------------------------------------------------------------------
@@ -59,8 +83,17 @@ def test_times_are_a_poisson_process_of_each_disk() -> None:
     The mean number scatters by sqrt(60 / 400), a variance of 400 numbers by sqrt(2 / 400) of it, and Kolmogorov's
     distance of m samples stays below 1.95 / sqrt(m) but once in a thousand.
     """
-    disks, box, state = still(400)
-    simulation = Simulation(disks, box, SMOOTH, state, forces=[Note(3.0)], histories=range(400), seed=7)
+    disks, box, state = still(400, mass=1.0 + np.arange(400) % 2)
+    simulation = Simulation(
+        disks,
+        box,
+        SMOOTH,
+        state,
+        forces=among_all(Note(3.0, number=1.0)),
+        record=RECORD,
+        histories=range(400),
+        seed=7,
+    )
     simulation.run(t_end=20.0)
     events = simulation.take_events()
     times = [events.time[events.id == i] for i in range(400)]
@@ -81,6 +114,31 @@ def test_times_are_a_poisson_process_of_each_disk() -> None:
     assert simulation.collisions == simulation.state.collisions.sum() == 0
 
 
+def test_no_action_is_lost_in_the_longest_of_runs() -> None:
+    """What comes first after the moment before an action is that action, at 2^43 mean times after the beginning.
+
+    There n + u has steps of 1/512, and the time over the length is n + 1 for the last of a slice: a search that began
+    in that slice would miss them. Of 20,000 disks some 20 have their first action there.
+    """
+    backend.start("cpu")
+    from support.kernels.actions import find
+
+    n, length = 20_000, 0.1
+    uses = Uses(forces=(_compiled(Note, 0, 0, 0),))
+    scene = Scene(n)
+    scene.event_info.id, scene.grid.seed_low = np.arange(n), 7
+    scene.arrays["force_values"] = np.array([*np.zeros(FORCE_VALUES.width), length, 3.0])
+    names = "uses grid event_info action force_values"
+    begin = (2.0**43 + np.random.default_rng(1).random(n)) * length
+    scene.call(find, uses, names, begin, np.full(n, -1.0))
+    first = scene.action.array.copy()
+    time, number, draw = scene.action.time.copy(), scene.action.slice.copy(), scene.action.draw.copy()
+    assert np.all((time >= begin) & (time < begin + 40.0 * length))
+    assert np.count_nonzero(time / length >= number + 1.0) > 5
+    scene.call(find, uses, names, time, draw - 1.0)
+    np.testing.assert_array_equal(scene.action.array, first)
+
+
 @pytest.mark.parametrize("strength", [{"power": 0.6}, {"diffusion": 0.3}])
 def test_free_disks_get_the_power_and_the_cumulants_of_a_compound_poisson_process(
     strength: dict[str, float],
@@ -92,7 +150,8 @@ def test_free_disks_get_the_power_and_the_cumulants_of_a_compound_poisson_proces
     """
     n, rate = 20_000, 5.0
     disks, box, state = still(n)
-    simulation = Simulation(disks, box, SMOOTH, state, forces=[PoissonKicks(rate, **strength)], seed=5)
+    forces = [PoissonKicks(rate, **strength), IDLE[1]]
+    simulation = Simulation(disks, box, SMOOTH, state, forces=forces, seed=5)
     for t in (0.4, 2.0, 8.0):
         simulation.run(t_end=t)
         v = simulation.state.velocity
@@ -179,8 +238,8 @@ def test_collisions_are_those_of_a_run_that_gets_the_same_kicks_from_outside() -
     disks = mixture(n)
     box, state = start(disks, 0.4)
     kicked = Simulation(
-        disks, box, LOSSY, state, forces=[PoissonKicks(2.0, power=1.0), PoissonSpinKicks(1.0, power=0.5)],
-        histories=range(n), seed=3,
+        disks, box, LOSSY, state, forces=among_all(PoissonKicks(2.0, power=1.0), PoissonSpinKicks(1.0, power=0.5)),
+        record=RECORD, histories=range(n), seed=3,
     )  # fmt: skip
     kicked.run(t_end=2.0)
     events = kicked.take_events()
@@ -207,8 +266,8 @@ def test_collisions_are_those_of_a_run_that_gets_the_same_kicks_from_outside() -
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_energy_is_balanced_and_numbers_of_collisions_do_not_count_kicks(precision: Any) -> None:
     gas = gas_of(
-        mixture(500), 0.3, LOSSY, forces=[PoissonKicks(5.0, power=1.0), Drag(0.1, rate=0.5)], seed=1,
-        device=Device(precision=precision), record=["ledger", "last_partner"],
+        mixture(500), 0.3, LOSSY, forces=among_all(PoissonKicks(5.0, power=1.0), Drag(0.1, rate=0.5)), seed=1,
+        device=Device(precision=precision), record=RECORD, histories=[0],
     )  # fmt: skip
     begin = gas.measure().energy
     gas.run(t_end=4.0)
@@ -218,6 +277,16 @@ def test_energy_is_balanced_and_numbers_of_collisions_do_not_count_kicks(precisi
     throughput = lost + float(np.abs(gas.energy_inputs).sum())
     rounding = 1e-12 if precision == "f64" else 1e-6
     assert begin + gas.energy_input - lost == pytest.approx(found.energy, abs=rounding * throughput)
+
+
+def one_followed(disks: Disks) -> Tracking:
+    """The histories of disk 0, for an engine: those of a `Simulation` with `histories=[0]`."""
+    columns = disks.mass, disks.radius, disks.k, disks.material
+
+    def disks_of(ids: NDArray[np.int32]) -> Disks:
+        return Disks(len(ids), *(each[ids] for each in columns))
+
+    return Tracking(np.zeros(1, np.int32), disks.n, disks_of, ((LOSSY,),), ())
 
 
 def ends(
@@ -239,6 +308,8 @@ def ends(
             tile_disks=300,
             forces=forces,
             seed=9,
+            record=RECORD,
+            tracking=one_followed(disks),
             **options,
         )
         found[order] = run_to(engine, t_end), engine.force_steps.energy_inputs
@@ -249,9 +320,9 @@ def ends(
 @pytest.mark.parametrize(
     ("forces", "speed"),
     [
-        ([PoissonKicks(10.0, power=1.0)], 1.0),
-        ([PoissonKicks(10.0, power=3.0)], 0.0),
-        ([PoissonKicks(2.0, power=300.0)], 1.0),  # each may be much faster than the gas was
+        (among_all(PoissonKicks(10.0, power=1.0)), 1.0),
+        (among_all(PoissonKicks(10.0, power=3.0)), 0.0),
+        (among_all(PoissonKicks(2.0, power=300.0)), 1.0),  # each may be much faster than the gas was
         ([PoissonKicks(4.0, power=1.0), RandomKicks(0.05, power=1.0), PoissonSpinKicks(3.0, power=1.0)], 1.0),
     ],
 )
@@ -266,7 +337,7 @@ def test_tiles_give_the_same_bits(forces: list[Any], speed: float) -> None:
 @pytest.mark.full
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_threads_give_the_same_bits() -> None:
-    forces = [PoissonKicks(10.0, power=1.0)]
+    forces = among_all(PoissonKicks(10.0, power=1.0))
     one, two = (ends(forces, n=6000, t_end=0.3, device=Device(threads=threads)) for threads in (1, 2))
     for order, (end, energy) in one.items():
         np.testing.assert_array_equal(end.velocity, two[order][0].velocity)
@@ -306,14 +377,14 @@ def test_stops_in_a_window_change_no_bit_also_under_gravity_between_walls() -> N
 
 def test_a_restart_in_a_window_changes_no_bit(tmp_path: Path) -> None:
     def make() -> Simulation:
-        forces = [PoissonKicks(3.0, power=2.0), Drag(0.08, rate=0.2)]
-        return gas_of(mixture(200), 0.3, LOSSY, forces=forces, seed=2**40, record=["ledger"])
+        forces = among_all(PoissonKicks(3.0, power=2.0), Drag(0.08, rate=0.2))
+        return gas_of(mixture(200), 0.3, LOSSY, forces=forces, seed=2**40, record=RECORD, histories=[0])
 
     whole, stopped = make(), make()
     whole.run(t_end=3.0)
     stopped.run(t_end=1.234)
     stopped.save_checkpoint(tmp_path / "in.h5")
-    again = Simulation.from_checkpoint(tmp_path / "in.h5")
+    again = Simulation.from_checkpoint(tmp_path / "in.h5", forces=stopped.forces)
     assert repr(again.forces) == repr(stopped.forces)
     again.run(t_end=3.0)
     np.testing.assert_array_equal(whole.state.velocity, again.state.velocity)
@@ -340,7 +411,8 @@ def test_a_sheared_gas_closes_its_balance_of_energy() -> None:
 def test_one_disk_is_kicked_although_it_meets_none() -> None:
     disks = Disks(1, mass=2.0, radius=0.5)
     state = State([[20.0, 20.0]], np.zeros((1, 2)), np.zeros(1))
-    gas = Simulation(disks, Box((40.0, 40.0)), SMOOTH, state, forces=[PoissonKicks(50.0, power=1.0)], seed=1)
+    forces = [PoissonKicks(50.0, power=1.0), IDLE[1]]
+    gas = Simulation(disks, Box((40.0, 40.0)), SMOOTH, state, forces=forces, seed=1)
     gas.run(t_end=20.0)
     # 1000 kicks: an exponential distribution of the energy
     assert 0.01 < gas.energy_input / 20.0 < 7.0
@@ -380,17 +452,8 @@ def test_custom_ones_are_refused_in_sheared_boxes() -> None:
 
 
 def test_one_that_makes_a_velocity_infinite_stops_the_run() -> None:
-    disks, box, state = still(4)
-
-    class Infinite(PoissonForce):
-        """Overflows."""
-
-        @staticmethod
-        def act(disk, step, p):  # type: ignore[no-untyped-def]
-            return disk.vx + 1e300 * 1e10 * step.dt, disk.vy, disk.spin
-
-    forces = [PoissonKicks(1.0, power=1.0), Infinite(1.0)]
-    with pytest.raises(
-        EngineError, match=r"t = 0 to .*: force 2, Infinite, made a velocity or spin that is not"
-    ):
-        Simulation(disks, box, SMOOTH, state, forces=forces).run(t_end=10.0)
+    disks, box, state = still(4, mass=1.0 + np.arange(4) % 2)
+    forces = among_all(PoissonKicks(1.0, power=1.0), Note(1.0, number=1e50))
+    gas = Simulation(disks, box, SMOOTH, state, forces=forces, record=RECORD, histories=[0])
+    with pytest.raises(EngineError, match=r"t = 0 to .*: force 4, Note, made a velocity or spin that is not"):
+        gas.run(t_end=10.0)

@@ -79,9 +79,14 @@ def one_disk(
     return simulation.state
 
 
-def still(n: int, *, mass: float | NDArray[np.float64] = 1.0, speed: float = 0.0) -> tuple[Disks, Box, State]:
-    """A dilute lattice of disks, all with the same velocity along x: they do not meet while they keep it."""
-    disks = Disks(n, mass=mass, radius=1e-3)
+def still(
+    n: int, *, mass: float | NDArray[np.float64] = 1.0, speed: float = 0.0, kinds: int = 1
+) -> tuple[Disks, Box, State]:
+    """A dilute lattice of disks, all with the same velocity along x: they do not meet while they keep it.
+
+    Of two `kinds` the last disk is larger: such a gas has the kernels of mixtures.
+    """
+    disks = Disks(n, mass=mass, radius=np.where(np.arange(n) < n - kinds + 1, 1e-3, 1.5e-3))
     box = Box((float(n), float(n)))
     side = math.ceil(math.sqrt(n))
     place = (np.arange(n)[:, None] // [1, side] % side + 0.5) * n / side

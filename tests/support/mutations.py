@@ -128,7 +128,7 @@ class Default:
     """Plugin of pytest that leaves out what needs `--full`, also of files that are named."""
 
     def pytest_collection_modifyitems(self, items: list[Any]) -> None:
-        out = set(sys.modules["conftest"].beyond(items))
+        out = set(sys.modules["support.tiers"].beyond(items))
         items[:] = [item for item in items if item not in out]
 
 

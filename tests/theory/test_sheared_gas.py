@@ -135,7 +135,10 @@ def test_an_isotropic_gas_at_rest_cools_as_the_closed_forms_say() -> None:
     assert -tilted[3] / (1e-5 * rate) == pytest.approx(relaxation(T_rot / T, COIN, 2.0), rel=1e-5)
 
 
-@pytest.mark.parametrize(("law", "theta_off"), [(smooth(0.7), None), (coins["polyester"].law, 0.06)])
+@pytest.mark.full(keep=("rough",))
+@pytest.mark.parametrize(
+    ("law", "theta_off"), [(smooth(0.7), None), (coins["polyester"].law, 0.06)], ids=["smooth", "rough"]
+)
 def test_a_dense_sheared_gas_is_that_of_enskog_s_equation(law: IFRLaw, theta_off: float | None) -> None:
     """T, and theta of rough disks, against a Monte Carlo of Enskog's equation in a uniform flow at phi = 0.5.
 

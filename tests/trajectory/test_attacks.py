@@ -13,7 +13,8 @@ from support import attacks
 from support.drawn import examples
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
-SAMPLE = {"result_of_a_run": 60, "results": 3, "concat": 2, "heaps": 3}
+SAMPLE = [("result_of_a_run", 20), ("results", 3), ("concat", 2), ("heaps", 3)]
+MORE = pytest.param("result_of_a_run", 60, marks=pytest.mark.full)
 
 
 @pytest.fixture(scope="module")
@@ -22,9 +23,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]:
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", SAMPLE)
-def test_damaged_files_end_in_answers_or_messages(made, name):
-    given(st.data())(examples(SAMPLE[name])(lambda data: attacks.attack(name, made, data)))()
+@pytest.mark.parametrize(("name", "cases"), [*SAMPLE, MORE])
+def test_damaged_files_end_in_answers_or_messages(made, name, cases):
+    given(st.data())(examples(cases)(lambda data: attacks.attack(name, made, data)))()
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -113,7 +113,12 @@ def test_walls_meet_viscoelastic_disks_with_their_own_curvature(name: str) -> No
         ifrdem.Box((9.0, 9.0), (False, False)),
         law,
         state,
-        walls=[moved],
+        # With the others, far away, all of these gases have the same kernels.
+        walls=[
+            moved,
+            ifrdem.Wall.segment((7.0, 1.0), (8.0, 1.0)),
+            ifrdem.Wall.arc((7.5, 8.0), 0.5, (1.0, 2.0)),
+        ],
     )
     gas.run(t_end=0.06)
     e_n = float(gas.state.velocity[0, 0])

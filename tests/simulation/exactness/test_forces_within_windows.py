@@ -35,7 +35,6 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.steps import force_steps
 from ifrdem.validation.rows import engine_of
 
-ONE = Device(threads=1)
 ALL_SUMS = ["dissipated", "last_partner", "angle"]
 Make = Callable[[], Engine]
 
@@ -44,13 +43,18 @@ def gas(
     disks: Disks, forces: list[Force], law: Any = ROLLING, box: Box | None = None, **options: Any
 ) -> Engine:
     filled, state = start(disks, 0.3)
-    options = dict[str, Any](device=ONE, seed=3, record=ALL_SUMS) | options
+    options = dict[str, Any](seed=3, record=ALL_SUMS) | options
     return engine_of(disks, box or filled, state, np.array([[law]]), forces=forces, **options)
 
 
 def two_forces() -> list[Force]:
     """Kicks that keep the momentum, and friction with noise, whose steps coincide at times."""
     return [RandomKicks(0.05, power=1.0), Langevin(0.15, temperature=1.0, rate=0.3, spin_rate=0.2)]
+
+
+def idle_forces() -> list[Force]:
+    """Forces that never act: with them a gas has the kernels of `mixture in tiles` below."""
+    return [SpinKicks(1e6, power=1.0), Drag(1e6, rate=1.0)]
 
 
 def bounded(**options: Any) -> Engine:
@@ -63,7 +67,7 @@ def bounded(**options: Any) -> Engine:
         Wall.line((0.0, 0.4), (0.0, 1.0), motion=Motion("sine", amplitude=0.3, frequency=0.7)),
         Wall.line((0.0, 33.0), (0.0, -1.0), temperature=2.0),
     ]
-    options = dict[str, Any](record=[*ALL_SUMS, "wall_sums"], device=ONE, seed=3) | options
+    options = dict[str, Any](record=[*ALL_SUMS, "wall_sums"], seed=3) | options
     return engine_of(disks, box, state, np.array([[COIN]]), walls=walls, gravity=(0.0, -0.5), **options)
 
 
@@ -84,7 +88,6 @@ def with_piston() -> Engine:
         walls=walls,
         gravity=(0.0, -0.2),
         forces=forces,
-        device=ONE,
         seed=3,
     )
 
@@ -93,9 +96,7 @@ def in_shear() -> Engine:
     disks = mixture(700)
     box, state = sheared(disks, 0.3, rate=0.4)
     forces = [Drag(0.05, rate=0.2), RandomKicks(0.05, power=0.5)]
-    return engine_of(
-        disks, box, state, np.array([[COIN]]), forces=forces, device=ONE, seed=3, record=["ledger"]
-    )
+    return engine_of(disks, box, state, np.array([[COIN]]), forces=forces, seed=3, record=["ledger"])
 
 
 CASES: dict[str, Make] = {
@@ -159,7 +160,8 @@ def check_equal(one: dict[str, NDArray[Any]], other: dict[str, NDArray[Any]]) ->
 
 
 def many(**options: Any) -> Engine:
-    return gas(mixture(2500), two_forces(), **options)
+    one = dict[str, Any](device=Device(threads=1))
+    return gas(mixture(2500), [*two_forces(), *idle_forces()], **(one | options))
 
 
 def test_tiles_threads_stops_and_a_restart_change_no_bit() -> None:
@@ -195,9 +197,13 @@ def test_strong_kicks_are_exact_in_tiles(power: float) -> None:
             disks = mixture(1000)
             box, state = start(disks, 0.3)
             state = State(state.position, speed * state.velocity, speed * state.spin)
+            forces = [
+                RandomKicks(0.05, power=power),
+                Langevin(1e6, temperature=1.0, rate=1.0),
+                *idle_forces(),
+            ]
             engine = engine_of(
-                disks, box, state, np.array([[ROLLING]]), forces=[RandomKicks(0.05, power=power)], device=ONE, seed=3,
-                order=order, tile_disks=60, record=ALL_SUMS,
+                disks, box, state, np.array([[ROLLING]]), forces=forces, seed=3, order=order, tile_disks=60, record=ALL_SUMS,
             )  # fmt: skip
             found.append(bits(engine, 0.3))
         if not speed:  # the first kick, between windows, is added up tile by tile
@@ -231,14 +237,14 @@ def test_parameters_set_between_runs_act_from_then_on() -> None:
     """In the middle of a window too, without forces' steps that are planned already."""
     smooth = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
     for order in (500, 400):
-        simulation = gas_of(equal_disks(order), 0.3, smooth, forces=[Push(0.05, acceleration=2.0)])
+        simulation = gas_of(equal_disks(order), 0.3, smooth, forces=[Push(0.05, acceleration=2.0), *never()])
         simulation.run(t_end=0.52)  # 10 steps
         simulation.forces[0].acceleration = -1.0
         simulation.run(t_end=0.98)  # 10 more
         start_velocity = start(equal_disks(order), 0.3)[1].velocity.mean(axis=0)
         change = simulation.state.velocity.mean(axis=0) - start_velocity
         np.testing.assert_allclose(change, [10 * 0.05 * 2.0 - 10 * 0.05 * 1.0, 0.0], atol=1e-13)
-        simulation.set_forces([Push(0.05, acceleration=4.0)])
+        simulation.set_forces([Push(0.05, acceleration=4.0), *never()])
         simulation.run(t_end=1.48)
         change = simulation.state.velocity.mean(axis=0) - start_velocity
         np.testing.assert_allclose(change, [0.5 + 10 * 0.05 * 4.0, 0.0], atol=1e-13)
@@ -259,7 +265,7 @@ def test_the_energy_ledger_goes_on_where_forces_are_set() -> None:
 
 
 def test_a_force_that_diverges_within_a_window_is_named() -> None:
-    forces = [Drag(0.05, rate=0.1), Diverging(0.05, at=0.51)]
+    forces = [Push(0.05, acceleration=0.0), Diverging(0.05, at=0.51)]
     gas = gas_of(equal_disks(300), 0.3, IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2), forces=forces)
     with pytest.raises(
         EngineError, match=r"t = 0\.525: force 2, Diverging, made a velocity or spin that is not"
@@ -278,6 +284,11 @@ class Diverging(Force):
         if step.time > p.at:
             vx = vx / (0.0 * vx)
         return vx, disk.vy, disk.spin
+
+
+def never() -> list[Force]:
+    """A force that never acts: with it a gas has the kernels of one that diverges."""
+    return [Diverging(1e6, at=1e6)]
 
 
 class Lying(Force):
@@ -372,9 +383,7 @@ def test_forces_may_choose_disks_by_species_id_and_material(order: str) -> None:
         Sudden(20.0, of_species=1024.0, of_disk=1024.0, of_material=0.0),
     ]
     smooth = np.broadcast_to((0.9, -1.0, 0.0, 0.0, 0.0), (2, 2, 5)).copy()
-    engine = engine_of(
-        disks, box, state, smooth, forces=forces, device=ONE, seed=3, order=order, tile_disks=60
-    )
+    engine = engine_of(disks, box, state, smooth, forces=forces, seed=3, order=order, tile_disks=60)
     run_to(engine, 2.1)
     assert engine.collisions > 100
     species = (ids >= 100) & (ids < 260)
@@ -394,8 +403,6 @@ def test_without_named_species_all_disks_are_of_number_0() -> None:
     disks = equal_disks(60)
     box, state = start(disks, 0.2)
     force = Shared(0.05, of_species=1.0, of_disk=2.0, of_material=0.0)
-    engine = engine_of(
-        disks, box, state, np.array([[(0.9, -1.0, 0.0, 0.0, 0.0)]]), forces=[force], device=ONE
-    )
+    engine = engine_of(disks, box, state, np.array([[(0.9, -1.0, 0.0, 0.0, 0.0)]]), forces=[force])
     run_to(engine, 1.0)
     np.testing.assert_allclose(engine.state().spin - state.spin, 2.0 * (np.arange(60) == 7), atol=1e-12)

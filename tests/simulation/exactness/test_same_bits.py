@@ -124,7 +124,7 @@ def same(one: State, other: State) -> bool:
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in COMPARED)
 
 
-@pytest.mark.full(keep=4)
+@pytest.mark.full(keep=3)
 @pytest.mark.parametrize(
     ("threads", "name"),
     [(threads, name) for threads in THREADS for name in GASES if threads > 1 or name.startswith("phi")],

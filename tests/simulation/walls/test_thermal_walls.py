@@ -172,6 +172,7 @@ def test_a_run_from_a_stored_state_draws_on() -> None:
     assert np.abs(forgot.velocity - end.velocity).max() > 0.1
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(("precision", "error"), [("f64", 1e-11), ("f32", 1e-4)])
 def test_heat_and_work_are_what_elastic_disks_gain(precision: str, error: float) -> None:
     engine = furnished("tiled", law=ELASTIC, device=Device(precision=precision))
@@ -278,6 +279,7 @@ def column_density(
     return np.interp(y, fine, whole / whole[-1])
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("floor", ["thermal", "elastic"])
 def test_an_elastic_gas_under_gravity_follows_the_barometric_law(floor: str) -> None:
     """Chi-square of 500 disks' heights in 15 strips, 150 frames that are independent, at a level of 0.001.
