@@ -59,6 +59,8 @@ from .columns import LEVELS
 SNAPSHOT = 2  # the part that holds the first requested moment
 BLOCK_OF_TILES = 128
 ELASTICALLY = 4  # of the regimes in the tally
+# Of a word that points to a disk: its slot; added to it in a list of a cell, if another disk follows in the list.
+SLOT, MORE = 2**30 - 1, 2**30
 AT_END, AT_MOMENT = range(2)  # times of the tally: end of the window, first of the moments
 AWAKE, ASLEEP, WOKEN, ASLEEP_UNVERIFIED = range(4)  # ASLEEP_UNVERIFIED: given by a state
 # Why a gas in one tile has paused, besides at a time: for the number of collisions; for the length of the launch.

@@ -22,8 +22,8 @@ from ..disks.force_times import action_time
 from ..disks.flights import bits_of, contact_delay, contact_signs, real_of, rounding
 from ..compiler.language import on_gpu, ti
 from ..layout import (
-    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, BY_WORK, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS, NO_PARTNER,
-    OWN_ACTION, PAIRS, TOO_LONG,
+    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, BY_WORK, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS, MORE,
+    NO_PARTNER, OWN_ACTION, PAIRS, SLOT, TOO_LONG,
 )  # fmt: skip
 from ..disks.particle import (
     add, charge, just_collided, kind_of, largest_speed, next_hash, note_speed, position_at, radius_of, speed_square,
@@ -33,7 +33,7 @@ from .rest import (
     count_hit, fall_asleep, in_falling_frame, is_support, is_wedged, set_at_rest, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
 from ..disks.stress import add_virial_of_pair
-from ..tiles.tiles import head_at, layer_of, note_extremes, scale_of, write
+from ..tiles.tiles import head_at, layer_of, note_extremes, scale_of, word_of, write
 from ..walls.cells import first_wall, other_image
 from ..walls.collision import hit_wall
 from ..walls.images import from_partner, wall_of
@@ -168,13 +168,19 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
     layer = layer_of(i, gas)
     nx, ny, _factor = scale_of(layer, region, gas)
     cell = head_at(cx, cy, layer, region, gas)
-    k = gas.head[cell]
-    if k == i:
-        gas.head[cell] = info.next_in_cell
+    following = info.next_in_cell
+    back, before, k = EMPTY, EMPTY, gas.head[cell] & SLOT
+    while k != i:
+        back, before, k = before, k, gas.event_info[k].next_in_cell & SLOT
+    if before == EMPTY:
+        gas.head[cell] = following
     else:
-        while gas.event_info[k].next_in_cell != i:
-            k = gas.event_info[k].next_in_cell
-        gas.event_info[k].next_in_cell = info.next_in_cell
+        gas.event_info[before].next_in_cell = following
+        if following < 0:  # the one before is the last one now
+            if back == EMPTY:
+                gas.head[cell] = before
+            else:
+                gas.event_info[back].next_in_cell = before
     step_x, step_y = step_over(side)
     cx += step_x
     cy += step_y
@@ -193,7 +199,7 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
     info.cell = (cx << 16) + cy
     cell = head_at(cx, cy, layer, region, gas)
     info.next_in_cell = gas.head[cell]
-    gas.head[cell] = i
+    gas.head[cell] = word_of(i, info.next_in_cell)
 
 
 @ti.func
@@ -521,6 +527,7 @@ def search_cells(
             if halved == 1 and column == own_x and row_of_cells == own_y:
                 j = info.next_in_cell
             while j >= 0:
+                j &= SLOT
                 following = gas.event_info[j].next_in_cell
                 if j != i:
                     start, rx, ry, ux, uy, sigma = separation(
@@ -576,9 +583,10 @@ def search_block(
 ):  # fmt: skip
     """Compare the disk in slot i with those in at most 3 x 3 cells, by one loop: only its end is hard to predict.
 
-    A ring holds the slots that are still to be compared: at first the head of each cell. One that is taken from it adds
-    the next in its cell, so it never holds more slots than there are cells. If cell (half_x, half_y) is among them, it
-    begins behind disk i, and its column there.
+    A ring holds the words of the disks that are still to be compared: at first the head of each cell. One that is taken
+    from it adds the next in its cell, so it never holds more than there are cells. Most cells hold one disk, whose word
+    says so: its `event_info` is not read. If cell (half_x, half_y) is among them, it begins behind disk i, and its column
+    there.
     """
     info, motion = gas.event_info[i], gas.motion[i]
     x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
@@ -600,11 +608,12 @@ def search_block(
         at += ny
     m = 0
     while m < end:
-        j = ring[m & (RING - 1)]
+        word = ring[m & (RING - 1)]
+        j = word & SLOT
         m += 1
-        following = gas.event_info[j].next_in_cell
-        ring[end & (RING - 1)] = following
-        end += (following >> 31) + 1
+        if word >= MORE:
+            ring[end & (RING - 1)] = gas.event_info[j].next_in_cell
+            end += 1
         # Of a disk and itself b = 0.
         start, rx, ry, ux, uy, sigma = separation(j, x, y, vx, vy, tau, radius, shift_x, shift_y, info, gas)
         signs = contact_signs(rx, ry, ux, uy, sigma, best - start)
