@@ -22,8 +22,8 @@ from ..disks.force_times import action_time
 from ..disks.flights import bits_of, contact_delay, contact_signs, real_of, rounding
 from ..compiler.language import on_gpu, ti
 from ..layout import (
-    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, BY_WORK, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS, MORE,
-    NO_PARTNER, OWN_ACTION, PAIRS, SLOT, TOO_LONG,
+    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, BY_WORK, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS,
+    FULL_TRAIL, MORE, NO_PARTNER, OWN, OWN_ACTION, PAIRS, SLOT, TOO_LONG, TRAIL,
 )  # fmt: skip
 from ..disks.particle import (
     add, charge, just_collided, kind_of, largest_speed, next_hash, note_speed, position_at, radius_of, speed_square,
@@ -40,6 +40,7 @@ from ..walls.images import from_partner, wall_of
 from ..walls.pistons import bounce, meets_piston, next_stop
 
 EMPTY = -1  # of bins and cells
+NO_ROW = -1  # of a trail
 SEPARATING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
 RING = 16  # places for slots to come, of up to 9 cells; a power of two
 LEAST_ID = -(2**31)
@@ -289,6 +290,46 @@ def write_pair(a: ti.template(), b: ti.template(), t: ti.template(), tile: ti.te
         gas.pair[row].id, gas.pair[row].partner = gas.event_info[a].id, gas.event_info[b].id
     else:
         ti.atomic_or(gas.counter.full, FULL_PAIRS)
+
+
+@ti.func
+def write_trail(turn: ti.template(), run: ti.template(), partner: ti.template(), gas: ti.template()):
+    """Write a row of `trail` for the event of the disk in slot i at t with a partner, behind those of the tile."""
+    row = ti.atomic_add(gas.counter.n_trail, 1)
+    if row < gas.grid.most_trail:
+        one, other = turn.i - run.offset, partner
+        if partner >= 0:
+            other -= run.offset
+            a = ti.select(gas.event_info[partner].id < gas.event_info[turn.i].id, partner, turn.i)
+            one += ti.select(gas.event_info[a].own_rank > 0, OWN, 0)
+        last = gas.tile[run.tile].last_row
+        if last < 0:
+            gas.tile[run.tile].first_row = row
+        else:
+            gas.trail[last].next = row
+        gas.tile[run.tile].last_row = row
+        gas.trail_time[row] = turn.t
+        gas.trail[row].one, gas.trail[row].other, gas.trail[row].next = one, other, NO_ROW
+    else:
+        ti.atomic_or(gas.counter.full, FULL_TRAIL)
+
+
+@ti.func
+def note_event(turn: ti.template(), run: ti.template(), partner: ti.template(), gas: ti.template()):
+    """Write down the event of the disk in slot i at t with a partner, before it happens, where trails are kept."""
+    if ti.static(not on_gpu()):
+        if (gas.grid.watching & TRAIL) > 0:
+            write_trail(turn, run, partner, gas)
+
+
+@ti.func
+def begin_trail(tile, gas: ti.template()):
+    """Begin the trail of a tile anew; where it runs again in a window, collisions on the old one do not count."""
+    row = gas.tile[tile].first_row
+    while row >= 0 and gas.counter.again == 1:
+        gas.trail[row].one &= SLOT
+        row = gas.trail[row].next
+    gas.tile[tile].first_row, gas.tile[tile].last_row = NO_ROW, NO_ROW
 
 
 @ti.func
@@ -944,11 +985,13 @@ def run_event(turn: ti.template(), run: ti.template(), region: ti.template(), ga
         cross_side(turn, region, gas)
     elif partner >= 0:
         if gas.event_info[partner].number == gas.event_info[turn.i].partner_number:
+            note_event(turn, run, partner, gas)
             remove_event(partner, run.bins, gas)
             collide(turn.i, partner, turn.t, run.tile, region, gas)
             turn.second, turn.n_searching = partner, 2
             pause_after(turn, run, gas)
     else:
+        note_event(turn, run, partner, gas)
         is_action = False
         if ti.static(gas.uses.actions):
             is_action = partner == OWN_ACTION
@@ -960,20 +1003,13 @@ def run_event(turn: ti.template(), run: ti.template(), region: ti.template(), ga
 
 
 @ti.func
-def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
-    """All events of a window in a region of n disks in the slots of its lane, which are prepared.
-
-    Own disks are written at requested moments, and, on a CPU, at the end; on a GPU a team does this, which has
-    predicted their first events too. A gas in one tile may pause at a moment, or after the last of so many collisions,
-    and continues when `resuming`.
-
-    `run` and `turn` are records: the functions above read and change them, and nothing else of this function.
-    """
+def begin_run(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
+    """Variables of the events of a window in a region of n disks, which functions of single events read and change."""
     window = gas.scale.window
     first_look = EVENTS_OF_A_LOOK
     if gas.grid.single_tile == 0 and gas.counter.stuck > 0:
         first_look = 0
-    run = ti.Struct(
+    return ti.Struct(
         n=n, n_bins=n_bins, tile=tile, resuming=resuming,
         # first slot, and first bin, of the lane; bins in a unit of time
         offset=region.lane * gas.grid.lane_slots, bins=region.lane * gas.grid.bins, rate=n_bins / window,
@@ -989,18 +1025,37 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         # `check_progress`; a tile that begins after another one was marked looks at once
         events=0, advanced=0, advanced_at=-1.0 - window, next_look=first_look,
     )  # fmt: skip
+
+
+@ti.func
+def begin_turn(run: ti.template()):
+    """Variables of a turn in a run: of one event, or of a look of a disk around itself."""
+    return ti.Struct(
+        i=EMPTY, t=run.window,  # the disk whose event comes, and when
+        n_searching=0, first=0, second=0, half=0, keeps=0, x_low=-1, x_high=1, y_low=-1, y_high=1,  # `predict`
+        all_search=0, stop=run.window, stopped=-1,  # for a piston, after an event of it
+        writing=-1, kicked=0,
+    )  # fmt: skip
+
+
+@ti.func
+def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
+    """All events of a window in a region of n disks in the slots of its lane, which are prepared.
+
+    Own disks are written at requested moments, and, on a CPU, at the end; on a GPU a team does this, which has
+    predicted their first events too. A gas in one tile may pause at a moment, or after the last of so many collisions,
+    and continues when `resuming`.
+
+    `run` and `turn` are records: the functions above read and change them, and nothing else of this function.
+    """
+    run = begin_run(n, n_bins, tile, resuming, region, gas)
     begin_queue(run, gas)
     if ti.static(gas.uses.forced):
         first_force(run, gas)
         expect_forces(run, gas)
     while run.active == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
-        turn = ti.Struct(
-            i=EMPTY, t=window,  # the disk whose event comes, and when
-            n_searching=0, first=0, second=0, half=0, keeps=0, x_low=-1, x_high=1, y_low=-1, y_high=1,  # `predict`
-            all_search=0, stop=window, stopped=-1,  # for a piston, after an event of it
-            writing=-1, kicked=0,
-        )  # fmt: skip
+        turn = begin_turn(run)
         if run.fresh < run.n:
             turn.first, turn.n_searching, turn.half, turn.x_low = run.offset + run.fresh, 1, 1, 0
             run.fresh += 1
@@ -1051,3 +1106,42 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         if gas.grid.single_tile == 1:
             gas.clock.next_kick = ti.cast(run.row, ti.f64)
     ti.atomic_add(gas.counter.n_events, run.events)
+
+
+@ti.func
+def repeat_events(n, tile, region: ti.template(), gas: ti.template()):
+    """Repeat the events of a window up to the last requested moment, as the trail of a tile has them, and write moments.
+
+    The n disks are prepared as for `run_events`, in the same slots. Events come in the same order, forces and moments
+    between them, and by the same functions: so bits are the same. None is searched for.
+    """
+    run = begin_run(n, 1, tile, 0, region, gas)
+    if ti.static(gas.uses.forced):
+        first_force(run, gas)
+        expect_forces(run, gas)
+    row = gas.tile[tile].first_row
+    while run.moment < FAR:
+        turn = begin_turn(run)
+        if row >= 0:
+            turn.i, turn.t = run.offset + (gas.trail[row].one & SLOT), gas.trail_time[row]
+        if ti.static(gas.uses.forced):
+            apply_forces(turn, run, region, gas)
+        if turn.kicked == 0:
+            check_moment(turn, run, gas)
+            if turn.writing >= 0:
+                write_here(turn, run, region, gas)
+            else:
+                expect_event(turn, run, gas.trail[row].other, gas)
+                run_event(turn, run, region, gas)
+                row = gas.trail[row].next
+
+
+@ti.func
+def expect_event(turn: ti.template(), run: ti.template(), other, gas: ti.template()):
+    """Set the next event of the disk in slot i as if it had been predicted: at t, with `other` of a trail."""
+    partner = other
+    if other >= 0:
+        partner += run.offset
+        gas.event_info[turn.i].partner_number = gas.event_info[partner].number
+    gas.event_info[turn.i].partner = partner
+    gas.motion[turn.i].t_hit, gas.motion[turn.i].t_leave = turn.t, FAR
