@@ -209,6 +209,7 @@ TILE = Columns(
     gathered="disks gathered",
     owned="1 for a tile of this rank, if there are several (`ifrdem/simulation/windows/ranks.py`)",
     mark="why a block of a GPU could not run it (`windows/blocks.py`), or 0",
+    first_row="first row of its trail, or -1", last_row="last row of it, or -1",
 )  # fmt: skip
 REACH = Columns(
     halo="width of its halo", excursion="bound on how far its own disks left its sides",
@@ -258,7 +259,8 @@ EVENT_INFO = Columns(
     partner="next partner: another slot, a wall, or none", cell="cell", number="collisions so far",
     partner_number="those of the partner when the next one was predicted",
     previous="previous disk in the list of its bin", next="next disk in the list of its bin",
-    next_in_cell="next disk in the list of its cell", last="latest partner in this window", id="number of the disk",
+    next_in_cell="word of the next disk in the list of its cell (`layout.MORE`), or -1",
+    last="latest partner in this window", id="number of the disk",
     own_rank="its rank among own disks, from 1 on, or minus that among copies",
     hash_1="first word of the hash of its history", hash_2="second word of it",
     max_speed_sq="upper half of the largest square of its speed", kind="number of its kind",
@@ -318,6 +320,11 @@ EVENT_INT = Columns(
 )  # fmt: skip
 # A collision of two disks.
 PAIR = Columns(tile="tile", id="smaller number of a disk", partner="larger number of a disk")
+# An event that changed a motion in a tile, also of copies. Slots are counted from the first one of the lane.
+TRAIL = Columns(
+    one="word of a disk, with OWN for a collision of two disks that the tile counts",
+    other="slot of its partner, or as `event_info.partner`", next="the tile's next row, or -1",
+)  # fmt: skip
 
 # ---------------------------------------------------------------------- of the whole gas
 
@@ -334,6 +341,7 @@ COUNTER = Columns(
     unverified="windows in which resting disks were not determined", jammed="disks that fell asleep at speed",
     n_pairs="rows of pairs", n_dense="tiles that need blocks with more room (`windows/blocks.py`)",
     n_marked="bad tiles that no block can run", written="moments that a gas which paused BY_WORK has written",
+    n_trail="rows of trails",
 )  # fmt: skip
 CLOCK = Columns(
     begin="begin of the window", end="end of the window", stop="time at which to stop",
@@ -362,11 +370,12 @@ GRID = Columns(
     single_tile="1 where one tile is the whole box", most_ghosts="room for ghost records",
     tiles_aside="whole tiles by which a row has moved on against the one below, in a sheared gas",
     boxes_aside="whole boxes by which it has", room="slots of a part",
-    watching="what is written down: TRACKED and PAIRS", most_events="room for rows of events",
+    watching="what is written down: TRACKED, PAIRS and TRAIL", most_events="room for rows of events",
     coarse="small cells along a large one", opaque_zero="a 0 that no compiler knows",
     stride="threads of a GPU for each tile's events, of which one works", moments="room for moments",
     most_pairs="room for rows of pairs",
     first_piston="the first piston among the rows of walls, or -1", blocks="blocks of a GPU that run tiles",
+    most_trail="room for rows of trails",
 )  # fmt: skip
 MOST_MOMENTS = 8
 SCALE = Columns(
@@ -538,6 +547,7 @@ TABLES: dict[str, Columns] = {
     "candidates": CANDIDATE, "loss": MECHANISM, "rest": REST, "contact": CONTACT,
     "cached_force": HELD,
     "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT, "pair": PAIR,
+    "trail": TRAIL,
     "counter": COUNTER, "clock": CLOCK, "grid": GRID, "scale": SCALE, "sums": TALLY, "total": TOTAL,
     "walls": WALL, "law": LAW,
     "totals": READOUT, "species_totals": SPECIES,
@@ -553,7 +563,8 @@ TYPES: dict[str, str] = {
     "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
     "near": U64, "near_image": U64, "image_list": I32, "dense": I32, "block_integers": I32, "block_reals": REAL,
     "block_sums": F64,
-    "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32, "kicks": F64, "force_values": F64,
+    "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32, "trail_time": REAL,
+    "trail": I32, "kicks": F64, "force_values": F64,
     "shares": REAL,
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""

@@ -4,8 +4,9 @@ A *slot* is an index in the list of a tile's disks. All that lasts from window t
 window's beginning and its end (0 and 1, which alternate), and requested moments in it (2 and more, as
 many as there is room for). Slots of part p begin at p * room.
 
-A moment is a time. That of a collision with a number follows from the times of all collisions in the window, which is
-then run again to write the moment.
+A moment is a time. That of a collision with a number follows from the times of all collisions in the window. Tiles of a
+CPU then repeat the events of the window, which they have written down (their *trail*), to write the moment; without
+trails the window is run again.
 
 Real numbers are f64, or f32 if a run requests it; sums and times of the run are f64 always (`columns.TYPES`).
 
@@ -32,6 +33,7 @@ tally                  (tiles,        sums over the window to its end, and to re
 ghost                  (ghosts,)      of copies of other tiles' disks: where they were listed, hash of the history here
 event, event_int       (events,)      collisions of tracked disks, and their ids
 pair_time, pair        (pairs,)       times of collisions of two disks, and their ids
+trail_time, trail      (events,)      events of a window in each tile, of copies too, linked in their order
 found                  (blocks, ...)  sums over BLOCK_OF_TILES tiles
 total                  (...)          the same over all
 watched                (n,)           1 for tracked disks, by id
@@ -59,14 +61,18 @@ from .columns import LEVELS
 SNAPSHOT = 2  # the part that holds the first requested moment
 BLOCK_OF_TILES = 128
 ELASTICALLY = 4  # of the regimes in the tally
+# Of a word that points to a disk: its slot. Added to it: in a list of a cell, if another disk follows in the list; in a
+# trail, if the tile counts the collision.
+SLOT, MORE, OWN = 2**30 - 1, 2**30, 2**30
 AT_END, AT_MOMENT = range(2)  # times of the tally: end of the window, first of the moments
 AWAKE, ASLEEP, WOKEN, ASLEEP_UNVERIFIED = range(4)  # ASLEEP_UNVERIFIED: given by a state
 # Why a gas in one tile has paused, besides at a time: for the number of collisions; for the length of the launch.
 BY_COUNT, BY_WORK = 2, 3
-FULL_SLOTS, FULL_CELLS, FULL_GHOSTS, FULL_WALLS, FULL_WATCHED, FULL_PAIRS = 1, 2, 4, 8, 16, 32
+FULL_SLOTS, FULL_CELLS, FULL_GHOSTS, FULL_WALLS, FULL_WATCHED, FULL_PAIRS, FULL_TRAIL = 1, 2, 4, 8, 16, 32, 64
 KICKED = -1  # in place of a partner, in rows of tracked disks: a force changed the motion
 BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
-PAIRS, TRACKED = 1, 2  # what is written down: the collisions of all pairs, and all that happens to some disks
+# What is written down: the collisions of all pairs; all that happens to some disks; what `replay` repeats.
+PAIRS, TRACKED, TRAIL = 1, 2, 4
 TEAM = 32  # threads of a GPU that share a tile
 BLOCK_SLOTS = 864  # disks of a tile and its halo that a block of a GPU has room for (`windows/blocks.py`)
 TOO_MANY = 8  # as `tile.mark`: the tile needs a block that runs dense tiles

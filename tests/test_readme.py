@@ -337,6 +337,26 @@ def test_from_file_to_figure_runs_as_shown(
 
 
 @pytest.mark.full
+def test_a_trajectory_is_analysed_on_a_cluster_as_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two processes of Dask, which open the file by themselves: the temperatures that the run has stored."""
+    monkeypatch.chdir(tmp_path)
+    small = ["species[0].number=300", "run.collisions_per_disk=4", "output.frames=25"]
+    assert (
+        cli.main(["run", "cooling", *(word for one in small for word in ("--set", one)), "--no-picture"]) == 0
+    )
+    here = block("on a cluster").replace(
+        "Client()", "Client(n_workers=2, threads_per_worker=1, dashboard_address=None)"
+    )
+    found: dict[str, Any] = {"__name__": "__main__"}
+    exec(compile(here, "cluster.md", "exec"), found)
+    assert len(found["data"].velocity.chunks[0]) == 3
+    with ifrdem.Trajectory("cooling.h5") as run:
+        np.testing.assert_allclose(found["temperature"], run.observables["temperature"], rtol=1e-6)
+
+
+@pytest.mark.full
 def test_profiles_and_fields_run_as_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

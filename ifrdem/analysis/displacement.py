@@ -18,6 +18,8 @@ from .common import LEVEL, BoxLike, MeanValue
 
 FAR = 0.2
 """Difference of the exponent of a displacement from 1 above which it is no diffusion, unless it is chance."""
+AT_A_TIME = 1024
+"""Disks whose transforms are in memory at a time: they take ten times the memory of their paths."""
 EVEN = 1e-3  # of the mean interval: how far intervals may differ where all origins are used
 
 
@@ -113,8 +115,9 @@ def unwrap(
                 f"times has shape {np.shape(times)}: must have a number for each of {len(x)} frames"
             )
         when = np.broadcast_to(np.asarray(times, dtype=float), len(x))
-        every = zip(x, np.asarray(image), when, strict=True)
-        return np.stack([box.unwrap(one, turns, float(t)) for one, turns, t in every])
+        for one, turns, t in zip(x, np.asarray(image), when, strict=True):
+            one[:] = box.unwrap(one, turns, float(t))
+        return x
     if box.shear_rate:
         raise InputError('paths in a sheared box need images: put "image" into output.fields of the case')
     step = box.minimum_image(np.diff(x, axis=0))
@@ -164,7 +167,10 @@ def _correlation(
     lag = _lags(times, origins, most)
     n, components, total, square = 0, 0, np.zeros(len(lag)), np.zeros((len(lag), len(lag)))
     for path in _parts(name, paths, len(np.asarray(times))):
-        found = values(path, len(lag))
+        found = np.empty((len(lag), path.shape[1]))
+        for first in range(0, path.shape[1], AT_A_TIME):
+            few = slice(first, first + AT_A_TIME)
+            found[:, few] = values(path[:, few], len(lag))
         n, components = n + path.shape[1], path.shape[2]
         total += found.sum(axis=1)
         square += found @ found.T

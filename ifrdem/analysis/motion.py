@@ -31,6 +31,9 @@ from .result import Columns, Evaluation, FramesFrom, Groups, Reading, all_frames
 from .steadiness import is_stationary, stationarity_warning
 from .window import is_driven, steady_frames
 
+AT_ONCE = 2_000_000
+"""Disks times frames of a field that are in memory at once."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Displacement(Brief):
@@ -132,8 +135,8 @@ def temperatures(trajectory: Trajectory, used: list[int]) -> Array | None:
 def _parts(
     trajectory: Trajectory, used: Sequence[int], name: str, ids: NDArray[np.intp] | None = None
 ) -> Iterator[Array]:
-    """Yield a field over all frames for some disks at a time: memory holds a few million numbers."""
-    size = max(1, 2_000_000 // len(used))
+    """Yield a field over all frames for some disks at a time: of as many as AT_ONCE allows."""
+    size = max(1, AT_ONCE // len(used))
     for first in range(0, trajectory.n, size):
         disks = slice(first, min(first + size, trajectory.n))
         own: slice | NDArray[np.intp] = slice(None)
@@ -143,8 +146,24 @@ def _parts(
                 continue
             disks = slice(int(wanted[0]), int(wanted[-1]) + 1)
             own = wanted - disks.start
-        found = [trajectory.read(name, (index, disks))[own] for index in used]
-        yield np.stack(found).astype(np.float64)
+        read = [trajectory.read(name, (some, disks))[:, own] for some in evenly_spaced(used)]
+        yield (read[0] if len(read) == 1 else np.concatenate(read)).astype(np.float64)
+
+
+def evenly_spaced(numbers: Sequence[int]) -> Iterator[slice]:
+    """Yield slices that give increasing numbers, one after another, each as many of them as are evenly spaced.
+
+    A read of many frames takes little longer than that of one, if it is of few disks.
+    """
+    first = 0
+    while first < len(numbers):
+        end, step = first + 1, 1
+        if end < len(numbers):
+            step = numbers[end] - numbers[first]
+        while end < len(numbers) and numbers[end] - numbers[end - 1] == step:
+            end += 1
+        yield slice(numbers[first], numbers[end - 1] + 1, step)
+        first = end
 
 
 def unwrapped(
@@ -225,7 +244,8 @@ def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     def paths(ids: NDArray[np.intp]) -> Iterator[Array]:
         for path in unwrapped(trajectory, used, ids):
             if moving:
-                path = path - (when - when[0])[:, None, None] * moving.velocity
+                for one, t in zip(path, when - when[0], strict=True):
+                    one -= t * moving.velocity
             yield path if axis is None else path[:, :, axis : axis + 1]
 
     results: dict[str, Displacement] = {}

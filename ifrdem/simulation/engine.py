@@ -11,7 +11,7 @@ state depend on the gas only: places are on a grid, so that all tiles compute th
 where the state at their beginning says. Any number of threads, any tiles, any halo that is verified, and the whole box
 in order give the same bits; so do frames, series, tracked disks and the ledger, which only look. A run that stops
 within a window changes no bit of what comes after: a gas in one tile pauses there, tiles store planned moments as
-they pass them, and run the window again only for those that were not predicted.
+they pass them, and repeat a window for others: by the events that they have written down, or on a GPU another run.
 Only changes from outside (a force that needs sums over all disks, a change by the user) end a window.
 
 Open space. Disks lie in tiles over what they fill, which have no end at its edge. Once they have spread they are

@@ -772,6 +772,22 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
             return np.dtype(layout.field_dataset(file, self.require(name)).dtype)
 
     @validated
+    def chunks(self, name: str) -> tuple[int, ...]:
+        """Shape of the chunks in which a field is stored.
+
+        Raises InputError as `require`.
+        """
+        of_disks = FIELDS[self.require(name)].tail
+        if self._parts is not None:
+            return (1, layout.chunk_disks(self.n), *of_disks)
+        with damage.as_damage_error(self.path, name):
+            return tuple(layout.field_dataset(self._opened(), self.require(name)).chunks or self.shape(name))
+
+    def __dask_tokenize__(self) -> tuple[str, int, int]:
+        """Mark of the content for Dask: the file, its number of frames, and the time of its last change."""
+        return str(self.path.resolve()), self._frames, self.path.stat().st_mtime_ns
+
+    @validated
     def dataset(self, name: str) -> h5py.Dataset:
         """The data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
 
@@ -855,12 +871,22 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         """
         return tables.to_pandas(self, which, index)
 
-    def to_xarray(self) -> xarray.Dataset:
+    def to_xarray(self, chunks: Mapping[str, int] | Literal["auto"] | None = None) -> xarray.Dataset:
         """Fields, observables and series with named axes; fields are read when computed with, from the open file.
 
-        Raises InputError if xarray is not installed.
+        Parameters
+        ----------
+        chunks : dict or "auto", optional
+            Divide the fields into arrays of Dask, which reads and computes one after another, or on a cluster, whose
+            processes open the file by its path: with so many frames and disks each, as `{"time": 10}`, or as many as
+            Dask takes ("auto"). Where a number is missing it is that of the chunks in the file, as for `{}`.
+
+        Raises
+        ------
+        InputError
+            If xarray, or for `chunks` dask, is not installed, or `chunks` are none.
         """
-        return tables.to_xarray(self)
+        return tables.to_xarray(self, chunks)
 
     @validated
     def plot(

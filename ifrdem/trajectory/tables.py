@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import importlib
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, install_extra
+from ..errors import InputError, NameMissing, install_extra, shortened, there_are
 from ..quantities import AXES, FIELDS, MECHANISMS, PISTON_SERIES, SERIES
 from ..tools import checked
 from .descriptions import unit_of_whole_gas
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 PER_DISK = "collisions_per_disk"
 WHICH = ("series", "observables", "frame")
+DIVIDED = ("time", "disk")
+"""Axes of fields that chunks divide."""
 
 
 def optional_import(package: str, extra: str) -> Any:
@@ -76,14 +78,38 @@ def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFram
     return pandas.DataFrame(table, index=pandas.Index(series.time, name="time"))
 
 
-def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
+def to_xarray(trajectory: Trajectory, chunks: Mapping[str, int] | str | None = None) -> xarray.Dataset:
     """Implement `Trajectory.to_xarray`."""
     xarray = optional_import("xarray", "analysis")
+    if chunks is None:
+        return _dataset(xarray, trajectory)
+    if isinstance(chunks, Mapping):
+        for axis, number in chunks.items():
+            if axis not in DIVIDED:
+                raise NameMissing(
+                    f"chunks: there is no axis {axis!r} of frames or disks{there_are(str(axis), DIVIDED)}"
+                )
+            checked.integer(f"chunks[{axis!r}]", number, 1)
+    elif not (isinstance(chunks, str) and chunks == "auto"):
+        raise InputError(f'chunks = {shortened(chunks)}: must be "auto", or numbers such as {{"time": 10}}')
+    optional_import("dask", "study")
+
+    class Engine(xarray.backends.BackendEntrypoint):  # type: ignore[name-defined,misc]
+        """Has xarray divide the fields, by chunks that they have in the file."""
+
+        def open_dataset(self, filename_or_obj: Any, *, drop_variables: Any = None) -> xarray.Dataset:
+            return _dataset(xarray, filename_or_obj)
+
+    return xarray.open_dataset(trajectory, engine=Engine, chunks=chunks)
+
+
+def _dataset(xarray: Any, trajectory: Trajectory) -> xarray.Dataset:
+    """Fields, observables and series with named axes."""
     data: dict[str, Any] = {}
     for name in trajectory.fields:
         inner = (FIELDS[name].along,) if FIELDS[name].along else ()
         dims = ("time", "disk", *inner)
-        data[name] = (dims, _lazy(xarray, trajectory, name))
+        data[name] = _lazy(xarray, trajectory, name, dims)
     for name in STATIC:
         data[name] = ("disk", getattr(trajectory.disks, name))
     coordinates: dict[str, Any] = {
@@ -226,8 +252,15 @@ def _axes(
     return tuple(f"{name}_{axis}" for axis in range(1, value.ndim))
 
 
-def _lazy(xarray: Any, trajectory: Trajectory, name: str) -> Any:
-    """A stored field that xarray reads when it needs it."""
+def _lazy(xarray: Any, trajectory: Trajectory, name: str, dims: tuple[str, ...]) -> Any:
+    """A stored field that xarray reads when it needs it, and its chunks in the file."""
+    found = xarray.Variable(dims, xarray.core.indexing.LazilyIndexedArray(_stored(trajectory, name)))
+    found.encoding["preferred_chunks"] = dict(zip(dims, trajectory.chunks(name), strict=True))
+    return found
+
+
+def _stored(trajectory: Trajectory, name: str) -> Any:
+    """A stored field as xarray reads it; in another process from the file that is opened there."""
     from xarray.backends import BackendArray
     from xarray.core import indexing
 
@@ -236,14 +269,15 @@ def _lazy(xarray: Any, trajectory: Trajectory, name: str) -> Any:
             self.shape = trajectory.shape(name)
             self.dtype = trajectory.dtype(name)
 
+        def __reduce__(self) -> Any:
+            return _stored, (trajectory, name)
+
         def __getitem__(self, key: Any) -> Any:
             return indexing.explicit_indexing_adapter(
                 key, self.shape, indexing.IndexingSupport.BASIC, lambda parts: trajectory.read(name, parts)
             )
 
-    return xarray.Variable(
-        ("time", "disk", "axis")[: len(trajectory.shape(name))], indexing.LazilyIndexedArray(Stored())
-    )
+    return Stored()
 
 
 def universe(trajectory: Trajectory) -> MDAnalysis.Universe:

@@ -22,8 +22,8 @@ from ..disks.force_times import action_time
 from ..disks.flights import bits_of, contact_delay, contact_signs, real_of, rounding
 from ..compiler.language import on_gpu, ti
 from ..layout import (
-    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, BY_WORK, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS, NO_PARTNER,
-    OWN_ACTION, PAIRS, TOO_LONG,
+    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, BY_WORK, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS,
+    FULL_TRAIL, MORE, NO_PARTNER, OWN, OWN_ACTION, PAIRS, SLOT, TOO_LONG, TRAIL,
 )  # fmt: skip
 from ..disks.particle import (
     add, charge, just_collided, kind_of, largest_speed, next_hash, note_speed, position_at, radius_of, speed_square,
@@ -33,13 +33,14 @@ from .rest import (
     count_hit, fall_asleep, in_falling_frame, is_support, is_wedged, set_at_rest, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
 from ..disks.stress import add_virial_of_pair
-from ..tiles.tiles import head_at, layer_of, note_extremes, scale_of, write
+from ..tiles.tiles import head_at, layer_of, note_extremes, scale_of, word_of, write
 from ..walls.cells import first_wall, other_image
 from ..walls.collision import hit_wall
 from ..walls.images import from_partner, wall_of
 from ..walls.pistons import bounce, meets_piston, next_stop
 
 EMPTY = -1  # of bins and cells
+NO_ROW = -1  # of a trail
 SEPARATING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
 RING = 16  # places for slots to come, of up to 9 cells; a power of two
 LEAST_ID = -(2**31)
@@ -168,13 +169,19 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
     layer = layer_of(i, gas)
     nx, ny, _factor = scale_of(layer, region, gas)
     cell = head_at(cx, cy, layer, region, gas)
-    k = gas.head[cell]
-    if k == i:
-        gas.head[cell] = info.next_in_cell
+    following = info.next_in_cell
+    back, before, k = EMPTY, EMPTY, gas.head[cell] & SLOT
+    while k != i:
+        back, before, k = before, k, gas.event_info[k].next_in_cell & SLOT
+    if before == EMPTY:
+        gas.head[cell] = following
     else:
-        while gas.event_info[k].next_in_cell != i:
-            k = gas.event_info[k].next_in_cell
-        gas.event_info[k].next_in_cell = info.next_in_cell
+        gas.event_info[before].next_in_cell = following
+        if following < 0:  # the one before is the last one now
+            if back == EMPTY:
+                gas.head[cell] = before
+            else:
+                gas.event_info[back].next_in_cell = before
     step_x, step_y = step_over(side)
     cx += step_x
     cy += step_y
@@ -193,7 +200,7 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
     info.cell = (cx << 16) + cy
     cell = head_at(cx, cy, layer, region, gas)
     info.next_in_cell = gas.head[cell]
-    gas.head[cell] = i
+    gas.head[cell] = word_of(i, info.next_in_cell)
 
 
 @ti.func
@@ -283,6 +290,46 @@ def write_pair(a: ti.template(), b: ti.template(), t: ti.template(), tile: ti.te
         gas.pair[row].id, gas.pair[row].partner = gas.event_info[a].id, gas.event_info[b].id
     else:
         ti.atomic_or(gas.counter.full, FULL_PAIRS)
+
+
+@ti.func
+def write_trail(turn: ti.template(), run: ti.template(), partner: ti.template(), gas: ti.template()):
+    """Write a row of `trail` for the event of the disk in slot i at t with a partner, behind those of the tile."""
+    row = ti.atomic_add(gas.counter.n_trail, 1)
+    if row < gas.grid.most_trail:
+        one, other = turn.i - run.offset, partner
+        if partner >= 0:
+            other -= run.offset
+            a = ti.select(gas.event_info[partner].id < gas.event_info[turn.i].id, partner, turn.i)
+            one += ti.select(gas.event_info[a].own_rank > 0, OWN, 0)
+        last = gas.tile[run.tile].last_row
+        if last < 0:
+            gas.tile[run.tile].first_row = row
+        else:
+            gas.trail[last].next = row
+        gas.tile[run.tile].last_row = row
+        gas.trail_time[row] = turn.t
+        gas.trail[row].one, gas.trail[row].other, gas.trail[row].next = one, other, NO_ROW
+    else:
+        ti.atomic_or(gas.counter.full, FULL_TRAIL)
+
+
+@ti.func
+def note_event(turn: ti.template(), run: ti.template(), partner: ti.template(), gas: ti.template()):
+    """Write down the event of the disk in slot i at t with a partner, before it happens, where trails are kept."""
+    if ti.static(not on_gpu()):
+        if (gas.grid.watching & TRAIL) > 0:
+            write_trail(turn, run, partner, gas)
+
+
+@ti.func
+def begin_trail(tile, gas: ti.template()):
+    """Begin the trail of a tile anew; where it runs again in a window, collisions on the old one do not count."""
+    row = gas.tile[tile].first_row
+    while row >= 0 and gas.counter.again == 1:
+        gas.trail[row].one &= SLOT
+        row = gas.trail[row].next
+    gas.tile[tile].first_row, gas.tile[tile].last_row = NO_ROW, NO_ROW
 
 
 @ti.func
@@ -521,6 +568,7 @@ def search_cells(
             if halved == 1 and column == own_x and row_of_cells == own_y:
                 j = info.next_in_cell
             while j >= 0:
+                j &= SLOT
                 following = gas.event_info[j].next_in_cell
                 if j != i:
                     start, rx, ry, ux, uy, sigma = separation(
@@ -576,9 +624,10 @@ def search_block(
 ):  # fmt: skip
     """Compare the disk in slot i with those in at most 3 x 3 cells, by one loop: only its end is hard to predict.
 
-    A ring holds the slots that are still to be compared: at first the head of each cell. One that is taken from it adds
-    the next in its cell, so it never holds more slots than there are cells. If cell (half_x, half_y) is among them, it
-    begins behind disk i, and its column there.
+    A ring holds the words of the disks that are still to be compared: at first the head of each cell. One that is taken
+    from it adds the next in its cell, so it never holds more than there are cells. Most cells hold one disk, whose word
+    says so: its `event_info` is not read. If cell (half_x, half_y) is among them, it begins behind disk i, and its column
+    there.
     """
     info, motion = gas.event_info[i], gas.motion[i]
     x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
@@ -600,11 +649,12 @@ def search_block(
         at += ny
     m = 0
     while m < end:
-        j = ring[m & (RING - 1)]
+        word = ring[m & (RING - 1)]
+        j = word & SLOT
         m += 1
-        following = gas.event_info[j].next_in_cell
-        ring[end & (RING - 1)] = following
-        end += (following >> 31) + 1
+        if word >= MORE:
+            ring[end & (RING - 1)] = gas.event_info[j].next_in_cell
+            end += 1
         # Of a disk and itself b = 0.
         start, rx, ry, ux, uy, sigma = separation(j, x, y, vx, vy, tau, radius, shift_x, shift_y, info, gas)
         signs = contact_signs(rx, ry, ux, uy, sigma, best - start)
@@ -935,11 +985,13 @@ def run_event(turn: ti.template(), run: ti.template(), region: ti.template(), ga
         cross_side(turn, region, gas)
     elif partner >= 0:
         if gas.event_info[partner].number == gas.event_info[turn.i].partner_number:
+            note_event(turn, run, partner, gas)
             remove_event(partner, run.bins, gas)
             collide(turn.i, partner, turn.t, run.tile, region, gas)
             turn.second, turn.n_searching = partner, 2
             pause_after(turn, run, gas)
     else:
+        note_event(turn, run, partner, gas)
         is_action = False
         if ti.static(gas.uses.actions):
             is_action = partner == OWN_ACTION
@@ -951,20 +1003,13 @@ def run_event(turn: ti.template(), run: ti.template(), region: ti.template(), ga
 
 
 @ti.func
-def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
-    """All events of a window in a region of n disks in the slots of its lane, which are prepared.
-
-    Own disks are written at requested moments, and, on a CPU, at the end; on a GPU a team does this, which has
-    predicted their first events too. A gas in one tile may pause at a moment, or after the last of so many collisions,
-    and continues when `resuming`.
-
-    `run` and `turn` are records: the functions above read and change them, and nothing else of this function.
-    """
+def begin_run(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
+    """Variables of the events of a window in a region of n disks, which functions of single events read and change."""
     window = gas.scale.window
     first_look = EVENTS_OF_A_LOOK
     if gas.grid.single_tile == 0 and gas.counter.stuck > 0:
         first_look = 0
-    run = ti.Struct(
+    return ti.Struct(
         n=n, n_bins=n_bins, tile=tile, resuming=resuming,
         # first slot, and first bin, of the lane; bins in a unit of time
         offset=region.lane * gas.grid.lane_slots, bins=region.lane * gas.grid.bins, rate=n_bins / window,
@@ -980,18 +1025,37 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         # `check_progress`; a tile that begins after another one was marked looks at once
         events=0, advanced=0, advanced_at=-1.0 - window, next_look=first_look,
     )  # fmt: skip
+
+
+@ti.func
+def begin_turn(run: ti.template()):
+    """Variables of a turn in a run: of one event, or of a look of a disk around itself."""
+    return ti.Struct(
+        i=EMPTY, t=run.window,  # the disk whose event comes, and when
+        n_searching=0, first=0, second=0, half=0, keeps=0, x_low=-1, x_high=1, y_low=-1, y_high=1,  # `predict`
+        all_search=0, stop=run.window, stopped=-1,  # for a piston, after an event of it
+        writing=-1, kicked=0,
+    )  # fmt: skip
+
+
+@ti.func
+def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
+    """All events of a window in a region of n disks in the slots of its lane, which are prepared.
+
+    Own disks are written at requested moments, and, on a CPU, at the end; on a GPU a team does this, which has
+    predicted their first events too. A gas in one tile may pause at a moment, or after the last of so many collisions,
+    and continues when `resuming`.
+
+    `run` and `turn` are records: the functions above read and change them, and nothing else of this function.
+    """
+    run = begin_run(n, n_bins, tile, resuming, region, gas)
     begin_queue(run, gas)
     if ti.static(gas.uses.forced):
         first_force(run, gas)
         expect_forces(run, gas)
     while run.active == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
-        turn = ti.Struct(
-            i=EMPTY, t=window,  # the disk whose event comes, and when
-            n_searching=0, first=0, second=0, half=0, keeps=0, x_low=-1, x_high=1, y_low=-1, y_high=1,  # `predict`
-            all_search=0, stop=window, stopped=-1,  # for a piston, after an event of it
-            writing=-1, kicked=0,
-        )  # fmt: skip
+        turn = begin_turn(run)
         if run.fresh < run.n:
             turn.first, turn.n_searching, turn.half, turn.x_low = run.offset + run.fresh, 1, 1, 0
             run.fresh += 1
@@ -1042,3 +1106,42 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         if gas.grid.single_tile == 1:
             gas.clock.next_kick = ti.cast(run.row, ti.f64)
     ti.atomic_add(gas.counter.n_events, run.events)
+
+
+@ti.func
+def repeat_events(n, tile, region: ti.template(), gas: ti.template()):
+    """Repeat the events of a window up to the last requested moment, as the trail of a tile has them, and write moments.
+
+    The n disks are prepared as for `run_events`, in the same slots. Events come in the same order, forces and moments
+    between them, and by the same functions: so bits are the same. None is searched for.
+    """
+    run = begin_run(n, 1, tile, 0, region, gas)
+    if ti.static(gas.uses.forced):
+        first_force(run, gas)
+        expect_forces(run, gas)
+    row = gas.tile[tile].first_row
+    while run.moment < FAR:
+        turn = begin_turn(run)
+        if row >= 0:
+            turn.i, turn.t = run.offset + (gas.trail[row].one & SLOT), gas.trail_time[row]
+        if ti.static(gas.uses.forced):
+            apply_forces(turn, run, region, gas)
+        if turn.kicked == 0:
+            check_moment(turn, run, gas)
+            if turn.writing >= 0:
+                write_here(turn, run, region, gas)
+            else:
+                expect_event(turn, run, gas.trail[row].other, gas)
+                run_event(turn, run, region, gas)
+                row = gas.trail[row].next
+
+
+@ti.func
+def expect_event(turn: ti.template(), run: ti.template(), other, gas: ti.template()):
+    """Set the next event of the disk in slot i as if it had been predicted: at t, with `other` of a trail."""
+    partner = other
+    if other >= 0:
+        partner += run.offset
+        gas.event_info[turn.i].partner_number = gas.event_info[partner].number
+    gas.event_info[turn.i].partner = partner
+    gas.motion[turn.i].t_hit, gas.motion[turn.i].t_leave = turn.t, FAR

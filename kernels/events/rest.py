@@ -56,7 +56,7 @@ from ..columns import FORCES, HELD, MECHANISM, TALLY
 from ..disks.flights import on_grid
 from ..compiler.language import ti
 from ..columns import CONTACTS_PER_DISK
-from ..layout import ASLEEP, ASLEEP_UNVERIFIED, AWAKE, FAR, NO_PARTNER, WOKEN
+from ..layout import ASLEEP, ASLEEP_UNVERIFIED, AWAKE, FAR, NO_PARTNER, SLOT, WOKEN
 from ..disks.particle import add, charge, kind_of, radius_of
 from ..walls.cells import cell_of
 from ..walls.images import as_partner, position_at, wall_of
@@ -311,6 +311,7 @@ def find_contacts(n, region: ti.template(), gas: ti.template()):
                     if step == 0:
                         j = info.next_in_cell
                 while j >= 0:
+                    j &= SLOT
                     if gas.rest[j].may_rest == 1:
                         dx = gas.motion[i].x - gas.motion[j].x - shift_x
                         dy = gas.motion[i].y - gas.motion[j].y - shift_y

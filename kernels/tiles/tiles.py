@@ -36,6 +36,7 @@ from ..layout import (
     FIRST_WALL,
     FULL_GHOSTS,
     HALO_DECAY,
+    MORE,
     NO_PARTNER,
     TEAM,
     SNAPSHOT,
@@ -473,6 +474,12 @@ def load_from(near, m, i, tile, region: ti.template(), gas: ti.template()):
 
 
 @ti.func
+def word_of(i, following):
+    """The word by which a list of a cell points to the disk in slot i, with the word that follows it or -1: `MORE`."""
+    return i + ti.select(following < 0, 0, MORE)
+
+
+@ti.func
 def link_cells(i, n, region: ti.template(), gas: ti.template()):
     """Link the disk in slot i, of n that are loaded, with the next one in its cell, or its cell with it."""
     offset = region.lane * gas.grid.lane_slots
@@ -481,12 +488,15 @@ def link_cells(i, n, region: ti.template(), gas: ti.template()):
     if i + 1 < offset + n:
         if gas.event_info[i + 1].cell == cell:
             following = i + 1
+            if i + 2 < offset + n:
+                if gas.event_info[i + 2].cell == cell:
+                    following += MORE
     gas.event_info[i].next_in_cell = following
     is_first = i == offset
     if not is_first:
         is_first = gas.event_info[i - 1].cell != cell
     if is_first:
-        gas.head[region.cells + (cell >> 16) * region.ny + (cell & 0xFFFF)] = i
+        gas.head[region.cells + (cell >> 16) * region.ny + (cell & 0xFFFF)] = word_of(i, following)
 
 
 @ti.func
@@ -503,7 +513,7 @@ def link_cells_of_layers(n, region: ti.template(), gas: ti.template()):
         info.cell = (cx << 16) + cy
         at = head_at(cx, cy, layer, region, gas)
         info.next_in_cell = gas.head[at]
-        gas.head[at] = i
+        gas.head[at] = word_of(i, info.next_in_cell)
 
 
 @ti.func

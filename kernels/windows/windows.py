@@ -1,7 +1,7 @@
 """Windows: all events for a short time, by tiles (`tiles/tiles.py`) or, in one tile that is the whole box, in order."""
 
 from ..columns import TALLY
-from ..events.events import MOST_EVENTS_OF_A_LAUNCH, predict, run_events
+from ..events.events import MOST_EVENTS_OF_A_LAUNCH, begin_trail, predict, repeat_events, run_events
 from ..compiler.language import on_gpu, spread_of_loops, ti
 from ..forces.force_events import first_horizon
 from ..layout import AT_END, BINS_PER_DISK, FULL_CELLS, FULL_SLOTS, TOO_LONG, TOO_MANY
@@ -63,6 +63,7 @@ def run_tile(tile, lane, gas: ti.template()):
     gas.counter.resuming = 0
     if resuming == 0:
         begin(tile, 0, 1, gas)
+        begin_trail(tile, gas)
         prepare(tile, lane, gas)
     if gas.counter.full == 0:
         region = region_of(tile, lane, gas)
@@ -223,7 +224,8 @@ WINDOW = Arrays(
     "uses grid scale clock sums counter disk meta past hits dissipated asleep held kind kinds history_hash "
     "displacement slot_before tile listed reach edge_x edge_y tally ghost motion event_info image_info "
     "action rest residual_acceleration contact cached_force candidates since turn loss head bin "
-    "wall_start wall_item walls law watched event event_int pair_time pair found total kicks shares force_values"
+    "wall_start wall_item walls law watched event event_int pair_time pair trail_time trail found total kicks shares "
+    "force_values"
 )
 
 
@@ -244,6 +246,28 @@ def run_windows(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, gas: WIND
     for item in range(spread * gas.grid.lanes):
         if item % spread == 0:
             run_lane(item // spread, n_listed, most_windows, gas)
+    sum_tiles(gas)
+
+
+@ti.func
+def repeat_tile(tile, lane, gas: ti.template()):
+    """Repeat the window of one tile, up to the last requested moment, with the halo that it had."""
+    begin(tile, 0, 1, gas)
+    prepare(tile, lane, gas)
+    repeat_events(gas.tile[tile].gathered, tile, region_of(tile, lane, gas), gas)
+
+
+@kernel
+def replay(n_listed: ti.i32, gas: WINDOW):
+    """States at moments of a window that `run_windows` has run with trails, and sums over tiles up to them."""
+    spread = ti.static(spread_of_loops())
+    for item in range(spread * gas.grid.lanes):
+        round_products(gas)
+        if item % spread == 0:
+            k = ti.atomic_add(gas.counter.next_tile, 1)
+            while k < n_listed:
+                repeat_tile(tile_of(k, gas), item // spread, gas)
+                k = ti.atomic_add(gas.counter.next_tile, 1)
     sum_tiles(gas)
 
 

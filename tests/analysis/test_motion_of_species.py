@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,40 @@ def test_line_of_a_free_flight_is_drawn_where_it_is_positive(tmp_path: Path) -> 
     assert len(t) > 2
     assert y.min() > 0.0
     assert t[0] > fit.lags[0]
+
+
+@pytest.mark.parametrize(
+    ("frames", "slices"),
+    [
+        ([0, 1, 2, 3], [slice(0, 4, 1)]),
+        ([1, 4, 7], [slice(1, 8, 3)]),
+        ([5], [slice(5, 6, 1)]),
+        ([0, 1, 2, 10, 20, 30, 31], [slice(0, 3, 1), slice(10, 31, 10), slice(31, 32, 1)]),
+    ],
+)
+def test_frames_are_read_together_where_they_are_evenly_spaced(
+    frames: list[int], slices: list[slice], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert list(motion.evenly_spaced(frames)) == slices
+    monkeypatch.setattr(motion, "AT_ONCE", 250 * len(frames))
+    ids = np.array([3, 4, 200, 260, 599])
+    with walk(tmp_path / "a.h5") as run:
+        parts = list(motion._parts(run, frames, "velocity", ids))
+        expected = [run[i].velocity[ids] for i in frames]
+    assert [part.shape[1] for part in parts] == [3, 1, 1]
+    np.testing.assert_array_equal(np.concatenate(parts, axis=1), expected)
+
+
+def test_transforms_of_many_disks_take_little_more_memory_than_their_paths() -> None:
+    """Of all disks at a time they took ten times as much."""
+    path = np.random.default_rng(1).normal(size=(60, 16_000, 2))
+    tracemalloc.start()
+    try:
+        analysis.mean_square_displacement(np.arange(60.0), path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 2.0 * path.nbytes
 
 
 def test_diffusion_of_each_species(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from support.scene import Scene
 
 from ifrdem.kernels import columns
 from ifrdem.kernels.columns import GHOST_STEP
-from ifrdem.kernels.layout import NO_PARTNER, Uses
+from ifrdem.kernels.layout import MORE, NO_PARTNER, Uses
 from ifrdem.simulation import backend
 
 Array = NDArray[np.float64]
@@ -178,7 +178,8 @@ def test_disks_find_their_first_partners_across_all_sides_of_a_box() -> None:
         info.cell = (cells[:, 0] << 16) + cells[:, 1]
         scene.head[:] = -1
         for i, at in enumerate(cells @ [count, 1]):
-            info.next_in_cell[i], scene.head[count**2 + at] = scene.head[count**2 + at], i
+            following = scene.head[count**2 + at]
+            info.next_in_cell[i], scene.head[count**2 + at] = following, i + MORE * (following >= 0)
         times, partners = np.zeros((n, 4)), np.zeros((n, 4))
         names = "uses grid scale reach edge_x edge_y kinds motion event_info head"
         scene.call(search, PLAIN, names, times, partners)

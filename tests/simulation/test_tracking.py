@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from support.bounds import check_bounds
@@ -10,7 +12,7 @@ from support.gases import equal_disks, mixture, start
 from ifrdem import VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.forces import RandomKicks, SpinKicks
+from ifrdem.model.forces import PoissonKicks, RandomKicks, Rescale, SpinKicks
 from ifrdem.model.laws.collision import collide
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
@@ -231,6 +233,55 @@ def test_a_change_leaves_no_events_of_the_motion_before_it(tmp_path, alone, chan
             met.append(np.count_nonzero(rows["partner"] != KICK))
             assert met[-1] == end.collisions[disk] - begin.collisions[disk]
         assert (sum(met) > 0) == (change != "rest")
+
+
+def paused_at_will(gas: Simulation, end: float, path: Path) -> tuple[Simulation, list[Events]]:
+    """A gas that stops some forty times on the way, at times and after numbers of collisions; half-way, from a file.
+
+    Each time it has room for three rows of events, so that windows with more begin again. Events are taken in parts.
+    """
+    rng, taken = np.random.default_rng(3), []
+    while gas.time < end:
+        gas._engine.arrays.events(3)
+        if gas.time < 0.8 * end and rng.random() < 0.4:
+            gas.run_for(collisions_per_disk=2.0 * float(rng.integers(1, 4)) / gas.disks.n)
+        else:
+            gas.run(t_end=min(gas.time + float(rng.uniform(0.0, 0.05)), end))
+        if rng.random() < 0.5:
+            taken.append(gas.take_events())
+        if gas.time > 0.5 * end and not path.exists():
+            taken.append(gas.take_events())
+            gas.save_checkpoint(path)
+            gas = Simulation.from_checkpoint(path)
+    return gas, [*taken, gas.take_events()]
+
+
+@pytest.mark.full(keep=1)
+@pytest.mark.parametrize("between", [False, True])
+def test_pauses_change_no_byte_of_histories(tmp_path, between):
+    """A gas in one tile pauses within windows whatever is tracked: events and states are those of one run to the end.
+
+    Forces act on all disks within windows; then also on single ones there, and on all between windows.
+    """
+    disks, (box, state) = two_kinds(40), between_walls()
+    walls = [Wall.line((0.0, y), (0.0, up)) for y, up in ((0.3, 1.0), (7.3, -1.0))]
+    forces = [RandomKicks(0.1, power=1.0), SpinKicks(0.07, power=1.0)]
+    forces += [PoissonKicks(3.0, power=0.5), Rescale(0.13, energy=1.5)] if between else []
+
+    def made() -> Simulation:
+        return Simulation(
+            disks, box, COIN, state, histories=range(0, 40, 3), seed=4, forces=forces, record=["last_partner"],
+            walls=walls,
+        )  # fmt: skip
+
+    whole = made()
+    whole.run(t_end=1.5)
+    stopped, taken = paused_at_will(made(), 1.5, tmp_path / "a.h5")
+    for name, column in whole.take_events().columns().items():
+        np.testing.assert_array_equal(np.concatenate([each.columns()[name] for each in taken]), column, name)
+    assert np.count_nonzero([len(each) for each in taken]) > 5
+    for name in ("position", "image", "velocity", "spin", "collisions", "wall_collisions", "last_partner"):
+        np.testing.assert_array_equal(getattr(stopped.state, name), getattr(whole.state, name), name)
 
 
 def test_what_cannot_be_tracked_is_refused():

@@ -118,6 +118,28 @@ def test_tables_hold_every_column(tmp_path):
             trajectory.to_pandas("frame", 3)
 
 
+def test_chunks_of_a_data_set_are_those_of_the_file_and_go_to_other_processes(tmp_path):
+    """A chunk of the file has one frame. Processes of Dask read from files that they open: here a copy by pickle."""
+    write(tmp_path / "run.h5", n=6, frames=4)
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        assert trajectory.chunks("position") == (1, 6, 2)
+        whole, copied = trajectory.to_xarray(), pickle.loads(pickle.dumps(trajectory.to_xarray(chunks={})))
+        assert copied.position.chunks == ((1, 1, 1, 1), (6,), (2,))
+        assert trajectory.to_xarray(chunks={"time": 3}).velocity.chunks == ((3, 1), (6,), (2,))
+        assert trajectory.to_xarray(chunks="auto").velocity.chunks == ((4,), (6,), (2,))
+        for given, text in (
+            ({"frame": 1}, r"chunks: there is no axis 'frame' of frames or disks; there are time, disk"),
+            ({"time": 0}, r"chunks\['time'\] = 0: must be an integer from 1"),
+            ("all", r'chunks = \'all\': must be "auto", or numbers such as'),
+            (3, r"chunks = 3: must be"),
+        ):
+            with pytest.raises(InputError, match=text):
+                trajectory.to_xarray(chunks=given)
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        np.testing.assert_array_equal(copied.velocity, trajectory.to_xarray().velocity)
+    assert whole.position.chunks is None
+
+
 def test_data_sets_of_xarray_are_lazy_and_equal_the_frames(tmp_path, monkeypatch):
     from ifrdem.trajectory import damage
 

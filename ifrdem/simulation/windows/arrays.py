@@ -103,6 +103,8 @@ class DeviceArrays:
     event_int: Any
     pair_time: Any
     pair: Any
+    trail_time: Any
+    trail: Any
     found: Any
     blocks: Any
 
@@ -155,6 +157,7 @@ class DeviceArrays:
         self.make_ghosts(0)
         self.events(0)
         self.make_pairs(0)
+        self.make_trail(0)
         self.kicks: Any
         self.force_values: Any
         self.set_kicks(np.full((1, KICK.width), k.FAR))
@@ -322,6 +325,18 @@ class DeviceArrays:
         self.grid.most_pairs = most
         self.make("pair_time", most)
         self.make("pair", most)
+
+    @property
+    def keeps_trail(self) -> bool:
+        """True if moments of a window are found by its trail, rather than by another run of it."""
+        return not (self.on_gpu or self.single_tile or self._low_memory)
+
+    def make_trail(self, most: int) -> None:
+        """Make room for so many recorded events in tiles."""
+        self._check_addresses(most)
+        self.grid.most_trail = most
+        self.make("trail_time", most)
+        self.make("trail", most)
 
     # ------------------------------------------------------------------ tiles
 

@@ -112,6 +112,10 @@ class Domain:
         """
         runner.run_all(most, pausing=pausing, resuming=resuming)
 
+    def replay(self, runner: TileRunner) -> None:
+        """Repeat the present window by the trails of all tiles, and write its requested moments."""
+        runner.replay()
+
     def run_bad(self, runner: TileRunner) -> None:
         """Run the bad tiles of the window again with wider halos, and verify all."""
         runner.run_bad()

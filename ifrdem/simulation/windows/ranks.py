@@ -541,6 +541,12 @@ class RankDomain(Domain):
             self.exchange_hashes(again=False)
             self._verify(runner)
 
+    def replay(self, runner: TileRunner) -> None:
+        """As on one rank, of own tiles: what was fetched for the window is still there."""
+        with self._timed():
+            self._run_on_all(runner.replay)
+            self.share()
+
     def run_bad(self, runner: TileRunner) -> None:
         """As on one rank; all tiles begin again where bad ones need more of the ring than was fetched."""
         with self._timed():

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from ...errors import EngineError, InelasticCollapse
 from ...kernels import layout as k
-from ...kernels.columns import TOTAL
+from ...kernels.columns import TOTAL, named
 from ...kernels.compiler.language import to_numpy
-from ...kernels.events.events import LEAST_ADVANCE, LONG, LONG_OF_A_DISK
+from ...kernels.events.events import LEAST_ADVANCE, LONG, LONG_OF_A_DISK, NO_ROW
 from ...kernels.windows.blocks import run_dense_tiles, run_windows_by_blocks
-from ...kernels.windows.windows import run_windows, run_windows_on_gpu, verify
+from ...kernels.windows.windows import replay, run_windows, run_windows_on_gpu, verify
 from .. import backend
 from ..measuring.tracking import Statistics
 from ..measuring.window_log import WindowLog
@@ -31,8 +31,8 @@ class WindowTooLong(Exception):
     """No halo is wide enough for the window of a sheared gas, whose box one thread cannot run in order."""
 
 
-class _GhostsDidNotFit(Exception):
-    """Ghost records of tiles that were run again did not fit: all tiles have to be run again."""
+class _DidNotFit(Exception):
+    """Ghost records or trails of tiles that were run again did not fit: all tiles have to be run again."""
 
 
 class TileRunner:
@@ -53,6 +53,8 @@ class TileRunner:
         True if a disk came to rest on a wall.
     stopped_early : bool
         True if a gas in one tile has paused before the requested moment, as a stop was asked for.
+    has_trail : bool
+        True if tiles know the events of the window that was run last (`replay`).
     """
 
     def __init__(self, arrays: DeviceArrays, statistics: Statistics) -> None:
@@ -63,7 +65,8 @@ class TileRunner:
         self.forces: ForceSteps | None = None
         self.rests: bool = False
         self.stopped_early: bool = False
-        self._n_ghosts = 0  # ghost records of the tiles that ran last
+        self.has_trail = False
+        self._n_ghosts = self._n_trail = 0  # ghost records, and rows of trails, of the tiles that ran last
         self.n_marked = 0
         self._dense = False  # some tiles have more disks than most blocks have room for
 
@@ -83,21 +86,35 @@ class TileRunner:
             if again:
                 self.clear()
                 self._n_ghosts = 0
+                with a.written("tile") as (tile,):
+                    named(tile, "tile").first_row = NO_ROW
             if again or a.uses.ranks or not (a.on_gpu or a.single_tile):
                 self.select(a.costliest_first)
             try:
                 return self.launch(len(a.own), most, again=again, pausing=pausing, resuming=resuming)
-            except _GhostsDidNotFit:
+            except _DidNotFit:
                 continue
 
+    def replay(self) -> None:
+        """Repeat the window by the trails of its tiles, up to the last requested moment, and write all of these."""
+        a = self.arrays
+        self.select(a.costliest_first)
+        a.counter.array[:] = 0
+        a.counter.again = 1  # with the lists and halos that tiles have
+        a.launch(replay, len(a.own))
+        if a.counter.full:
+            raise EngineError(
+                f"t = {float(a.clock.begin):.9g}: there is no room to repeat a window; please report this"
+            )
+
     def run_bad(self) -> None:
-        """Run the bad tiles again with wider halos; all tiles where ghost records did not fit."""
+        """Run the bad tiles again with wider halos; all tiles where ghost records or trails did not fit."""
         if not self.n_bad:
             self.arrays.counter.array[:] = 0
             return
         try:
             self.launch(self.n_bad, again=True)
-        except _GhostsDidNotFit:
+        except _DidNotFit:
             self.run_all(again=True)
 
     def run_until_good(self) -> None:
@@ -152,6 +169,15 @@ class TileRunner:
         if watching & k.PAIRS:
             self.pairs.take(a, int(a.counter.n_pairs))
 
+    def times(self) -> NDArray[np.floating[Any]]:
+        """Times of the collisions of two disks that tiles have written down in the window [time], in any order."""
+        a = self.arrays
+        if not a.grid.watching & k.TRAIL:
+            return self.pairs.rows()[0]
+        words = named(a.values("trail"), "trail").one[: self._n_trail]
+        found: NDArray[np.floating[Any]] = a.values("trail_time")[: self._n_trail][words >= k.OWN]
+        return found
+
     def clear(self) -> None:
         """Drop all recorded rows, before all tiles run again."""
         watching = self.arrays.grid.watching
@@ -159,6 +185,8 @@ class TileRunner:
             self.events.clear()
         if watching & k.PAIRS:
             self.pairs.clear()
+        if watching & k.TRAIL:
+            self._n_trail = 0
 
     def _drop(self, tiles: NDArray[np.int32]) -> None:
         """Drop the recorded rows of these tiles."""
@@ -195,12 +223,13 @@ class TileRunner:
             a.counter.again, a.counter.pausing, a.counter.resuming = again, pausing, resuming
             a.counter.resting = int(resuming and self.rests)
             if again:
-                a.counter.n_ghosts = self._n_ghosts
+                a.counter.n_ghosts, a.counter.n_trail = self._n_ghosts, self._n_trail
             a.sums[:] = sums  # one window after another, so that sums do not depend on launches
             self._call_kernels(tiles, most)
             if a.counter.paused == k.BY_WORK:
                 self._work_on(tiles, most)
-            self._n_ghosts = int(a.counter.n_ghosts)
+            self._n_ghosts, self._n_trail = int(a.counter.n_ghosts), int(a.counter.n_trail)
+            self.has_trail = bool(a.grid.watching & k.TRAIL) and not a.grid.single_tile
             self._check_progress()
             self.n_bad, self.n_marked = int(a.counter.n_bad), int(a.counter.n_marked)
             if not a.counter.full:
@@ -299,8 +328,10 @@ class TileRunner:
             a.make_pairs(int(more * a.counter.n_pairs) + 64)
         if full & k.FULL_GHOSTS:
             a.make_ghosts(int(more * self._n_ghosts) + 64)
-            if again:
-                raise _GhostsDidNotFit
+        if full & k.FULL_TRAIL:
+            a.make_trail(int(more * self._n_trail) + 64)
+        if again and full & (k.FULL_GHOSTS | k.FULL_TRAIL):
+            raise _DidNotFit
         if full & k.FULL_WATCHED:
             a.events(2 * int(a.counter.n_watched) + 64)
         if full & (k.FULL_SLOTS | k.FULL_CELLS | k.FULL_WALLS):

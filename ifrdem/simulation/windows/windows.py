@@ -90,7 +90,7 @@ class Watched:
     Attributes
     ----------
     kinds : int
-        Of which collisions: TRACKED, PAIRS or both (`kernels.layout`).
+        Of which collisions: TRACKED, PAIRS, TRAIL (`kernels.layout`), or several of them.
     fresh : bool
         True if it has just been run, and what was written down of tracked disks is new.
     reached, told : float
@@ -219,6 +219,7 @@ class Windows:
         """Add up more or fewer quantities from now on: the motion stays the same."""
         inside, sums = self.inside, self.sums
         self.arrays.uses = uses
+        self.runner.has_trail = False  # sums to the window's end change, too
         if inside:
             self._compute_moments([self._moment])
             self._sums.before += sums - self.sums
@@ -300,6 +301,7 @@ class Windows:
     def _forget(self) -> None:
         """Forget the moments of a window, and what was written down, as another one begins."""
         self.watched, self._moments, self._moment = Watched(), [], 0.0
+        self.runner.has_trail = False
 
     def snapshot(self) -> dict[str, NDArray[np.float64]]:
         """State of the windows, between two of them or within one."""
@@ -431,7 +433,7 @@ class Windows:
             moments = self.plan_snapshots(self.now)
         a.clock.stop, a.clock.wanted = until
         if not (pausing or a.on_gpu) and self._nears_count():
-            watching, most = watching | k.PAIRS, 1
+            watching, most = watching | self._timing, 1
         if self.state is CUT:  # what has been written down stays
             watching &= ~self.watched.kinds
         if a.keeps_moments or a.on_gpu or watching or math.isfinite(wanted) or stop >= self.end:
@@ -461,6 +463,11 @@ class Windows:
             if self.state is AT_END:
                 self._to(INSIDE)
 
+    @property
+    def _timing(self) -> int:
+        """What is written down to know the times of all collisions in a window."""
+        return k.TRAIL if self.arrays.keeps_trail else k.PAIRS
+
     def _nears_count(self) -> bool:
         """True if the present window may have a collision of a requested number; makes room for them all."""
         a, done = self.arrays, self._sums.before[TALLY.collisions]
@@ -468,7 +475,9 @@ class Windows:
         if not any(done < count <= done + most for _, count in self._requested):
             return False
         room = int(most * a.domain.n_here(int(a.grid.part)) / a.n)
-        if a.grid.most_pairs < room:
+        if a.keeps_trail and a.grid.most_trail < room:  # copies write rows too, some 0.3 for each collision
+            a.make_trail(room)
+        elif not a.keeps_trail and a.grid.most_pairs < room:
             a.make_pairs(room)
         return True
 
@@ -509,6 +518,9 @@ class Windows:
         and contact times, which `model.rules` refuses.
         """
         a = self.arrays
+        if self.runner.has_trail:
+            self._replay(moments)
+            return
         if a.keeps_moments:
             self._compute(moments, 1, 0)
             return
@@ -533,7 +545,7 @@ class Windows:
         if count <= 0:
             return 0.0
         if self.watched.times is None:
-            self._compute([], 1, k.PAIRS)
+            self._compute([], 1, self._timing)
         return self._times_of([count])[0]
 
     def _times_of(self, counts: Sequence[int]) -> list[float]:
@@ -570,14 +582,10 @@ class Windows:
             watching |= self.watched.kinds & k.TRACKED
         begin, again = self.begin, self.state is not PLANNED
         self.watched.kinds = watching | (self.watched.kinds if again else 0)
-        a.scale.moment = k.FAR
-        a.scale.moment[: len(moments)] = moments
-        a.grid.watching = watching
+        self._request(moments, watching)
         runner.clear()
         self.watched.fresh |= bool(watching & k.TRACKED)
         alone = a.grid.single_tile = int(a.single_tile)
-        if a.uses.shear:
-            a.displace_rows(begin)
         runner.rests = runner.rests and resuming
         a.sums[:] = self._sums.before
         self.domain.run(runner, most, pausing=pausing, resuming=resuming)
@@ -615,15 +623,37 @@ class Windows:
             if not self._paused_elsewhere:
                 moment_time = float(a.clock.stop) - self.begin if moment_time < k.FAR else k.FAR
             moments = [moment_time] if moment_time < k.FAR else []
-        self._moments = [Moment(each, self._tally(k.AT_MOMENT + m)) for m, each in enumerate(moments)]
-        if watching & k.PAIRS:
-            self.watched.times = None if pausing else np.sort(runner.pairs.rows()[0].astype(np.float64))
+        self._take_moments(moments)
+        if watching & (k.PAIRS | k.TRAIL):
+            self.watched.times = None if pausing else np.sort(runner.times().astype(np.float64))
         if a.counter.paused:
             self._to(PAUSED)
         elif self.state is PLANNED:
             self._to(AT_END)
         elif self.state in (PAUSED, CUT):
             self._to(INSIDE)
+
+    def _replay(self, moments: list[float]) -> None:
+        """Write moments of the window by its trail; what was added up to its end stays."""
+        a, to_end = self.arrays, slice(TOTAL.width + self.arrays.columns)
+        tally, total = a.values("tally")[:, k.AT_END].copy(), a.total[to_end].copy()
+        self._request(moments, 0)
+        self.domain.replay(self.runner)
+        a.values("tally")[:, k.AT_END], a.total[to_end] = tally, total
+        self._take_moments(moments)
+
+    def _request(self, moments: list[float], watching: int) -> None:
+        """Have kernels write moments of the present window, and what is watched."""
+        a = self.arrays
+        a.scale.moment = k.FAR
+        a.scale.moment[: len(moments)] = moments
+        a.grid.watching = watching
+        if a.uses.shear:
+            a.displace_rows(self.begin)
+
+    def _take_moments(self, moments: list[float]) -> None:
+        """Take the sums up to moments that kernels have written."""
+        self._moments = [Moment(each, self._tally(k.AT_MOMENT + m)) for m, each in enumerate(moments)]
 
     @property
     def _paused_elsewhere(self) -> bool:

@@ -92,11 +92,13 @@ def with_piston() -> Engine:
     )
 
 
-def in_shear() -> Engine:
+def in_shear(**options: Any) -> Engine:
     disks = mixture(700)
     box, state = sheared(disks, 0.3, rate=0.4)
     forces = [Drag(0.05, rate=0.2), RandomKicks(0.05, power=0.5)]
-    return engine_of(disks, box, state, np.array([[COIN]]), forces=forces, seed=3, record=["ledger"])
+    return engine_of(
+        disks, box, state, np.array([[COIN]]), forces=forces, seed=3, record=["ledger"], **options
+    )
 
 
 CASES: dict[str, Make] = {
