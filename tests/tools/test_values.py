@@ -123,7 +123,7 @@ NUMBERS = st.one_of(st.floats(), st.floats(0.0, 2.0), st.integers(), st.integers
 
 
 @given(st.sampled_from(("speed", "ratio", "rate", "spin", "part", "number")), NUMBERS)
-@examples(100)
+@examples(30)
 def test_all_doors_take_the_same_numbers(name: str, value: float) -> None:
     """A number that one of them takes, the others take as the same; what one refuses, all refuse."""
     answers: list[Any] = []
