@@ -28,6 +28,7 @@ from ifrdem.model.state import State
 from ifrdem.runs import run
 from ifrdem.runs.recorder import Recorder
 from ifrdem.runs.signals import Stops
+from ifrdem.simulation import backend
 from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.windows.runner import TileRunner
@@ -39,6 +40,7 @@ CASE = """
 [run]
 name = "gas"
 seed = 3
+threads = 1
 t_end = 2.0
 units = "reduced"
 
@@ -107,6 +109,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "gas.toml",
         "gas.vtkhdf",
     ]
+    backend.stop()  # stores the kernels, which processes below load
     return folder / "gas.h5"
 
 
