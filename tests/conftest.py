@@ -34,13 +34,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Without `--full` gases run on one thread unless a test says otherwise: kernels are compiled for a number of threads.
+    """Gases run on one thread unless a test says otherwise: kernels are compiled for a number of threads.
 
     With that of the cores, each test that asks for one thread would restart the runtime and compile its own kernels.
     """
     runtime.choose(config.getoption("--runtime"), "--runtime")
-    if not config.getoption("--full"):
-        backend.limit_threads(1)
+    backend.limit_threads(1)
 
 
 @pytest.hookimpl(tryfirst=True)
