@@ -45,14 +45,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Without `--full` gases run on one thread unless a test says otherwise: kernels are compiled for a number of threads.
+    """Gases run on one thread unless a test says otherwise: kernels are compiled for a number of threads.
 
     With that of the cores, each test that asks for one thread would restart the runtime and compile its own kernels.
     """
     runtime.choose(config.getoption("--runtime"), "--runtime")
     settings.load_profile("full" if config.getoption("--full") else "default run")
-    if not config.getoption("--full"):
-        backend.limit_threads(1)
+    backend.limit_threads(1)
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -190,6 +190,11 @@ def limit_threads(most: int) -> None:
     _most_threads = most
 
 
+def usual_threads() -> int:
+    """Threads of what is started without a number of them."""
+    return min(cores(), _most_threads or cores())
+
+
 def memory_available() -> int | None:
     """Bytes of memory that a process could still take, or None if the system does not report it.
 
@@ -473,7 +478,7 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     check_process()
     device = Device.of(device)
     check(device)
-    threads = device.threads or min(cores(), _most_threads or cores())
+    threads = device.threads or usual_threads()
     settings = Running(device.name, threads, device.precision, profile)
     from ..kernels.compiler.language import program, ti
 

@@ -438,7 +438,9 @@ class Study:
         if cluster.kind is not None or cluster.scheduler is not None:
             return cluster.jobs, 1
         count = min(cores, self.runs) if cluster.workers is None else cluster.workers
-        return count, max(1, cores // max(count, 1)) if count <= self.runs < cores or count == 0 else 1
+        if count == 0:
+            return 0, backend.usual_threads()
+        return count, max(1, cores // count) if count <= self.runs < cores else 1
 
     def _work(self, missing: list[Task], cluster: ClusterSection, log: Callable[[str], None]) -> workers.Done:
         processes, threads = self._processes(cluster)

@@ -29,6 +29,7 @@ from ifrdem.model.state import State
 from ifrdem.runs import run
 from ifrdem.runs.recorder import Recorder
 from ifrdem.runs.signals import Stops
+from ifrdem.simulation import backend
 from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.windows.runner import TileRunner
@@ -82,6 +83,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "gas.toml",
         "gas.vtkhdf",
     ]
+    backend.stop()  # stores the kernels, which processes below load
     return folder / "gas.h5"
 
 

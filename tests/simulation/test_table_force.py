@@ -16,6 +16,7 @@ from ifrdem.model.forces import Drag, RandomKicks, TableFriction
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
+from ifrdem.simulation import backend
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.paper import table_reference
 from ifrdem.validation.rows import engine_of
@@ -179,7 +180,7 @@ def test_threads_orders_and_precisions_agree() -> None:
     # Another number of threads, or precision, restarts Taichi.
     alone, two, one, single = (
         end("serial"),
-        end("tiled"),
+        end("tiled", device=Device(threads=min(2, backend.cores()))),
         end("tiled", device=Device(threads=1)),
         end("serial", device=Device(precision="f32")),
     )

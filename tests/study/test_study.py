@@ -28,6 +28,7 @@ from support.worker_calls import quick_tasks
 import ifrdem
 from ifrdem.cli import main as cli
 from ifrdem.errors import DamageError, DamageWarning, InputError
+from ifrdem.simulation import backend
 from ifrdem.study import task
 from ifrdem.study.figure import draw
 from ifrdem.study.plan import ClusterSection
@@ -294,6 +295,16 @@ def test_analyses_of_runs_take_time(toml, tmp_path):
         seconds.append(ifrdem.Study(file).seconds)
     assert 5.0 < seconds[0] < 15.0
     assert 25.0 < seconds[1] < 100.0
+
+
+def test_runs_in_this_process_take_the_threads_of_gases_without_a_number(
+    toml: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They took all cores, also in a process that was to leave some to others."""
+    study = ifrdem.Study(toml, vary=[VARY])
+    for limit, threads in ((1, 1), (None, backend.cores())):
+        monkeypatch.setattr(backend, "_most_threads", limit)
+        assert study._processes(ClusterSection(workers=0)) == (0, threads)
 
 
 def test_a_finished_study_expects_no_time(toml, tmp_path):
@@ -638,6 +649,7 @@ def quiet(tmp_path_factory: pytest.TempPathFactory) -> ifrdem.Study:
         output=folder / "quiet",
     )
     study.run(workers=0)
+    backend.stop()  # stores the kernels, which processes below load
     return study
 
 

@@ -332,6 +332,7 @@ def test_a_file_made_to_harm_is_refused(tmp_path, capsys, files, name):
     ends_well(path, capsys)
 
 
+@pytest.mark.full(keep=4)
 @pytest.mark.parametrize("name", HARMLESS)
 def test_frames_are_read_although_parameters_are_damaged(tmp_path, capsys, files, name):
     path = harmed(tmp_path, files["none"], HARMLESS[name])

@@ -16,6 +16,7 @@ from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion, Turn
 from ifrdem.model.walls.wall import SUMS, Wall
+from ifrdem.simulation import backend
 from ifrdem.simulation.engine import ORDERS, Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.rows import engine_of
@@ -97,7 +98,7 @@ def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
         same_time = run_to(looked, float(t))
     same(same_time, state)
     np.testing.assert_array_equal(looked.wall_sums, expected.wall_sums)
-    same(run_to(in_room("tiled", threads=1), end), state)
+    same(run_to(in_room("tiled", threads=min(2, backend.cores())), end), state)
 
 
 @pytest.mark.full
