@@ -31,7 +31,7 @@ from .result import Columns, Evaluation, FramesFrom, Groups, Reading, all_frames
 from .steadiness import is_stationary, stationarity_warning
 from .window import is_driven, steady_frames
 
-AT_ONCE = 2_000_000
+AT_ONCE = 1_000_000
 """Disks times frames of a field that are in memory at once."""
 
 

@@ -97,7 +97,7 @@ def to_xarray(trajectory: Trajectory, chunks: Mapping[str, int] | str | None = N
     class Engine(xarray.backends.BackendEntrypoint):  # type: ignore[name-defined,misc]
         """Has xarray divide the fields, by chunks that they have in the file."""
 
-        def open_dataset(self, filename_or_obj: Any, *, drop_variables: Any = None) -> xarray.Dataset:
+        def open_dataset(self, filename_or_obj: Any, *, drop_variables: Any = None) -> Any:
             return _dataset(xarray, filename_or_obj)
 
     return xarray.open_dataset(trajectory, engine=Engine, chunks=chunks)

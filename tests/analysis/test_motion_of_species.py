@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import subprocess
+import sys
 import tracemalloc
 from pathlib import Path
 from typing import Any
@@ -93,6 +96,46 @@ def test_transforms_of_many_disks_take_little_more_memory_than_their_paths() -> 
     finally:
         tracemalloc.stop()
     assert peak < 2.0 * path.nbytes
+
+
+LARGER_THAN_MEMORY = """
+import resource, sys
+import numpy as np
+import ifrdem
+from ifrdem.analysis import motion
+
+with ifrdem.Trajectory(sys.argv[1]) as run:
+    motion.AT_ONCE = 50_000
+    motion.of_msd(run, [0, 1, 2, 3])  # with all that is imported on the way
+    used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + 30_000_000, -1))
+    try:
+        np.ones(run.path.stat().st_size // 8)
+    except MemoryError:
+        print("too large", motion.of_msd(run, None).frames)
+"""
+
+
+@pytest.mark.full
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of the address space are those of Linux")
+def test_displacements_of_a_file_that_is_larger_than_memory(tmp_path: Path) -> None:
+    """64 MB in an address space that has 30 left."""
+    rng, disks = np.random.default_rng(1), ifrdem.Disks(10_000, mass=1.0, radius=0.1)
+    x, v = rng.uniform(0.0, 50.0, (10_000, 2)), rng.normal(size=(10_000, 2))
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, BOX, fields=["position", "image"]) as file:
+        for time in range(400):
+            image = np.floor((x + v * time) / 50.0)
+            place = BOX.wrap(x + v * time, 0.0)
+            file.write(
+                ifrdem.State(place, v, np.zeros(10_000), float(time), image=image.astype(int)),
+                {"temperature": 1.0},
+            )
+    done = subprocess.run(
+        [sys.executable, "-c", LARGER_THAN_MEMORY, str(tmp_path / "a.h5")],
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert (tmp_path / "a.h5").stat().st_size > 60_000_000
+    assert done.stdout.split() == ["too", "large", "400"]
 
 
 def test_diffusion_of_each_species(tmp_path: Path) -> None:

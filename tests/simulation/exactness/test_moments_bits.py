@@ -81,9 +81,10 @@ def test_moments_in_windows_of_tiles_have_the_bits_of_the_serial_order(
         )  # sums of some thousand terms in another order
         assert walls == pytest.approx(walls_1, rel=1e-9, abs=1e-9)
     assert [state.collisions.sum() // 2 for state, *_ in found[::2]] == [due.collisions for due in FRAMES]
-    assert (
-        again == 0
-    )  # a window with numbers of collisions is repeated by its trail, when their times are known
+    # A window with numbers of collisions is repeated by its trail, when their times are known. Without a trail, where one
+    # thread ran the whole box, it is run once more: for eight moments at a time.
+    in_order = engine.statistics.in_order
+    assert again <= (in_order + len(points) / 8 if in_order else 0), (again, in_order)
     assert engine.statistics.windows >= 3
 
 
