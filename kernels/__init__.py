@@ -14,5 +14,6 @@ A module imports only from its own row and rows above it:
 `events`             events of one region of disks, in order; disks at rest
 `windows`            all events for a short time, on a CPU or GPU
 `dsmc`               a homogeneous gas without positions
+`starts`             disks in cells before there is an engine: where they are added, which are close
 ===================  ===================================================================================
 """

@@ -65,10 +65,13 @@ def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         by_frame["collisions_per_disk"] = trajectory.observables["collisions_per_disk"][used]
 
     def distribution(which: Indices, frames: Sequence[int], bins: int) -> velocities.VelocityDistribution:
-        names = ("peculiar_velocity", "spin")
-        values = [[getattr(trajectory[i], name)[which] for i in frames] for name in names]
+        def read(name: str) -> Iterator[NDArray[np.float64]]:
+            for i in frames:  # one by one
+                yield getattr(trajectory[i], name)[which]
+
         mass, inertia = disks.mass[which], disks.inertia[which]
-        return velocities.velocity_distribution(values[0], values[1], mass=mass, inertia=inertia, bins=bins)
+        v, omega = read("peculiar_velocity"), read("spin")
+        return velocities.velocity_distribution(v, omega, mass=mass, inertia=inertia, bins=bins)
 
     def coefficient(found: velocities.VelocityDistribution, label: str) -> common.MeanValue:
         values = getattr(found.sonine, label), getattr(found.sonine, f"{label}_error")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, TheoryWarning, cut
 from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw
-from ..model.state import Disks
+from ..model.state import Disks, unlike
 from ..theory.choose import Prediction, prediction
 from ..theory.driven_gas import Driving
 from ..theory.mixtures import Mixture
@@ -109,7 +109,7 @@ def gas_of(trajectory: Trajectory) -> TheoryGas | str:
     if trajectory.missing:
         return "a part is missing: no kinetic theory here"
     disks = trajectory.disks
-    kinds = len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T)
+    kinds = len(unlike([disks.mass, disks.radius, disks.k, disks.material])[0])
     for invalid, text in (
         (trajectory.free_area.all_walls, "walls"),
         (trajectory.parameters.get("collapse", "none") != "none", "elastic exceptions against collapse"),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.observables import Measure, drift_text
+from ..model.state import codes, unlike
 from ..tools.checked import Array
 from ..tools.intervals import student_t
 from ..tools.reprs import Brief
@@ -318,15 +319,20 @@ def kinds(trajectory: Trajectory) -> Groups:
         of_disk = np.repeat(np.arange(len(named)), [*named.values()])[movable]
         groups = {name: movable[of_disk == i] for i, name in enumerate(named)}
         return {name: ids for name, ids in groups.items() if len(ids)}
-    columns = np.stack((disks.material, disks.radius, disks.mass, disks.k), axis=1)[movable]
-    found, which = np.unique(columns, axis=0, return_inverse=True)
-    if len(found) == 1:
+    columns: list[NDArray[Any]] = [disks.material, disks.radius, disks.mass, disks.k]
+    if len(movable) < disks.n:
+        columns = [each[movable] for each in columns]
+    rows, which = unlike(columns), codes(columns)
+    number = len(rows[0])
+    if number == 1:
         return {"all disks": movable}
-    if len(found) > MOST_KINDS:
-        materials = np.unique(disks.material[movable])
+    if number > MOST_KINDS:
+        (materials,) = unlike(columns[:1])
         if not 1 < len(materials) <= MOST_KINDS:
-            return {f"disks of {len(found)} kinds together, as if at one temperature": movable}
+            return {f"disks of {number} kinds together, as if at one temperature": movable}
         return {f"material {one}": movable[disks.material[movable] == one] for one in materials}
-    which = which.ravel()
-    texts = [f"material {row[0]:.0f}, R = {trajectory.with_unit(f'{row[1]:.4g}', 'length')}" for row in found]
+    texts = [
+        f"material {row[0]:.0f}, R = {trajectory.with_unit(f'{row[1]:.4g}', 'length')}"
+        for row in zip(*rows, strict=True)
+    ]
     return {text: movable[which == i] for i, text in enumerate(texts)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -15,6 +16,8 @@ from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import Positions, Spins
 
+AT_ONCE = 1 << 16
+"""Disks whose terms are computed together."""
 TAIL = (2.0, 3.0)
 """Speeds |c| above which disks are counted."""
 
@@ -179,21 +182,27 @@ def velocity_distribution(
             )
         weight, inertias = column("mass", mass, len(v)), column("inertia", inertia, len(v))
         root_inertia = np.sqrt(inertias)
-        c = np.sqrt(weight)[:, None] * (v - np.average(v, axis=0, weights=weight))
+        c = v - np.average(v, axis=0, weights=weight)
+        c *= np.sqrt(weight)[:, None]
         w = root_inertia * omega
         square, spin_square = np.sum(c * c, axis=1), w * w
         T2, T2_rot = square.mean(), 2.0 * spin_square.mean()  # 2 T and 2 T_rot
         if T2 == 0.0:
             raise InputError("velocity: must differ between disks: without motion there is no distribution")
-        counts.add(c / np.sqrt(T2))
-        x = square / T2
-        y = np.full(len(v), np.nan)
+        c /= np.sqrt(T2)
+        counts.add(c)
         if T2_rot > 0.0:
-            spin_counts.add((w / np.sqrt(T2_rot))[:, None])
-            y = 2.0 * spin_square / T2_rot  # mean 1, as x
-        orders = (x, y, x * x, y * y, x * y, x**3, y**3, x * x * y, x * y * y)
-        terms = np.stack((*orders, *(x > c**2 for c in TAIL)))
-        sums = terms if sums is None else sums + terms
+            w /= np.sqrt(T2_rot)
+            spin_counts.add(w[:, None])
+        if sums is None:
+            sums = np.zeros((9 + len(TAIL), len(v)))
+        for first in range(0, len(v), AT_ONCE):  # all at once would need several times the memory of a frame
+            some = slice(first, first + AT_ONCE)
+            x = square[some] / T2
+            # Mean 1, as x.
+            y = 2.0 * spin_square[some] / T2_rot if T2_rot > 0.0 else np.full(len(x), np.nan)
+            orders = (x, y, x * x, y * y, x * y, x**3, y**3, x * x * y, x * y * y)
+            sums[:, some] += np.stack((*orders, *(x > speed**2 for speed in TAIL)))
         frames += 1
     if sums is None:
         raise InputError("velocity and spin have no frames: must have one or more")
@@ -202,7 +211,8 @@ def velocity_distribution(
     nothing = np.full(bins, np.nan)
     spin_density, spin_error = spin_counts.density() if turning else (nothing, nothing)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    means = sums / frames
+    sums /= frames
+    means = sums
     sonine = _sonine(means[: -len(TAIL)], frames)
     tail = {c: _tail(c, part) for c, part in zip(TAIL, means[-len(TAIL) :], strict=True)}
     return VelocityDistribution(middle, density, error, middle, spin_density, spin_error, sonine, tail)
@@ -276,12 +286,12 @@ def _sonine(means: Array, frames: int) -> SonineCoefficients:
     # d(m4 / m2^2) = dm4 - 2 m4 dm2 at m2 = 1, and so for the mixed one.
     i20, i02, i11 = moment(0.5 * xx, 2, 0), moment(yy / 3.0, 0, 2), moment(xy, 1, 1)
     second = estimate(0.5 * xx, i20), estimate(yy / 3.0, i02), estimate(xy, i11)
-    sixth = (  # terms of each, and influence of each disk
-        (1.5 * xx - xxx / 6.0, 3.0 * i20 - moment(xxx / 6.0, 3, 0)),
-        (yy - yyy / 15.0, 3.0 * i02 - moment(yyy / 15.0, 0, 3)),
-        (0.5 * xx + 2.0 * xy - 0.5 * xxy, i20 + 2.0 * i11 - moment(0.5 * xxy, 2, 1)),
-        (yy / 3.0 + 2.0 * xy - xyy / 3.0, i02 + 2.0 * i11 - moment(xyy / 3.0, 1, 2)),
+    sixth: tuple[Callable[[], tuple[Array, Array]], ...] = (  # terms of each, and influence of each disk
+        lambda: (1.5 * xx - xxx / 6.0, 3.0 * i20 - moment(xxx / 6.0, 3, 0)),
+        lambda: (yy - yyy / 15.0, 3.0 * i02 - moment(yyy / 15.0, 0, 3)),
+        lambda: (0.5 * xx + 2.0 * xy - 0.5 * xxy, i20 + 2.0 * i11 - moment(0.5 * xxy, 2, 1)),
+        lambda: (yy / 3.0 + 2.0 * xy - xyy / 3.0, i02 + 2.0 * i11 - moment(xyy / 3.0, 1, 2)),
     )
-    found = [(value - 1.0, error) for value, error in (estimate(*each) for each in sixth)]
+    found = [(value - 1.0, error) for value, error in (estimate(*each()) for each in sixth)]
     numbers: list[Any] = [*itertools.chain(*second, *found), n, frames]
     return SonineCoefficients(*numbers)

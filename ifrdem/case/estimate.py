@@ -29,12 +29,13 @@ from ..quantities import (
     WALL_SERIES,
     numbers_of,
 )
+from ..simulation.start.cells import FEW
 from ..theory import driven_gas, sheared_gas
 from ..theory.cooling_gas import cooling_until
 from ..theory.driven_gas import Driving
 from ..tools.checked import Array
 from . import starts
-from .case import CaseSections, KicksAtRandomTimes, SteppedForce
+from .case import GROWN, CaseSections, KicksAtRandomTimes, SteppedForce
 from .output_section import OutputSection
 
 if TYPE_CHECKING:
@@ -168,6 +169,29 @@ WINDOW_COLLISIONS = 1.3
 """Collisions of a whole gas in a window, per disk: 0.5 to 5 were measured."""
 WINDOW_STRAIN = 0.036
 """Strain of a sheared gas in a window, about."""
+PLACING_SECONDS = {"random": (0.4e-6, 0.4e-6), GROWN: (5e-5, 0.0)}
+"""Time per disk to place it, by `start.positions`: of one thread, and shared among threads. Others are read or drawn on
+a lattice, in less. Growth takes 5e-5 s at phi = 0.4, and three times as much near random packing."""
+LAYOUT_SECONDS = 0.6e-6, 0.3e-6
+"""The same to compare disks, to check them, and to lay them out in tiles (`ifrdem/docs/results/starts.md`)."""
+FEW_SECONDS = 4e-6
+"""Time of NumPy per disk to place few disks at random (`cells.FEW`)."""
+
+
+def start_seconds(n: int, positions: str, threads: int) -> float:
+    """Time [s] to make a start of n disks, and the simulation of it; `positions` is "" where they are read.
+
+    Examples
+    --------
+    >>> round(start_seconds(3_000_000, "random", 2), 1), round(start_seconds(100_000, "grown", 1), 1)
+    (4.1, 5.1)
+    """
+    single, shared = PLACING_SECONDS.get(positions, (0.0, 0.0))
+    if n <= FEW and positions == "random":
+        single, shared = FEW_SECONDS, 0.0
+    return n * (single + LAYOUT_SECONDS[0] + (shared + LAYOUT_SECONDS[1]) / threads)
+
+
 BYTE_SECONDS, FILE_SECONDS = 8e-9, 0.05
 """Time to write a byte of a trajectory without compression, and to create and close its file."""
 
@@ -192,7 +216,14 @@ RADIUS_BYTES = 80
 PLACED_BYTES_PER_DISK = 100
 """The same for each disk of its own, or of its strips, while it places random ones; 80 bytes were seen."""
 HOST_BYTES_PER_DISK = 300
-"""Memory of NumPy at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
+"""The same of a strip that is filled, at most."""
+PROCESS_BYTES = 300_000_000
+"""Memory of a process without disks: Python, the runtime and their libraries, and Matplotlib for the picture."""
+START_BYTES_PER_DISK = 60
+"""Memory of a start beside the engine's arrays: 40 bytes of places and motion and, before these arrays are there, 60 for
+placing and comparing disks; 45 were seen beside them (`ifrdem/docs/results/starts.md`)."""
+FRAMES_IN_MEMORY = 4
+"""Frames that are made, wait (two) or are written."""
 GROWTH_BYTES_PER_DISK = 1000
 """The same for a start by growth: 940 bytes a disk were seen."""
 TILE_BYTES, TILE_DISKS = 450, 5000
@@ -269,12 +300,23 @@ class RunEstimate:
     tracked: int  # disks with histories
     force_steps: Mapping[str, Mapping[float, float]]  # by kind and length; nan where the end is not known
 
+    def writer_bytes_per_disk(self, output: OutputSection) -> int:
+        """Memory [bytes] of frames for each disk: rows with all that the gas keeps, and their fields as they are stored."""
+        return min(self.frames, FRAMES_IN_MEMORY) * 2 * max(disk_bytes(output), 32)
+
+    def peak_bytes(self, gas: CaseGas) -> int:
+        """Largest memory [bytes] of a run in one process on a CPU: of its start, or later with frames."""
+        case = gas.case
+        grown = case.start.placed and case.start.positions == GROWN
+        start = GROWTH_BYTES_PER_DISK if grown else START_BYTES_PER_DISK
+        return PROCESS_BYTES + self.array_bytes + gas.n * max(start, self.writer_bytes_per_disk(case.output))
+
     def computed(self, n: int) -> float:
         """Collisions that are computed: tiles compute a window once more for each frame in it."""
         return self.collisions + (self.frames * 0.5 * n * IN_A_WINDOW if n > columns.SINGLE_TILE else 0.0)
 
     def seconds(self, gas: CaseGas, threads: int) -> float:
-        """Time [s] of a run: collisions, windows, force steps, frames and output; nan where the end is not known."""
+        """Time [s] of a run: start, collisions, windows, force steps, frames and output; nan if the end is not known."""
         n, ending = gas.n, sum(self.force_steps.get(ENDS_WINDOW, {}).values())
         windows = self.collisions / (WINDOW_COLLISIONS * n) if self.collisions > 0.0 else 0.0
         if gas.box.shear_rate:
@@ -286,7 +328,14 @@ class RunEstimate:
                 self.computed(n), n, self.packing_fraction, threads
             )
         others = max(windows - ending, 0.0) * LAUNCH_SECONDS + step_seconds(self.force_steps, n, threads)
-        return collisions + others + output_seconds(self.frames, self.file_bytes)
+        start = gas.case.start
+        placed = start.positions if start.placed else ""
+        return (
+            start_seconds(n, placed, threads)
+            + collisions
+            + others
+            + output_seconds(self.frames, self.file_bytes)
+        )
 
     @classmethod
     def of(cls, gas: CaseGas) -> RunEstimate:

@@ -336,6 +336,10 @@ def _needs(gas: CaseGas, estimate: RunEstimate) -> Iterator[ReportRow]:
     per_disk = estimate.array_bytes // max(gas.n, 1)
     engine = f"{size(estimate.array_bytes)} ({gas.n} disks x {per_disk} bytes)"
     yield ReportRow("memory (engine only, without Python and libraries)", engine)
+    if case.run.device == "cpu":
+        yield ReportRow(
+            "largest memory of the process, with its start", f"about {size(estimate.peak_bytes(gas))}"
+        )
 
 
 def _time(gas: CaseGas, estimate: RunEstimate) -> Iterator[ReportRow]:
@@ -366,7 +370,8 @@ def _cpu_time(gas: CaseGas, estimate: RunEstimate, threads: int) -> Iterator[Rep
     if estimate.collisions > 0.0 or forces:
         known = not math.isnan(seconds)
         collisions = not math.isnan(estimate.collisions)
-        includes = ["collisions"] * collisions + ["force steps"] * forces + ["windows", "frames", "output"]
+        includes = ["start"] + ["collisions"] * collisions + ["force steps"] * forces
+        includes += ["windows", "frames", "output"]
         name = f"run time ({', '.join(includes[:-1])} and {includes[-1]})"
         most = "at most " if forces and all(each.kind == RESTING for each in gas.case.force) else ""
         if known and (collisions or forces):

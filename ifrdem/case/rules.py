@@ -22,7 +22,7 @@ from ..kernels.columns import MOST_IDS, MOST_WALLS
 from ..model.box import Box
 from ..model.laws import files as law_files
 from ..model.laws.law import CollisionLaw
-from ..model.overlaps import COMPUTED, STORED, check_no_overlap, relax, tolerances
+from ..model.overlaps import COMPUTED, STORED, tolerances
 from ..model.state import DiskKinds
 from ..model.walls.checks import check as check_free_of_walls
 from ..model.walls.checks import check_place
@@ -30,6 +30,7 @@ from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall, pieces
 from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
+from ..simulation.start.overlaps import check_no_overlap, relax
 from ..simulation.steps.schedule import first_after, time_of
 from ..simulation.windows.tiling import tiles_on_ranks
 from . import exclusions

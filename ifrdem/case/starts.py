@@ -19,6 +19,8 @@ from ..initial import packing, placement
 from ..model.state import State
 from ..model.walls.free_area import FreeArea
 from ..mpi import current
+from ..simulation import backend
+from ..simulation.start import cells
 from ..tools import seeds
 from . import rules
 from .case import GROWN, IMPACT_SCAN
@@ -49,8 +51,9 @@ def start(gas: CaseGas, progress: Callable[[float], None] = lambda _: None) -> S
     Raises InputError if the disks do not fit into the box in the way the case wants: a line with the key.
     """
     gas.case.run.choose_runtime()
-    given = gas.given
-    position = placed(gas, progress) if given is None else given.position
+    given, device = gas.given, backend.of_rank(gas.case.run.made_device())
+    with cells.kernels_for(gas.n, device):  # with the threads of the run
+        position = placed(gas, progress) if given is None else given.position
     past: dict[str, Any] = {} if given is None else {"time": given.time, **given.past}
     if given is not None and given.velocity is not None and given.spin is not None:
         return State(position=position, velocity=given.velocity, spin=given.spin, **past)

@@ -18,16 +18,14 @@ from . import starts
 from .case import GROWN, CaseSections
 from .estimate import (
     GROWTH_BYTES_PER_DISK,
-    HOST_BYTES_PER_DISK,
+    START_BYTES_PER_DISK,
     RunEstimate,
     strip_bytes,
 )
 from .gas import CaseGas
 
 WRITER_BYTES_PER_DISK = 200
-"""Memory [bytes per disk] of frames that are made, wait or are written.
-
-A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
+"""Memory [bytes per disk] of frames that are made, wait or are written, of several; of few, `RunEstimate` knows it."""
 GPU_BYTES_PER_DISK, GPU_SCRATCH = 120, 200_000_000
 """Memory of a GPU beyond `bytes_per_disk`: bytes per disk, for arrays of tiles and 1.2 ghost records instead of 0.4
 (tiles are small); bytes of scratch space of the blocks that run at the same time."""
@@ -133,6 +131,7 @@ def refused_here(
             start=start,
             low_memory=run.low_memory,
             layered=not walled and split_of(gas.kinds.radius) is not None,
+            writer=min(estimate.writer_bytes_per_disk(gas.case.output), WRITER_BYTES_PER_DISK),
         ),
         lambda: refuse_beyond_disk(estimate.file_bytes, folder),
     ]
@@ -157,12 +156,14 @@ def refuse_beyond_memory(
     start: float = 0.0,
     low_memory: bool = False,
     layered: bool = False,
+    writer: int = WRITER_BYTES_PER_DISK,
 ) -> None:
     """Raise InputError if n disks need more memory than is free, or than a GPU has.
 
     `positions` is start.positions: growth needs more. Of several `ranks`, with a GPU each, a `share` is on this
     machine, with the first one, which has all disks, unless each makes its own ones (`sliced`); where they place them
-    at random, in so much memory (`start`, [bytes]) here. `layered` gases have two layers of cells.
+    at random, in so much memory (`start`, [bytes]) here. `layered` gases have two layers of cells. Frames take so much
+    memory of the `writer` for each disk [bytes], once the start is made.
     """
     per_disk = bytes_per_disk(low_memory)
     if arch != "cpu":
@@ -175,11 +176,11 @@ def refuse_beyond_memory(
             have = f"{ranks} GPUs have {size(memory)} of memory each" if ranks > 1 else ""
             have = have or f"the GPU has {size(memory)} of memory"
             raise InputError(f"{n} disks: {have}, in which {ranks * most} fit")
-    host = GROWTH_BYTES_PER_DISK if positions == GROWN else HOST_BYTES_PER_DISK
+    host = GROWTH_BYTES_PER_DISK if positions == GROWN else START_BYTES_PER_DISK
     engine = per_disk if arch == "cpu" else 0
     here = share * n if sliced else n
     placing = start if sliced and start else here * host
-    needed = int(placing + here * WRITER_BYTES_PER_DISK + share * n * engine)
+    needed = int(max(placing, here * writer) + share * n * engine)
     free = backend.memory_available()
     if free is not None and needed > free:
         both = f"some {size(needed)} of memory, and {size(free)} are free"

@@ -11,11 +11,12 @@ import numpy as np
 
 from ..errors import InputError, nearest_file
 from ..model.box import Box
-from ..model.overlaps import COMPUTED, STORED, check_no_overlap, tolerances
+from ..model.overlaps import COMPUTED, STORED, tolerances
 from ..model.walls.checks import check as check_walls
 from ..model.walls.wall import Wall, sides
 from ..mpi import current
 from ..quantities import PISTON_SERIES
+from ..simulation.start.overlaps import check_no_overlap
 from ..tools.checked import Array
 from . import packing
 from .from_csv import StartData

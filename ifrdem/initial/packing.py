@@ -22,18 +22,11 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.box import Box
-from ..model.overlaps import (
-    check_no_overlap,
-    checked_radii,
-    close_ones,
-    close_pairs,
-    refuse_no_free_area,
-    refuse_wider_than_box,
-    replace_rows,
-)
+from ..model.overlaps import checked_radii, close_pairs, refuse_no_free_area, refuse_wider_than_box
 from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall
 from ..mpi import collective, current
+from ..simulation.start.overlaps import check_no_overlap, close_ones, replace_rows
 from ..tools import seeds
 from ..tools.checked import Array, PositiveColumn, Seed, Vectors, validated
 

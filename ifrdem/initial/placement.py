@@ -7,7 +7,7 @@ velocities does not tie the two together.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,10 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, shortened
 from ..model.box import Box
 from ..model.density import disk_area, packing_fraction
-from ..model.near import near_pairs
+from ..model.device import Device
 from ..model.overlaps import (
     TOLERANCE,
-    check_no_overlap,
     checked_radii,
     refuse_no_free_area,
     refuse_wider_than_box,
@@ -30,7 +29,10 @@ from ..model.state import NumberOfDisks
 from ..model.walls.free_area import FreeArea
 from ..model.walls.wall import Wall
 from ..mpi import collective, current, distribution
-from ..tools import seeds
+from ..simulation import backend
+from ..simulation.start import cells
+from ..simulation.start.overlaps import check_no_overlap
+from ..tools import progress, seeds
 from ..tools.checked import (
     Array,
     NonNegative,
@@ -40,6 +42,7 @@ from ..tools.checked import (
     column,
     validated,
 )
+from .additions import Attempts, Strip, add_by_kernels, add_by_numpy
 
 # Of the diameter among sites, of the radius at walls: room for rounding.
 CLOSER, CLEAR = 1.0 - 1e-9, 1.0 + 1e-9
@@ -167,45 +170,6 @@ ATTEMPTS_PER_DISK = 400
 """Attempts of random sequential addition for each disk on average before it gives up."""
 
 
-def _overlaps_none(
-    box: Box, candidate: Array, radius: Array, placed: Array, placed_radius: Array
-) -> NDArray[np.bool_]:
-    """Mask of candidates, of these radii, that overlap none of the placed disks; shape (candidates,)."""
-    clear = np.ones(len(candidate), dtype=bool)
-    # By size class, as in `close_pairs`: candidates need not look for small disks as far as for large ones.
-    for members in size_classes(placed_radius, 2.0):
-        reach = float(radius.max() + placed_radius[members[0]]) * (1.0 + 2.0 * TOLERANCE)
-        left = np.flatnonzero(clear)
-        i, j = near_pairs(box, reach, candidate[left], placed[members])
-        distance = np.linalg.norm(box.minimum_image(candidate[left[i]] - placed[members[j]]), axis=1)
-        contact = radius[left[i]] + placed_radius[members[j]]
-        clear[left[i[distance <= contact * (1.0 + TOLERANCE)]]] = False
-    return clear
-
-
-def _accepted(box: Box, candidate: Array, radius: Array, owner: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Attempts that succeed when they are made one after the other, in order; shape (successes,).
-
-    Attempt c puts disk `owner[c]`, of radius `radius[c]`, at `candidate[c]`. It fails if an earlier success
-    is in its way or has placed the same disk.
-    """
-    reach = 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
-    pairs = np.column_stack(near_pairs(box, reach, candidate))
-    distance = np.linalg.norm(box.minimum_image(candidate[pairs[:, 0]] - candidate[pairs[:, 1]]), axis=1)
-    contact = radius[pairs[:, 0]] + radius[pairs[:, 1]]
-    pairs = np.sort(pairs[distance <= contact * (1.0 + TOLERANCE)], axis=1)
-    pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
-    begins = np.searchsorted(pairs[:, 1], np.arange(len(candidate) + 1)).tolist()
-    earlier = pairs[:, 0].tolist()
-    success = [False] * len(candidate)
-    placed: set[int] = set()
-    for c, disk in enumerate(owner.tolist()):
-        if disk not in placed and not any(success[e] for e in earlier[begins[c] : begins[c + 1]]):
-            success[c] = True
-            placed.add(disk)
-    return np.flatnonzero(success)
-
-
 WIDTH = 8.0
 """Width of a strip of the box, at the least, in diameters of the largest disk."""
 
@@ -239,8 +203,10 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     in strips that are filled first stand within one diameter of their edges a little denser, those in the others
     thinner, the more the nearer to the limit. A few collisions per disk forget the latter.
 
+    More than 100,000 disks are added by kernels, to the same places; the runtime is started unless it runs.
+
     Of ranks of MPI (`Communicator`), each gives the radii of its slice, and gets its places. Each fills some strips, to
-    the bit as one process does. `Simulation` looks for overlaps then.
+    the bit as one process does. `Simulation` looks for overlaps.
 
     Parameters
     ----------
@@ -289,8 +255,12 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     there: list[NDArray[Any]] = [number, np.arange(ids.start, ids.stop), radii]
     if comm.size > 1:
         there = comm.exchange(owner[np.searchsorted(firsts, number, side="right") - 1], there)
-    order = np.argsort(there[0])
-    ids_there, radii_there = there[1][order], there[2][order]
+    place = there[0] - (firsts[own[0]] if own else 0)
+    ids_there = np.empty(len(place), dtype=np.int64)
+    ids_there[place] = there[1]
+    # Equal ones are in any order.
+    radii_there = there[2] if smallest == largest else there[2][np.argsort(place)]
+    del number, there, place
     # Of the disks here, those of each strip.
     rows = {each: slice(firsts[each] - firsts[own[0]], firsts[each + 1] - firsts[own[0]]) for each in own}
     covered = {each: float(np.sum(np.square(radii_there[rows[each]]))) for each in own}
@@ -300,25 +270,44 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     shares = areas / areas.sum()
     edges = _edges(free_area, axis, shares, float(comm.total(radii)) / n)
 
-    position = np.empty((len(ids_there), 2))
+    position, device = np.empty((len(ids_there), 2)), backend.of_rank(Device())
     nearby: dict[int, tuple[Array, Array]] = {}
 
+    done, filled = progress.stage("placing disks"), 0
+
     def fill(parity: int) -> None:
-        for each in own:
-            if each % 2 == parity:
-                position[rows[each]] = _fill_strip(
-                    free_area, radii_there[rows[each]], seeds.stream(seed, seeds.POSITIONS, each), wanted,
-                    (axis, edges[each], edges[each + 1]), float(shares[each]),
-                    nearby.get(each, (np.empty((0, 2)), np.empty(0))),
-                )  # fmt: skip
+        nonlocal filled
+        to_fill = [each for each in own if each % 2 == parity]
+        with cells.kernels_for(n, device) as by_kernels:
+            at_once = backend.lanes() if by_kernels else 1
+            for first in range(0, len(to_fill), at_once):
+                some = to_fill[first : first + at_once]
+                strips = [
+                    Strip(
+                        radii_there[rows[each]],
+                        *nearby.get(each, (np.empty((0, 2)), np.empty(0))),
+                        *(edges[each : each + 2]),
+                    )
+                    for each in some
+                ]
+                attempts = [
+                    _attempts(
+                        free_area, strip.radii, seeds.stream(seed, seeds.POSITIONS, each), wanted,
+                        (axis, strip.begin, strip.end), float(shares[each]),
+                    )
+                    for each, strip in zip(some, strips, strict=True)
+                ]  # fmt: skip
+                add = add_by_kernels if by_kernels else add_by_numpy
+                for each, places in zip(some, add(box, axis, strips, attempts), strict=True):
+                    position[rows[each]] = places
+                    filled += 1
+                done(filled / len(own))
 
     comm.run_on_all(lambda: fill(0))
     if count > 1:
         nearby = _neighbors_of_strips(axis, edges, owner, rows, position, radii_there)
         comm.run_on_all(lambda: fill(1))
     (found,) = comm.by_id(n, ids_there, [position])
-    if comm.size == 1:  # on several ranks, `Simulation` looks for overlaps
-        check_no_overlap(box, radii, found)
     return found
 
 
@@ -366,20 +355,21 @@ def _neighbors_of_strips(
     }
 
 
-def _fill_strip(
+def _attempts(
     free_area: FreeArea, radii: Array, rng: np.random.Generator, wanted: float, strip: tuple[int, float, float],
-    share: float, nearby: tuple[Array, Array],
-) -> Array:  # fmt: skip
-    """Positions of disks added to a strip (axis, from, to), with this share of the free area, given the disks near it.
+    share: float,
+) -> Generator[Attempts, NDArray[np.intp], None]:  # fmt: skip
+    """Yield attempts to add disks to a strip (axis, from, to), with this share of the free area; and get those that
+    succeed, until all are placed.
 
     InputError if they do not fit; the message gives `wanted`, the packing fraction of all disks.
     """
     box, n = free_area.box, len(radii)
-    position = np.empty((n, 2))
     axis, begin, end = strip
-    lowest, highest = free_area.spans(radii)
+    # One row for all, where they are equal.
+    lowest, highest = free_area.spans(radii[:1] if n and radii.min() == radii.max() else radii)
     lowest[:, axis], highest[:, axis] = np.maximum(lowest[:, axis], begin), np.minimum(highest[:, axis], end)
-    placed = np.empty(0, dtype=np.intp)
+    is_placed = np.zeros(n, dtype=bool)
     attempts_left = ATTEMPTS_PER_DISK * n + 100_000  # the second term matters for few disks
     if free_area.walls:  # some attempts fall beyond a wall
         corners = np.array(free_area.bounds())
@@ -389,6 +379,7 @@ def _fill_strip(
         todo = members
         while len(todo):
             if attempts_left <= 0:
+                placed = np.flatnonzero(is_placed)
                 covered = free_area.packing_fraction(radii[placed]) / share
                 reached = f"random positions ended at {covered:.4f}, with {len(placed)} of {n} disks placed"
                 reached += "" if share == 1.0 else " in one of the strips in which so many disks are placed"
@@ -396,22 +387,14 @@ def _fill_strip(
             # When few disks are left space is scarce: try each of them many times in one go.
             owner = np.resize(todo, max(len(todo), min(n, 50_000), 200))
             attempts_left -= len(owner)
-            low, high = lowest[owner], highest[owner]
+            low, high = (each[owner] if len(each) == n else each for each in (lowest, highest))
             candidate = box.wrap(low + rng.random((len(owner), 2)) * (high - low))
             if free_area.all_walls:
                 clear = free_area.gap(candidate, radii[owner]) > TOLERANCE * radii[owner]
                 owner, candidate = owner[clear], candidate[clear]
-            if len(placed) + len(nearby[1]):
-                there = np.concatenate((nearby[0], position[placed]))
-                clear = _overlaps_none(
-                    box, candidate, radii[owner], there, np.concatenate((nearby[1], radii[placed]))
-                )
-                owner, candidate = owner[clear], candidate[clear]
-            success = _accepted(box, candidate, radii[owner], owner)
-            position[owner[success]] = candidate[success]
-            placed = np.concatenate((placed, owner[success]))
-            todo = np.setdiff1d(todo, owner[success], assume_unique=True)
-    return position
+            success = yield owner, candidate
+            is_placed[owner[success]] = True
+            todo = todo[~is_placed[todo]]
 
 
 def _hexagonal_fit(

@@ -197,6 +197,9 @@ class Box:
         if self.is_open:
             return np.array(position, dtype=np.float64)
         lengths = np.asarray(self.lengths)
+        inside = position.size > 0 and position.min() >= 0.0
+        if inside and all(position[..., axis].max() < length for axis, length in enumerate(self.lengths)):
+            return np.asarray(position, dtype=np.float64) + 0.0  # -0 becomes 0
         if self.shear_rate:
             position = position.copy()
             position[..., 0] -= np.floor(position[..., 1] / lengths[1]) * self.image_above(time)

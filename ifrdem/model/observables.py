@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..kernels.columns import READOUT, SPECIES, Named
 from ..mpi import SERIAL, collective, current
+from ..mpi.distribution import RowsByBlock
 from ..quantities import MECHANISMS, REGIMES
 from ..tools.checked import Array, Integer, Numbers, Positive, Real, validated
 from .state import Disks, State
@@ -202,17 +204,31 @@ def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0)) ->
     """
     if disks.n != state.n:
         raise InputError(f"state has {state.n} disks, disks {disks.n}: must be the same number")
-    # An immovable disk is at rest: its infinite mass would make a NaN of that. It counts for nothing.
-    movable = disks.movable
-    mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
+
+    def mass(rows: slice) -> Array:
+        """Masses, 0 of immovable disks: these are at rest, and an infinite mass would make a NaN of that."""
+        return np.where(np.isfinite(disks.mass[rows]), disks.mass[rows], 0.0)
+
+    def inertia(rows: slice) -> Array:
+        return mass(rows) * disks.radius[rows] ** 2 / disks.k[rows]
+
     # np.sum adds pairwise along a contiguous axis: its rounding grows like log n, not like n.
-    v_x, v_y = np.ascontiguousarray(state.peculiar_velocity.T)
-    columns: list[NDArray[Any]] = [
-        mass * (v_x**2 + v_y**2), inertia * state.spin**2, mass * v_x, mass * v_y, mass * v_x * v_y,
-        mass * (state.position @ np.array(gravity)), state.collisions.astype(np.int64) + state.wall_collisions, mass,
-        mass * v_x**2,
-    ]  # fmt: skip
-    found = [float(current().total(each)) for each in columns]
+    def v(axis: int, rows: slice) -> Array:
+        velocity = state.velocity[rows, axis]
+        return velocity.copy() if state.flow is None else velocity - state.flow[rows, axis]
+
+    columns: list[Callable[[slice], NDArray[Any]]] = [
+        lambda rows: mass(rows) * (v(0, rows) ** 2 + v(1, rows) ** 2),
+        lambda rows: inertia(rows) * state.spin[rows] ** 2,
+        lambda rows: mass(rows) * v(0, rows),
+        lambda rows: mass(rows) * v(1, rows),
+        lambda rows: mass(rows) * v(0, rows) * v(1, rows),
+        lambda rows: mass(rows) * (state.position[rows] @ np.array(gravity)),
+        lambda rows: state.collisions[rows].astype(np.int64) + state.wall_collisions[rows],
+        mass,
+        lambda rows: mass(rows) * v(0, rows) ** 2,
+    ]
+    found = [float(current().total(RowsByBlock(disks.n, each))) for each in columns]
     return np.array([0.5 * found[0], 0.5 * found[1], *found[2:-2], 0.0, *found[-2:]])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, Self
 
@@ -73,13 +73,14 @@ class Disks(Brief):
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        for name in ("mass", "radius", "k"):
-            column = checked.column(name, getattr(self, name), self.n)
+        for name in COLUMNS:
+            given = getattr(self, name)
+            if name == "material":
+                column: NDArray[Any] = checked.integers(name, given, (self.n,), broadcast=True).copy()
+            else:
+                column = checked.column(name, given, self.n)
             column.flags.writeable = False
-            set_(self, name, column)
-        material = checked.integers("material", self.material, (self.n,), broadcast=True).copy()
-        material.flags.writeable = False
-        set_(self, "material", material)
+            set_(self, name, broadcast_constant_rows(column))
         set_(self, "species", dict(self.species))
         if unnamed := [name for name in self.species if not isinstance(name, str) or not name]:
             raise InputError(f"species: a name is {unnamed[0]!r}: must be a text, not empty")
@@ -251,6 +252,21 @@ RECORDED = {
 }
 """Quantities of a state that only some simulations record, and what to give `Simulation` for each."""
 
+
+def _rows(
+    check: Callable[[Any, tuple[int, ...]], NDArray[Any]],
+    value: Any,
+    shape: tuple[int, ...],
+    default: np.generic,
+) -> NDArray[Any]:
+    """The values of a quantity of disks, or its default, checked; in the memory of one row where all share one."""
+    if value is None:
+        return np.broadcast_to(default, shape)
+    if isinstance(value, np.ndarray) and value.shape == shape and shape[0] > 1 and value.strides[0] == 0:
+        return np.broadcast_to(check(value[:1], (1, *shape[1:])), shape)
+    return check(value, shape)
+
+
 _LOWEST = -(2**31)
 _COUNTS = (
     ("collisions", (), 0, 0),
@@ -335,20 +351,16 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
         self.velocity = checked.array("velocity", self.velocity, (n, 2))
         self.time = checked.FINITE("time", self.time)
         for name, shape, default, least in _COUNTS:
-            value = getattr(self, name)
-            if value is None:
-                value = np.full((n, *shape), default, dtype=np.int32)
-            setattr(self, name, checked.integers(name, value, (n, *shape), least=least))
-        if self.latest_collision is None:
-            self.latest_collision = np.full(n, -np.inf)
-        self.latest_collision = checked.array("latest_collision", self.latest_collision, (n,))
-        self.angle = np.zeros(n) if self.angle is None else checked.array("angle", self.angle, (n,))
-        given = ["position", "velocity", "spin", "angle"]
-        if self.dissipated is None:
-            self.dissipated = np.broadcast_to(0.0, (n, MECHANISM.width))
-        else:
-            self.dissipated = checked.array("dissipated", self.dissipated, (n, MECHANISM.width))
-            given.append("dissipated")
+            integers = functools.partial(checked.integers, name, least=least)
+            setattr(self, name, _rows(integers, getattr(self, name), (n, *shape), np.int32(default)))
+        for name, tail, start in (
+            ("latest_collision", (), -np.inf),
+            ("angle", (), 0.0),
+            ("dissipated", (MECHANISM.width,), 0.0),
+        ):
+            numbers = functools.partial(checked.array, name)
+            setattr(self, name, _rows(numbers, getattr(self, name), (n, *tail), np.float64(start)))
+        given = ("position", "velocity", "spin", "angle", "dissipated")
         for name in given:
             value = getattr(self, name)
             finite = np.isfinite(value)
@@ -374,6 +386,14 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
     def peculiar_velocity(self) -> Array:
         """Velocities relative to the mean flow [length/time], shape (n, 2)."""
         return self.velocity if self.flow is None else self.velocity - self.flow
+
+    def part(self, ids: range) -> Self:
+        """The same of some disks: views, which are not checked again."""
+        found = copy.copy(self)
+        for name in self.assignable - {"time"}:
+            if isinstance(value := getattr(self, name), np.ndarray):
+                vars(found)[name] = value[ids.start : ids.stop]
+        return found
 
     def without_all_but(self, recorded: Collection[str]) -> Self:
         """The state itself, whose quantities of `RECORDED` beyond these names are replaced by errors."""

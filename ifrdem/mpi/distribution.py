@@ -16,6 +16,7 @@ import functools
 import hashlib
 import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -64,6 +65,20 @@ def _rows(array: NDArray[Any]) -> Iterator[Any]:
         yield kind
     finally:
         kind.Free()
+
+
+@dataclass(frozen=True)
+class RowsByBlock:
+    """Rows of n disks that `work` computes for a slice of them, a block at a time: they are never all in memory."""
+
+    n: int
+    work: Callable[[slice], NDArray[Any]]
+
+    def __len__(self) -> int:
+        return self.n
+
+    def __getitem__(self, rows: slice) -> NDArray[Any]:
+        return self.work(rows)
 
 
 class Distribution:
@@ -119,15 +134,20 @@ class Distribution:
         EngineError, on all ranks, if a disk is nowhere or there twice.
         """
         own = self.slice_of(n)
-        to = np.searchsorted(bounds(n, self.size), ids, side="right") - 1
-        whole = bool(np.all((ids >= 0) & (ids < n)))
-        received_ids, *rows = self.exchange(
-            to if whole else np.zeros_like(to), [np.asarray(ids, np.int64), *arrays]
-        )
-        slot = np.asarray(received_ids, np.int64) - own.start
-        inside = (slot >= 0) & (slot < len(own))
-        good = len(slot) == len(own) and bool(inside.all())
-        good = good and bool((np.bincount(slot, minlength=len(own)) == 1).all())
+        slot, rows = ids, list(arrays)
+        if self.size > 1:
+            to = np.searchsorted(bounds(n, self.size), ids, side="right") - 1
+            whole = bool(np.all((ids >= 0) & (ids < n)))
+            received_ids, *rows = self.exchange(
+                to if whole else np.zeros_like(to), [np.asarray(ids, np.int64), *arrays]
+            )
+            slot = np.asarray(received_ids, np.int64) - own.start
+        good = len(slot) == len(own)
+        if good and len(own):
+            there = np.zeros(len(own), dtype=bool)
+            good = int(slot.min()) >= 0 and int(slot.max()) < len(own)
+            there[slot if good else 0] = True
+            good = good and bool(there.all())
         if self.allreduce(int(not good)):
             raise EngineError("a disk is on no rank, or on two: please report this")
         found = []
@@ -210,7 +230,7 @@ class Distribution:
             found.append(rows)
         return found
 
-    def _of_blocks(self, rows: NDArray[Any], work: Callable[[NDArray[Any]], Any]) -> list[Any]:
+    def _of_blocks(self, rows: NDArray[Any] | RowsByBlock, work: Callable[[NDArray[Any]], Any]) -> list[Any]:
         """Results of `work` on the rows of each block, in order; on all ranks.
 
         Each gives the rows of some ids in order, those of lower ranks come first. A block is made by the rank that has
@@ -218,6 +238,7 @@ class Distribution:
         """
         whole = rows
         if self.size > 1:
+            rows = rows[:]
             ids, n = self.number(len(rows))
             firsts = np.array([*self.allgather(ids.start), n])
             limits = np.minimum(-(-firsts // BLOCK) * BLOCK, n)  # of the blocks of each rank
@@ -225,10 +246,10 @@ class Distribution:
         found = [work(whole[at : at + BLOCK]) for at in range(0, len(whole), BLOCK)]
         return [each for those in self.allgather(found) for each in those]
 
-    def total(self, rows: NDArray[Any]) -> Any:
+    def total(self, rows: NDArray[Any] | RowsByBlock) -> Any:
         """The sum of the rows of all disks, of which each rank gives its slice: the same bits on any number."""
         sums = self._of_blocks(rows, lambda block: np.sum(block, axis=0))
-        return functools.reduce(operator.add, sums) if sums else np.sum(rows, axis=0)
+        return functools.reduce(operator.add, sums) if sums else np.sum(rows[:], axis=0)
 
     def digest(self, rows: NDArray[Any]) -> bytes:
         """A hash of the rows of all disks, on all ranks, of which each gives those of its slice."""

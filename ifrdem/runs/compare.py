@@ -22,11 +22,11 @@ from ..fit.figure import save
 from ..initial import from_trajectory
 from ..model.box import Box
 from ..model.laws.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning, IFRLaw
-from ..model.overlaps import relax
 from ..model.state import State
 from ..model.walls.wall import Wall, sides
 from ..plots.disks import draw_walls
 from ..simulation.simulation import Simulation
+from ..simulation.start.overlaps import relax
 from ..tools import tables
 from ..tools.old_words import present_case
 from ..tools.tables import TableFormat

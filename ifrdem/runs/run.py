@@ -35,7 +35,7 @@ from ..simulation.measuring.tracking import Events
 from ..simulation.simulation import Simulation
 from ..simulation.steps.schedule import RunPlan, RunPoint, end_at
 from ..tools.checked import Array
-from ..tools.progress import DELAY, Progress, Stage, drawing
+from ..tools.progress import DELAY, Progress, Stage, drawing, shown_stages
 from ..tools.versions import revision
 from ..trajectory import layout, parts
 from ..trajectory.background import AsyncWriter
@@ -122,7 +122,8 @@ def run(
         return gas.simulation(state, tracked=tracked, comm=comm), tracked, start
 
     try:
-        simulation, tracked, start = made()
+        with shown_stages() if comm.is_root else contextlib.nullcontext():
+            simulation, tracked, start = made()
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
     now, run_keys = RunPoint(simulation.time, simulation.collisions), case.run

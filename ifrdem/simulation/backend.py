@@ -109,6 +109,14 @@ class sole_use(contextlib.ContextDecorator):
         _in_use.release()
 
 
+def can_be_used() -> bool:
+    """True if `sole_use` would not raise an error."""
+    if _process not in (None, os.getpid()) or not _in_use.acquire(blocking=False):
+        return False
+    _in_use.release()
+    return True
+
+
 _handling = False  # `_on_interrupt` is installed
 _deferring = False  # a block of `deferred_interrupts` runs
 _interrupted = False  # Ctrl-C was pressed in that block
@@ -524,14 +532,20 @@ def start_unless_running(device: Device) -> Running:
     return start(device)
 
 
+def of_rank(device: Device) -> Device:
+    """The device with this rank's share of the cores of its machine, unless it has threads; all ranks ask."""
+    comm = current()
+    if comm.size == 1:
+        return device
+    return replace(device, threads=device.threads or comm.share_of_cores(cores()))
+
+
 def start_on_ranks(device: Device) -> None:
     """Start the runtime on all ranks: each with its share of the cores of its machine, and with a GPU of its own."""
-    comm = current()
-    if comm.size > 1:
-        device = replace(device, threads=device.threads or comm.share_of_cores(cores()))
-        if device.name == "cuda":
-            number = comm.local_rank
-            comm.run_on_all(lambda: show_gpu(number))
+    comm, device = current(), of_rank(device)
+    if comm.size > 1 and device.name == "cuda":
+        number = comm.local_rank
+        comm.run_on_all(lambda: show_gpu(number))
     comm.run_on_all(lambda: start(device))
 
 

@@ -42,7 +42,7 @@ from ..model.laws.ifr import IFRLaw
 from ..model.laws.law import CollisionLaw, compiled
 from ..model.observables import measure_of_totals
 from ..model.setup import Setup
-from ..model.state import Disks, FrameRows, State
+from ..model.state import Disks, FrameRows, State, unlike
 from ..model.walls.wall import Wall, free_directions, rows_of, smooth_materials
 from ..mpi import Communicator
 from ..tools import checked
@@ -169,7 +169,7 @@ class Engine:
             start = StartSlice.of(disks, state)
             self.past: dict[str, Any] = start.history()
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
-        self._materials = np.unique(self.kinds.material)
+        (self._materials,) = unlike([self.kinds.material])
         time = float(start.state.time)
         self.rotation = GravityRotation(setup.gravity, time)
         self.gravity: tuple[float, float] = self.rotation.gravity
@@ -727,7 +727,7 @@ class Engine:
         """Sentence on remedies for an inelastic collapse in this gas."""
         law, e_n = self.setup.law_class, None
         if law is IFRLaw:
-            rows = np.unique(self.kinds.material)
+            rows = self._materials
             of_walls = [wall.material for wall in self.walls if wall.temperature is None]
             columns = np.array(of_walls if at_wall else [*rows, *of_walls], dtype=np.int64)
             e_n = float(law.column(self.setup.law_rows, "e_n")[np.ix_(rows, columns)].min(initial=1.0))

@@ -25,7 +25,7 @@ from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw, check_law_constants
 from ..model.laws.pairs import PairLaws
 from ..model.observables import Measure, measure_of_totals, sums
-from ..model.overlaps import check_no_overlap, tolerances
+from ..model.overlaps import tolerances
 from ..model.setup import Setup, laws_of
 from ..model.state import (
     COLUMNS,
@@ -53,6 +53,7 @@ from .checkpoints import checkpoint
 from .engine import CollisionTimes, Engine
 from .measuring.tracking import Events, Tracking, checked_ids
 from .start import checks
+from .start.overlaps import check_no_overlap
 from .steps.output import Output, OutputOptions
 from .steps.schedule import (
     FrameCallback,
@@ -233,7 +234,9 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
 
         def apart() -> None:
             near, _ = tolerances(box, disks.radius, begin.position, device.rounding)
-            check_no_overlap(box, disks.radius, begin.position, tolerance=near, time=begin.time)
+            check_no_overlap(
+                box, disks.radius, begin.position, tolerance=near, time=begin.time, device=device
+            )
 
         comm.result_of_holders(apart)
         self._tracking = self._follow_disks(histories, kinds.n, setup)

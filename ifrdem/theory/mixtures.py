@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.laws.law import CollisionLaw
 from ..model.laws.pairs import check_symmetric
-from ..model.state import Disks
+from ..model.state import Disks, codes, unlike
 from ..tools.checked import (
     Array,
     NonNegative,
@@ -133,18 +133,18 @@ class Mixture:
         """
         if disks.n == 0 or not disks.movable.all():
             raise InputError("mixture: must have one disk of finite mass or more")
-        columns = np.stack([disks.mass, disks.radius, disks.k, disks.material.astype(np.float64)], axis=1)
-        kinds, which, number = np.unique(columns, axis=0, return_inverse=True, return_counts=True)
+        columns: list[NDArray[Any]] = [disks.mass, disks.radius, disks.k, disks.material]
+        which = codes(columns)
+        number = np.bincount(which)
+        mass, radius, k, material = unlike(columns)
         table = law
         if isinstance(law, Sequence):
-            material = kinds[:, 3].astype(int)
             if material.max() >= min(len(law), *map(len, law)):
                 most = material.max() + 1
                 raise InputError(f"law table: must be a square table of at least {most} materials")
             table = [[law[a][b] for b in material] for a in material]
-        mass, radius, k, _ = kinds.T
         mixture = cls(mass, radius, table, packing_fraction, k=k, fraction=number, contact=contact)
-        return mixture, np.asarray(which, dtype=np.int64).ravel()
+        return mixture, which
 
     def _table(self, law: Any) -> tuple[tuple[CollisionLaw, ...], ...]:
         s = self.species

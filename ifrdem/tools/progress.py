@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, TextIO
 
 BAR = "{percentage:5.1f} %|{bar}| {desc}"
@@ -213,19 +214,44 @@ def drawing(name: str) -> None:
 
 
 class Stage:
-    """Prints the part of a long step of the preparation that is done, every `interval` seconds at most."""
+    """Prints the part of a long step of the preparation that is done, every `interval` seconds at most.
+
+    With the time that is left (ETA), at the pace so far.
+    """
 
     def __init__(
         self, name: str, *, interval: float = 5.0, clock: Callable[[], float] = time.perf_counter
     ) -> None:
-        self._name, self._interval, self._clock, self._printed = name, interval, clock, clock()
+        self._name, self._interval, self._clock, self._begun = name, interval, clock, clock()
+        self._printed = self._begun
 
     def __call__(self, part: float) -> None:
         """Set the part that is done, 0 to 1."""
         now = self._clock()
-        if part < 1.0 and now - self._printed >= self._interval:
+        if part < 1.0 and now - self._printed >= self._interval and not quiet():
             self._printed = now
-            print(f"{self._name}: {100.0 * part:.0f} % done", file=sys.stderr, flush=True)
+            left = (now - self._begun) * (1.0 - part) / part if part > 0.0 else math.inf
+            text = f"{self._name}: {100.0 * part:.0f} % done, ETA {clock_face(left)}"
+            print(text, file=sys.stderr, flush=True)
+
+
+_stages_are_shown = False
+
+
+@contextlib.contextmanager
+def shown_stages() -> Iterator[None]:
+    """Show the long steps of a start (`stage`) in the block."""
+    global _stages_are_shown
+    before, _stages_are_shown = _stages_are_shown, True
+    try:
+        yield
+    finally:
+        _stages_are_shown = before
+
+
+def stage(name: str) -> Callable[[float], None]:
+    """A function that takes the part of a step that is done, 0 to 1, and shows it in a block of `shown_stages`."""
+    return Stage(name) if _stages_are_shown else lambda _part: None
 
 
 def _columns(stream: TextIO) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from ..tools.files import check_apart, write_aside
 from . import tables
 from .damage import FAULTS
 from .history import History
+from .layout import chunk_disks
 from .reader import SPIN, Trajectory
 from .repair import write_whole
 from .rows import converted
@@ -27,6 +28,8 @@ from .species import named_species
 FORMATS = ("gsd", "extxyz", "csv", "h5")
 EXTXYZ_NAMES = {"position": "pos", "velocity": "velo"}  # what OVITO calls them
 CONSTANT = ("radius", "mass", "material")  # properties of disks that other formats are given
+TEXTS_AT_ONCE = 1 << 16
+"""Disks of a frame that are written together, as text."""
 CSV_KEYS = ("frame", "time", "id")  # first columns of a CSV
 
 
@@ -38,7 +41,7 @@ def export(
     *,
     progress: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> None:
-    """Write frames of a trajectory to a file; memory holds one frame at a time.
+    """Write frames of a trajectory to a file; memory holds one frame at a time, of csv and extxyz a part of it.
 
     The file at `path` appears whole or not at all, and replaces one that is there; `frames` are written in this order,
     and `progress` wraps them, to show how far it is.
@@ -83,23 +86,29 @@ def write_csv(path: Path, names: Iterable[str], rows: Iterable[Iterable[object]]
         writer.writerows(rows)
 
 
-def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
-    """The fields of a frame in the precision in which they are stored."""
-    frame = trajectory[index]
-    return {name: frame[name].astype(trajectory.dtype(name)) for name in trajectory.fields}
+def _blocks(n: int) -> Iterator[slice]:
+    """Slices of n disks, of whole chunks of the file: as many as are written together, as text."""
+    step = max(TEXTS_AT_ONCE // chunk_disks(n), 1) * chunk_disks(n)
+    for first in range(0, n, step):
+        yield slice(first, min(first + step, n))
+
+
+def _stored(trajectory: Trajectory, index: int, disks: slice) -> dict[str, NDArray[Any]]:
+    """The fields of some disks of a frame in the precision in which they are stored, and their constant properties."""
+    fields = {name: trajectory.read(name, (index, disks)) for name in trajectory.fields}
+    return fields | {name: trajectory.constants(name, disks) for name in CONSTANT}
 
 
 def _csv(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:
-    n, disks = trajectory.n, trajectory.disks
-
-    def rows() -> Iterable[list[str]]:
-        ids = np.arange(n).astype(str)
+    def rows() -> Iterable[tuple[object, ...]]:
         for index in frames:
-            columns = {**_stored(trajectory, index), **{name: getattr(disks, name) for name in CONSTANT}}
-            parts = (part for name, value in columns.items() for part in tables.columns(name, value))
-            flat = [column.astype(str) for _, column in parts]
-            head = [np.full(n, str(index)), np.full(n, repr(float(trajectory.times[index]))), ids]
-            yield from np.column_stack([*head, *flat]).tolist()
+            keys = str(index), repr(float(trajectory.times[index]))
+            for disks in _blocks(trajectory.n):
+                columns = _stored(trajectory, index, disks)
+                parts = (part for name, value in columns.items() for part in tables.columns(name, value))
+                texts = (column.astype(str).tolist() for _, column in parts)
+                for i, *row in zip(range(disks.start, disks.stop), *texts, strict=True):
+                    yield *keys, i, *row
 
     write_csv(path, [*CSV_KEYS, *csv_names(trajectory.fields)], rows())
 
@@ -136,29 +145,38 @@ def material_names(trajectory: Trajectory) -> list[str] | None:
 
 
 def _extxyz(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:
-    disks, box = trajectory.disks, trajectory.box
-    constant = {name: getattr(disks, name) for name in CONSTANT}
-    constant["masses"] = disks.mass  # OVITO knows `mass` and `velo`, ASE `masses` and `momenta`
-    species = np.full(disks.n, "X")  # no chemical element; ASE takes no other name
-    first, first_properties = [species], ["species:S:1"]
-    if named := kinds(trajectory):
-        first.append(np.array(["_".join(name.split()) or "_" for name in named[0]])[named[1]])
-        first_properties.append("kind:S:1")
+    n, box, named = trajectory.n, trajectory.box, kinds(trajectory)
+    names = None if named is None else np.array(["_".join(name.split()) or "_" for name in named[0]])
+
+    def columns_of(index: int, disks: slice) -> tuple[list[str], list[list[str]]]:
+        """Properties of a frame, and texts of some disks, column by column."""
+        number = disks.stop - disks.start
+        # X is no chemical element; ASE takes no other name.
+        properties, columns = ["species:S:1"], [["X"] * number]
+        if named is not None and names is not None:
+            properties.append("kind:S:1")
+            columns.append(names[named[1][disks]].tolist())
+        stored = _stored(trajectory, index, disks)
+        mass = stored["mass"]
+        if "velocity" in stored:  # immovable disks are at rest
+            weight = np.where(np.isfinite(mass), mass, 0.0)
+            momenta = weight[:, None] * stored["velocity"].astype(np.float64)
+            fields = {name: stored[name] for name in trajectory.fields}
+            stored = {**fields, "momenta": momenta, **stored}
+        stored["masses"] = mass  # OVITO knows `mass` and `velo`, ASE `masses` and `momenta`
+        for name, value in stored.items():
+            vector = value.shape[1:] == (2,)
+            kind = "I" if value.dtype.kind == "i" else "R"
+            count = 3 if vector else int(np.prod(value.shape[1:]))
+            properties.append(f"{EXTXYZ_NAMES.get(name, name)}:{kind}:{count}")
+            columns += (value.T if value.ndim == 2 else value[None]).astype(str).tolist()
+            if vector:
+                columns.append(["0"] * number)
+        return properties, columns
+
     with path.open("w", encoding="utf-8") as file:
         for index in frames:
-            columns, properties = list(first), list(first_properties)
-            stored = _stored(trajectory, index)
-            if "velocity" in stored:  # immovable disks are at rest
-                weight = np.where(disks.movable, disks.mass, 0.0)
-                stored["momenta"] = weight[:, None] * stored["velocity"].astype(np.float64)
-            for name, value in {**stored, **constant}.items():
-                vector = value.shape[1:] == (2,)
-                kind = "I" if value.dtype.kind == "i" else "R"
-                count = 3 if vector else int(np.prod(value.shape[1:]))
-                properties.append(f"{EXTXYZ_NAMES.get(name, name)}:{kind}:{count}")
-                columns += [*(value.T if value.ndim == 2 else value[None]).astype(str)]
-                if vector:
-                    columns.append(np.full(disks.n, "0"))
+            properties, _ = columns_of(index, slice(0, 0))
             time = float(trajectory.times[index])
             cell = ""
             if not box.is_open:
@@ -168,9 +186,10 @@ def _extxyz(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:
                 cell = f'Lattice="{width!r} 0 0 {above!r} {height!r} 0 0 0 1" Origin="0 0 -0.5" '
             periodic = " ".join("T" if one else "F" for one in (*box.periodic, False))
             head = f'{cell}Properties={":".join(properties)} pbc="{periodic}" time={time!r} frame={index}'
-            file.write(f"{disks.n}\n{head}\n")
-            rows = zip(*(each.tolist() for each in columns), strict=True)
-            file.writelines(f"{' '.join(row)}\n" for row in rows)
+            file.write(f"{n}\n{head}\n")
+            for disks in _blocks(n):
+                _, columns = columns_of(index, disks)
+                file.writelines(f"{' '.join(row)}\n" for row in zip(*columns, strict=True))
 
 
 def _gsd(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:

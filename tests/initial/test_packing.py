@@ -154,11 +154,11 @@ def test_a_case_starts_by_growth_and_refuses_by_key() -> None:
 
 
 def test_a_long_stage_reports_progress(capsys: pytest.CaptureFixture[str]) -> None:
-    now = iter([0.0, 4.0, 6.0, 8.0, 11.5])
+    now = iter([0.0, 4.0, 6.0, 8.0, 11.5])  # 6 s for the first fifth: 24 s are left
     stage = Stage("growth", clock=lambda: next(now))
     for part in (0.1, 0.2, 0.3, 0.4):
         stage(part)
-    assert capsys.readouterr().err == "growth: 20 % done\ngrowth: 40 % done\n"
+    assert capsys.readouterr().err == "growth: 20 % done, ETA 0:24\ngrowth: 40 % done, ETA 0:17\n"
 
 
 def test_growth_reports_its_progress_in_order() -> None:

@@ -10,17 +10,22 @@ import pytest
 from numpy.typing import NDArray
 
 from ifrdem.errors import InputError
+from ifrdem.initial.additions import _accepted
 from ifrdem.initial.placement import (
-    _accepted,
-    check_no_overlap,
     gaussian_spins,
     hexagonal_positions,
     maxwellian,
     random_positions,
 )
 from ifrdem.model.box import Box
+from ifrdem.model.laws.ifr import IFRLaw
+from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.wall import Wall
 from ifrdem.mpi import distribution
+from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.start import cells, overlaps
+from ifrdem.simulation.start.overlaps import check_no_overlap
+from ifrdem.tools import progress
 
 
 def pair_gaps(
@@ -70,6 +75,43 @@ def test_attempts_in_bulk_succeed_as_attempts_accepted() -> None:
             if clear and owner[c] not in owner[kept]:
                 expected.append(c)
         assert _accepted(box, candidate, radius[owner], owner).tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("kind", "box", "walls", "block"),
+    [
+        ("two sizes", Box((18.0, 11.0)), (), 100),
+        ("equal", Box((31.0, 16.0), (True, False)), (), 60),
+        ("all different", Box((12.0, 21.0), (False, True)), (Wall.post((6.0, 9.0), 1.5),), 70),
+        ("all different", Box((14.0, 13.0)), (), 1000),
+    ],
+)
+def test_kernels_place_each_disk_where_numpy_does(
+    kind: str, box: Box, walls: tuple[Wall, ...], block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same places, to the bit: in strips and in one, across sides, with levels of radii and between walls.
+
+    Attempts that see no disk of a neighbouring strip, of the other level or beyond a side would place others.
+    """
+    monkeypatch.setattr(distribution, "BLOCK", block)
+    radius = RADII[kind](300, np.random.default_rng(4))
+    expected = random_positions(box, radius, seed=5, walls=walls)
+    monkeypatch.setattr(cells, "FEW", 0)
+    np.testing.assert_array_equal(random_positions(box, radius, seed=5, walls=walls), expected)
+
+
+def test_each_part_of_a_start_reports_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Placing, the search for overlaps and the first layout: silent, they would seem to hang for minutes."""
+    seen: dict[str, list[float]] = {}
+    monkeypatch.setattr(progress, "Stage", lambda name: seen.setdefault(name, []).append)
+    monkeypatch.setattr(distribution, "BLOCK", 100)
+    monkeypatch.setattr(cells, "FEW", 0)
+    disks, box = Disks(400, mass=1.0, radius=0.5), Box((60.0, 20.0))
+    with progress.shown_stages():
+        state = State(random_positions(box, disks.radius, seed=5), np.zeros((400, 2)), np.zeros(400))
+        Simulation(disks, box, IFRLaw(e_n=0.9, e_t=-0.9, mu=0.1), state)
+    assert [*seen] == ["placing disks", "comparing disks", "laying out disks"]
+    assert all(parts == sorted(parts) and len(parts) > 1 and parts[-1] == 1.0 for parts in seen.values())
 
 
 def test_random_positions_are_uniform() -> None:
@@ -186,9 +228,14 @@ def test_a_seed_deals_the_disks_of_a_mixture_to_the_sites_at_random() -> None:
 # --- overlaps ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("few", [0, 100])
 @pytest.mark.parametrize("kind", RADII)
 @pytest.mark.parametrize("n", [2, 10, 60])
-def test_the_worst_overlap_is_the_one_that_all_pairs_give(kind: str, n: int) -> None:
+def test_the_worst_overlap_is_the_one_that_all_pairs_give(
+    kind: str, n: int, few: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By NumPy, and by kernels, for which no disks are too few."""
+    monkeypatch.setattr(cells, "FEW", few)
     rng = np.random.default_rng(n)
     for _ in range(20):
         radius = RADII[kind](n, rng) * 0.3
@@ -205,6 +252,39 @@ def test_the_worst_overlap_is_the_one_that_all_pairs_give(kind: str, n: int) -> 
         assert message.startswith(f"disks {i[worst]} and {j[worst]} overlap by {-gap[worst]:.6g} ")
         count = np.count_nonzero(gap < 0.0)
         assert (f"{count} pairs overlap" in message) == (count > 1)
+
+
+@pytest.mark.parametrize(
+    "box",
+    [Box((9.0, 8.0), shear_rate=0.3), Box((9.0, 8.0), (False, True)), Box.open()],
+    ids=["sheared", "walls", "open"],
+)
+def test_kernels_find_the_overlaps_that_numpy_finds(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Across the leaning sides of a sheared box; none across walls, where disks may lie outside; and in an open box."""
+    rng = np.random.default_rng(6)
+    for time in (0.0, 1.7, 40.3):
+        radius, position = rng.uniform(0.05, 0.4, 150), rng.uniform(-3.0, 11.0, (150, 2))
+        messages = []
+        for few in (0, 1000):
+            monkeypatch.setattr(cells, "FEW", few)
+            with pytest.raises(InputError, match="pairs overlap") as failure:
+                check_no_overlap(box, radius, position, time=time)
+            messages.append(str(failure.value))
+        assert messages[0] == messages[1]
+        near = []
+        for few in (0, 1000):
+            monkeypatch.setattr(cells, "FEW", few)
+            near.append(overlaps.close_ones(box, radius, position, 0.03, time=time))
+        for one, other in zip(*near, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_kernels_stop_where_too_many_pairs_overlap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Places that are all alike would be n^2 / 2 pairs, more than any memory holds for a large gas."""
+    monkeypatch.setattr(cells, "FEW", 0)
+    monkeypatch.setattr(overlaps, "MOST_PAIRS", 5000)
+    with pytest.raises(InputError, match=r"; at least 5000 pairs overlap, this one the most$"):
+        check_no_overlap(Box((100.0, 100.0)), np.full(2000, 0.5), np.full((2000, 2), 3.0))
 
 
 def test_disks_overlap_across_sides_and_corners() -> None:
@@ -327,11 +407,13 @@ def test_velocities_and_spins_of_one_seed_are_independent() -> None:
 def test_strips_of_a_random_start_have_one_density_and_all_kinds(
     walls: tuple[Wall, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Blocks of 200 disks: no border of a strip shows, and no overlap (it looks itself)."""
+    """Blocks of 200 disks: no border of a strip shows, and no overlap."""
     monkeypatch.setattr(distribution, "BLOCK", 200)
     box, n = Box((120.0, 120.0)), 4000
     radius = np.where(np.arange(n) < n // 2, 0.6, 0.4)
     position = np.concatenate([random_positions(box, radius, seed=seed, walls=walls) for seed in range(4)])
+    for places in np.split(position, 4):
+        check_no_overlap(box, radius, places)
     small = np.tile(radius < 0.5, 4)
     inside = np.hypot(*(position - 60.0).T) < 50.0 if walls else np.ones(len(position), dtype=bool)
     edges = np.linspace(10.0, 110.0, 51) if walls else np.linspace(0.0, 120.0, 61)

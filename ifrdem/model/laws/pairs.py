@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import InputError, shortened
 from ...tools.checked import MOST, Array
-from ..state import Disks
+from ..state import Disks, unlike
 from .law import CollisionLaw
 from .sampling import check_by_sampling, is_sampled
 
@@ -165,10 +165,11 @@ def _check_energy(laws: Laws, disks: Disks, of_walls: Collection[int]) -> None:
     Of disks with one k and material, the lightest and the heaviest decide: the mean k of a
     pair lies between those of these two.
     """
-    kinds, which = np.unique(np.stack([disks.material, disks.k], axis=1), axis=0, return_inverse=True)
+    of_disks, k, mass = unlike([disks.material, disks.k, disks.mass])
+    kinds, which = np.unique(np.stack([of_disks, k], axis=1), axis=0, return_inverse=True)
     lightest, heaviest = np.full(len(kinds), np.inf), np.zeros(len(kinds))
-    np.minimum.at(lightest, which.ravel(), disks.mass)
-    np.maximum.at(heaviest, which.ravel(), disks.mass)
+    np.minimum.at(lightest, which.ravel(), mass)
+    np.maximum.at(heaviest, which.ravel(), mass)
     for one, (a, k_a) in enumerate(kinds):
         for other in range(one, len(kinds)):
             b, k_b = kinds[other]

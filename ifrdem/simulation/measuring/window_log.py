@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...kernels.columns import TABLES, named
-from ...kernels.compiler.language import to_numpy
 
 if TYPE_CHECKING:
     from ..windows.arrays import DeviceArrays
@@ -31,7 +30,7 @@ class WindowLog:
     def take(self, arrays: DeviceArrays, count: int) -> None:
         """Add the first `count` rows of the arrays."""
         if count:
-            real, whole = (to_numpy(getattr(arrays, name))[:count] for name in (self._real, self._whole))
+            real, whole = (arrays.values(name)[:count].copy() for name in (self._real, self._whole))
             self._parts.append((real, whole))
 
     def drop(self, tiles: NDArray[np.int32]) -> None:
@@ -47,5 +46,7 @@ class WindowLog:
         if none or not self._parts:
             width = (TABLES[self._real].width,) if self._real in TABLES else ()
             return np.zeros((0, *width)), np.zeros((0, TABLES[self._whole].width), dtype=np.int32)
+        if len(self._parts) == 1:  # of a large gas as large as its state
+            return self._parts[0]
         real, whole = zip(*self._parts, strict=True)
         return np.concatenate(real), np.concatenate(whole)

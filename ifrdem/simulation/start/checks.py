@@ -16,7 +16,7 @@ from ...model.box import Box
 from ...model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ...model.overlaps import tolerances
 from ...model.setup import Setup, library_classes
-from ...model.state import Disks, State
+from ...model.state import Disks, State, unlike
 from ...model.walls.checks import check as check_walls
 from ...model.walls.wall import Wall, wall_names
 from ...mpi import current
@@ -67,10 +67,13 @@ def check_magnitudes(disks: Disks, box: Box, speed: float, precision: str, hotte
     disks are as fast as `speed` (`fastest`); walls and thermostats may be as hot as `hottest` [energy].
     """
     low, high = (1e-30, 1e30) if precision == "f32" else (1e-280, 1e280)
-    finite = np.isfinite(disks.mass)
+    columns = [disks.mass, disks.radius, disks.k]
+    if all(len(each) > 1 and each.strides[0] == 0 for each in columns):  # all are alike
+        columns = [each[:1] for each in columns]
+    finite = np.isfinite(columns[0])
     if not disks.n or not finite.any():
         return
-    m, R, k = disks.mass[finite], disks.radius[finite], disks.k[finite]
+    m, R, k = (each[finite] for each in columns)
     v = max(speed, float(np.sqrt(hottest / m.min())))  # of disks that come from there, v and R omega alike
     formed = {"m": m, "1 / m": 1.0 / m, "R^2": R * R, "k / (m R)": k / m / R, "k / (m R^2)": k / m / R / R}
     if v > 0.0:
@@ -160,7 +163,7 @@ def check_collapse(
     if isinstance(collapse, Rest):
         _check_jumps(disks, gravity, collapse)
     elif e_n is not None:
-        materials = np.unique(disks.material).tolist()
+        materials = unlike([disks.material])[0].tolist()
         _check_rebound(e_n, materials, walls, box, gravity, collapse, device.precision)
 
 

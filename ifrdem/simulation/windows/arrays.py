@@ -240,18 +240,21 @@ class DeviceArrays:
         kept = self.state_arrays()
         rows = parts * room
         self._check_addresses(rows)
-        before = {name: self.values(name).copy() for name in self.state_names()} if self.room else {}
-        for name in before:
-            self.replace(name, None)
-        for name in ("disk", "meta", "past", "hits", "dissipated", "held", "asleep"):
-            self.make(name, rows if kept[name] else 1)
-        if self.uses.ranks:
-            self.make("kind", rows if kept["kind"] else 1)
         same = min(self.room, room)
-        for name, old in before.items():
-            with self.written(name) as (new,):
-                for part in range(min(self.parts, parts)):
-                    new[part * room : part * room + same] = old[part * self.room : part * self.room + same]
+        for name in kept:
+            if name == "kind" and not self.uses.ranks:
+                continue
+            # One by one: copies of all of them would be as large as the engine.
+            old = self.values(name).copy() if self.room and kept[name] else None
+            self.replace(name, None)
+            self.make(name, rows if kept[name] else 1)
+            if old is not None:
+                with self.written(name) as (new,):
+                    for part in range(min(self.parts, parts)):
+                        new[part * room : part * room + same] = old[
+                            part * self.room : part * self.room + same
+                        ]
+            del old
         for name in ("history_hash", "displacement", "slot_before"):
             self.make(name, room)
         self.parts, self.room = parts, room
@@ -512,7 +515,7 @@ class DeviceArrays:
 
     def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
         """Load lists that `lists` gave, as the beginning of a window."""
-        self.domain.load({name: found[name] for name in self._kept()}, *found["listed"].T)
+        self.domain.load({name: found[name] for name in self.kept_names}, *found["listed"].T)
 
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
         """Rows of the state at a part, by array and in order of ids; and `listed`, the tile and the place in its list.
@@ -526,7 +529,8 @@ class DeviceArrays:
         ids = named(held["meta"], "meta").id.astype(np.int64) - self.domain.first_id
         return dict(zip(held, self.domain.comm.by_id(self.n, ids, list(held.values())), strict=True))
 
-    def _kept(self) -> list[str]:
+    @property
+    def kept_names(self) -> list[str]:
         """Names of the arrays of a state that this gas keeps, except the kinds of disks, which follow from ids."""
         return [name for name in self.state_names() if name != "kind"]
 
@@ -584,27 +588,51 @@ class DeviceArrays:
         self.grid.part = 0
         if self.uses.shear:
             self.displace_rows(state.time)
-        self.domain.load(*self._rows_from(state))
+        self.domain.load_state(state)
 
-    def _rows_from(self, state: State) -> tuple[dict[str, NDArray[Any]], NDArray[np.integer]]:
-        """Rows of the arrays for a state, by the arrays' names; and the tile of each."""
+    def places_of(
+        self, state: State, known: NDArray[np.integer] | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.integer]]:
+        """Places from the corner of the tile that each disk is in, velocities, boxes crossed, and tiles, if not `known`."""
         velocity, crossed = state.velocity, np.zeros((state.n, 2))
         if self.uses.shear:
             position, velocity, crossed = self._in_frames(state)
         else:
-            position = self.box.wrap(state.position)
-            for axis in range(2):
-                if self.box.periodic[axis]:
-                    crossed[:, axis] = np.floor(state.position[:, axis] / self.box.lengths[axis])
+            position = state.position
+            position = self.box.wrap(position)
+            for axis, length in enumerate(self.box.lengths):
+                along = state.position[:, axis]
+                if (
+                    self.box.periodic[axis]
+                    and not 0.0 <= along.min(initial=0.0) <= along.max(initial=0.0) < length
+                ):
+                    crossed[:, axis] = np.floor(along / length)
         # First onto the grid: differences are exact then, whatever the tiles.
-        position = np.round(position / self.spacing) * self.spacing
-        counts = np.array([self.grid.tiles_x, self.grid.tiles_y])
-        columns = [np.searchsorted(self.edges[a], position[:, a], side="right") - 1 for a in (0, 1)]
-        index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
-        tile = index[:, 0] * counts[1] + index[:, 1]
-        local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
+        position /= self.spacing
+        np.round(position, out=position)
+        position *= self.spacing
+        counts = (int(self.grid.tiles_x), int(self.grid.tiles_y))
+        if known is None:
+            index = [
+                np.clip(np.searchsorted(edge, position[:, axis], side="right") - 1, 0, counts[axis] - 1)
+                for axis, edge in enumerate(self.edges)
+            ]
+            known = index[0] * counts[1] + index[1]
+        else:
+            index = [*np.divmod(known, counts[1])]
+        for axis, edge in enumerate(self.edges):
+            position[:, axis] -= edge[index[axis]]
+        return position, velocity, crossed, known
+
+    def rows_from(
+        self, state: State, first: int, known: NDArray[np.integer] | None = None
+    ) -> tuple[dict[str, NDArray[Any]], NDArray[np.integer]]:
+        """Rows of the arrays for a state of disks with ids from `first` on, by the arrays' names; and the tile of each.
+
+        The tiles may be `known`.
+        """
+        local, velocity, crossed, tile = self.places_of(state, known)
         events = state.collisions + state.wall_collisions.astype(np.int64)
-        ids = self.domain.comm.slice_of(self.n)
         image = state.image + crossed  # of real numbers, which hold all that 32 bits do
         farthest = self.domain.comm.largest(float(np.abs(image).max(initial=0.0)))
         if farthest > MOST_COUNTED:
@@ -616,7 +644,7 @@ class DeviceArrays:
             "disk": lambda: np.column_stack([local, velocity, state.spin]),
             "meta": lambda: np.column_stack(
                 [
-                    np.arange(ids.start, ids.stop) + self.domain.first_id,
+                    np.arange(first, first + state.n) + self.domain.first_id,
                     events,
                     image,
                 ]
@@ -630,7 +658,7 @@ class DeviceArrays:
         }
         types = {"real": self.real, "f64": np.float64, "i32": np.int32}
         found: dict[str, NDArray[Any]] = {
-            name: kept[name]().astype(types[TYPES[name]], copy=False) for name in self._kept()
+            name: kept[name]().astype(types[TYPES[name]], copy=False) for name in self.kept_names
         }
         return found, tile
 

@@ -59,7 +59,7 @@ from ...kernels.compiler.language import ti, view
 from ...kernels.tiles.readout import read_rows, write_rows
 from ...kernels.tiles.sums import sum_shared
 from ...kernels.windows.windows import HALO_GROWTH, verify
-from ...model.state import COLUMNS, DiskKinds, Disks
+from ...model.state import COLUMNS, DiskKinds, Disks, State
 from ...mpi import Communicator
 from ...mpi.decomposition import owners
 from .arrays import concatenated_ranges, kind_rows, kinds_of
@@ -603,6 +603,10 @@ class RankDomain(Domain):
         runner.rests, self._short = bool(rests), bool(n_short)
 
     # ------------------------------------------------------------------ the state
+
+    def load_state(self, state: State) -> None:
+        """List the slices of a state in the tiles."""
+        self.load(*self.arrays.rows_from(state, self.comm.slice_of(self.arrays.n).start))
 
     def load(
         self,

@@ -14,7 +14,7 @@ from ...kernels.columns import SINGLE_TILE, most_disks
 from ...kernels.layout import BLOCK_SLOTS, FAR, MAX_TRAVEL
 from ...model.box import Box
 from ...model.density import henderson, packing_fraction, path_in_collisions
-from ...model.state import Disks, State
+from ...model.state import Disks, State, unlike
 
 if TYPE_CHECKING:
     from ...kernels.layout import Uses
@@ -62,7 +62,7 @@ def split_of(radius: NDArray[np.float64]) -> float | None:
 
     The two groups are separated by the widest gap between radii, if that is a factor 2 at least.
     """
-    known = np.unique(radius)
+    (known,) = unlike([radius])
     if len(known) < 2:
         return None
     gap = int(np.argmax(known[1:] / known[:-1]))

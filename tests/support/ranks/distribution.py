@@ -11,8 +11,8 @@ from mpi4py import MPI
 import ifrdem
 from ifrdem import initial
 from ifrdem.errors import EngineError
-from ifrdem.model.overlaps import check_no_overlap
 from ifrdem.mpi import SERIAL, Communicator, distribution
+from ifrdem.simulation.start.overlaps import check_no_overlap
 
 WORLD = MPI.COMM_WORLD
 COMM = Communicator(WORLD)
