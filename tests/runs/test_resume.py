@@ -38,7 +38,7 @@ from ifrdem.trajectory.background import AsyncWriter
 from ifrdem.trajectory.reader import Trajectory
 
 CASE = case_text({
-    "run.seed": 3, "run.t_end": 2.0, "box.packing_fraction": 0.3, "material[0].e_n": 0.87,
+    "run.seed": 3, "run.threads": 1, "run.t_end": 2.0, "box.packing_fraction": 0.3, "material[0].e_n": 0.87,
     "material[0].e_t": -0.88, "material[0].mu": 0.21, "species[0].number": 400,
     "species[0].speed_rms": 1.4, "force": [{"kind": "random_kicks", "step": 0.05, "power": 0.5}],
     "output": {
