@@ -94,13 +94,13 @@ def to_xarray(trajectory: Trajectory, chunks: Mapping[str, int] | str | None = N
         raise InputError(f'chunks = {shortened(chunks)}: must be "auto", or numbers such as {{"time": 10}}')
     optional_import("dask", "study")
 
-    class Engine(xarray.backends.BackendEntrypoint):  # type: ignore[name-defined,misc]
+    class InChunks(xarray.backends.BackendEntrypoint):  # type: ignore[name-defined,misc]
         """Has xarray divide the fields, by chunks that they have in the file."""
 
         def open_dataset(self, filename_or_obj: Any, *, drop_variables: Any = None) -> Any:
             return _dataset(xarray, filename_or_obj)
 
-    return xarray.open_dataset(trajectory, engine=Engine, chunks=chunks)
+    return xarray.open_dataset(trajectory, engine=InChunks, chunks=chunks)
 
 
 def _dataset(xarray: Any, trajectory: Trajectory) -> xarray.Dataset:
