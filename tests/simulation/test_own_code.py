@@ -342,7 +342,7 @@ def test_tables_with_materials_that_never_meet_are_laws_to_the_theory() -> None:
     disks = ifrdem.Disks(2, mass=1.0, radius=0.5, material=[0, 1])
     with pytest.raises(InputError, match=r"law\[.*\] = None"):
         theory.prediction(disks, [[law, None], [None, law]], 0.2, 1.0, 0.0, [0.0, 1.0])
-    with pytest.raises(InputError, match=r"law = .*must be an IFRLaw"):
+    with pytest.raises(InputError, match=r"law = .*must be a law that says has_averages"):
         theory.cooling_ratios({"e_n": 0.9, "mew": 0.1}, 2.0)
 
 

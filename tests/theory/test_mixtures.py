@@ -282,7 +282,7 @@ class Sticky(CollisionLaw):
     ("change", "message"),
     [
         ({"law": IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2, rho=0.01)}, r"rho = 0\.01: .* no rolling friction"),
-        ({"law": Sticky()}, "must be an IFRLaw"),
+        ({"law": Sticky()}, "must be a law that says has_averages"),
         ({"law": [[COIN, COIN]]}, "2 rows of 2 laws"),
         (
             {"law": [[COIN, COIN], [IFRLaw(e_n=0.5, e_t=-0.8, mu=0.2), COIN]]},
