@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,11 +45,6 @@ def warn(message: str) -> None:
 def complain(message: str) -> None:
     """Print an error to the standard error stream."""
     LOG.error(message)
-
-
-def forget_output() -> None:
-    """Drop output that can no longer be written, which Python would try again at its end."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _Streams(logging.Handler):

@@ -28,7 +28,7 @@ from cyclopts import (
 
 from .. import mpi
 from ..errors import EngineError, InputError, cut, nearest, on_command_line, there_are
-from ..tools.arguments import unfailing_messages
+from ..tools.arguments import forget, unfailing_messages
 from ..tools.files import check_files
 from ..tools.versions import SHOWN
 from . import analyse, console, fit, program, run, trajectory
@@ -176,7 +176,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except KeyboardInterrupt as error:
             return mpi.communicator.end(INTERRUPTED, str(error) or "interrupted", complain)
         except BrokenPipeError:  # the reader of our output went away, as `head` does
-            console.forget_output()
+            forget(sys.stdout)
             return FAILED
         except OSError as error:  # such as a full disk; files have their own messages
             text = (
@@ -184,7 +184,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
             if error.errno == errno.ENAMETOOLONG:
                 return mpi.communicator.end(BAD_INPUT, text, complain)
-            console.forget_output()
+            forget(sys.stdout)
             return mpi.communicator.end(FAILED, text, complain)
         except Exception:
             # A fault of the program. A single process raises it; one rank of several prints it, with the traceback,

@@ -45,7 +45,19 @@ def unfailing_messages() -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         stream = sys.stderr or stack.enter_context(open(os.devnull, "w", encoding="utf-8"))
         stack.enter_context(contextlib.redirect_stderr(Unfailing(stream)))
-        yield
+        try:
+            yield
+        finally:
+            try:
+                stream.flush()
+            except OSError:
+                with contextlib.suppress(OSError):  # not a file
+                    forget(stream)
+
+
+def forget(stream: TextIO) -> None:
+    """Drop what the file of a stream cannot take: Python would try again at its end, and exit with status 120."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 @unfailing_messages()
