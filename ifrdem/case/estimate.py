@@ -222,8 +222,8 @@ PROCESS_BYTES = 300_000_000
 START_BYTES_PER_DISK = 60
 """Memory of a start beside the engine's arrays: 40 bytes of places and motion and, before these arrays are there, 60 for
 placing and comparing disks; 45 were seen beside them (`ifrdem/docs/results/starts.md`)."""
-FRAMES_IN_MEMORY = 4
-"""Frames that are made, wait (two) or are written."""
+FRAMES_IN_MEMORY, WRITER_BYTES_PER_DISK = 4, 200
+"""Frames that are made, wait (two) or are written; memory of these for each disk, at most."""
 GROWTH_BYTES_PER_DISK = 1000
 """The same for a start by growth: 940 bytes a disk were seen."""
 TILE_BYTES, TILE_DISKS = 450, 5000
@@ -302,7 +302,8 @@ class RunEstimate:
 
     def writer_bytes_per_disk(self, output: OutputSection) -> int:
         """Memory [bytes] of frames for each disk: rows with all that the gas keeps, and their fields as they are stored."""
-        return min(self.frames, FRAMES_IN_MEMORY) * 2 * max(disk_bytes(output), 32)
+        found = min(self.frames, FRAMES_IN_MEMORY) * 2 * max(disk_bytes(output), 32)
+        return min(found, WRITER_BYTES_PER_DISK)
 
     def peak_bytes(self, gas: CaseGas) -> int:
         """Largest memory [bytes] of a run in one process on a CPU: of its start, or later with frames."""

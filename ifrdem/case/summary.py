@@ -18,14 +18,14 @@ from . import starts
 from .case import GROWN, CaseSections
 from .estimate import (
     GROWTH_BYTES_PER_DISK,
+    PROCESS_BYTES,
     START_BYTES_PER_DISK,
+    WRITER_BYTES_PER_DISK,
     RunEstimate,
     strip_bytes,
 )
 from .gas import CaseGas
 
-WRITER_BYTES_PER_DISK = 200
-"""Memory [bytes per disk] of frames that are made, wait or are written, of several; of few, `RunEstimate` knows it."""
 GPU_BYTES_PER_DISK, GPU_SCRATCH = 120, 200_000_000
 """Memory of a GPU beyond `bytes_per_disk`: bytes per disk, for arrays of tiles and 1.2 ghost records instead of 0.4
 (tiles are small); bytes of scratch space of the blocks that run at the same time."""
@@ -131,7 +131,8 @@ def refused_here(
             start=start,
             low_memory=run.low_memory,
             layered=not walled and split_of(gas.kinds.radius) is not None,
-            writer=min(estimate.writer_bytes_per_disk(gas.case.output), WRITER_BYTES_PER_DISK),
+            writer=estimate.writer_bytes_per_disk(gas.case.output),
+            process=PROCESS_BYTES * max(round(share * ranks), 1),
         ),
         lambda: refuse_beyond_disk(estimate.file_bytes, folder),
     ]
@@ -157,13 +158,14 @@ def refuse_beyond_memory(
     low_memory: bool = False,
     layered: bool = False,
     writer: int = WRITER_BYTES_PER_DISK,
+    process: int = 0,
 ) -> None:
     """Raise InputError if n disks need more memory than is free, or than a GPU has.
 
     `positions` is start.positions: growth needs more. Of several `ranks`, with a GPU each, a `share` is on this
     machine, with the first one, which has all disks, unless each makes its own ones (`sliced`); where they place them
     at random, in so much memory (`start`, [bytes]) here. `layered` gases have two layers of cells. Frames take so much
-    memory of the `writer` for each disk [bytes], once the start is made.
+    memory of the `writer` for each disk [bytes], once the start is made; processes here take as much without disks.
     """
     per_disk = bytes_per_disk(low_memory)
     if arch != "cpu":
@@ -180,11 +182,11 @@ def refuse_beyond_memory(
     engine = per_disk if arch == "cpu" else 0
     here = share * n if sliced else n
     placing = start if sliced and start else here * host
-    needed = int(max(placing, here * writer) + share * n * engine)
+    of_disks = int(max(placing, here * writer) + share * n * engine)
     free = backend.memory_available()
-    if free is not None and needed > free:
-        both = f"some {size(needed)} of memory, and {size(free)} are free"
-        raise InputError(f"{n} disks need {both}: {n * free // needed} would fit")
+    if free is not None and process + of_disks > free:
+        both = f"some {size(process + of_disks)} of memory, and {size(free)} are free"
+        raise InputError(f"{n} disks need {both}: {n * max(free - process, 0) // of_disks} would fit")
 
 
 def summary(gas: CaseGas, estimate: RunEstimate, device: str) -> str:
