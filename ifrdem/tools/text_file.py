@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import itertools
 import os
@@ -14,6 +15,7 @@ from ..errors import InputError, nearest_file
 
 MOST_LINE = 100_000
 """Characters of a line of a table at most."""
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 _ESCAPED = re.compile("[\udc80-\udcff]")  # bytes that are no UTF-8, as the handler "surrogateescape" has them
 
 
@@ -39,6 +41,12 @@ def opened(path: Path) -> io.BufferedReader:
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         file.close()
         raise InputError("is a device or pipe: must be a regular file")
+    with contextlib.suppress(OSError):  # `read` and `lines` say what is wrong
+        if file.peek(len(_HDF5)).startswith(_HDF5):
+            file.close()
+            raise InputError(
+                "is an HDF5 file, as trajectories, checkpoints and studies are: must be a text file"
+            )
     return file
 
 

@@ -8,6 +8,7 @@ import re
 import threading
 from pathlib import Path
 
+import h5py
 import matplotlib
 import numpy as np
 import pytest
@@ -213,3 +214,12 @@ def test_a_style_whose_lines_are_no_settings_is_refused(text, message, tmp_path,
     path.write_text("# ours\nlines.linewidth: 2.5\n")
     with options.styled(str(path)):
         assert matplotlib.rcParams["lines.linewidth"] == 2.5
+
+
+def test_hdf5_files_are_named_as_such(tmp_path: Path) -> None:
+    """A trajectory in place of a case was to be saved as UTF-8."""
+    path = tmp_path / "gas.h5"
+    with h5py.File(path, "w"):
+        pass
+    with pytest.raises(InputError, match=r"^is an HDF5 file, .*: must be a text file$"):
+        text_file.read(path, most=100)
