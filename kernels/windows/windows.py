@@ -251,10 +251,17 @@ def run_windows(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, gas: WIND
 
 @ti.func
 def repeat_tile(tile, lane, gas: ti.template()):
-    """Repeat the window of one tile, up to the last requested moment, with the halo that it had."""
+    """Repeat the window of one tile, up to the last requested moment, with the halo that it had.
+
+    Rows of its trail name slots: with other disks than it had, it notes that it has no room.
+    """
+    n = gas.tile[tile].gathered
     begin(tile, 0, 1, gas)
     prepare(tile, lane, gas)
-    repeat_events(gas.tile[tile].gathered, tile, region_of(tile, lane, gas), gas)
+    if gas.tile[tile].gathered == n:
+        repeat_events(n, tile, region_of(tile, lane, gas), gas)
+    else:
+        ti.atomic_or(gas.counter.full, FULL_SLOTS)
 
 
 @kernel

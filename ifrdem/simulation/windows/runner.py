@@ -104,7 +104,7 @@ class TileRunner:
         a.launch(replay, len(a.own))
         if a.counter.full:
             raise EngineError(
-                f"t = {float(a.clock.begin):.9g}: there is no room to repeat a window; please report this"
+                f"t = {float(a.clock.begin):.9g}: a window has other disks when it is repeated; please report this"
             )
 
     def run_bad(self) -> None:

@@ -99,7 +99,8 @@ def test_faults_are_found_out(results: dict[str, dict[str, Any]]) -> None:
     assert set(found["no_foresight"]["differ"]) <= {"totals"}
     assert found["no_foresight"]["whole"] > 0
     assert found["half_a_halo"]["differ"]
-    assert {"position", "velocity", "spin"} <= set(found["no_verification"]["differ"])
+    # Tiles that are not run again although they are bad: their halos are wider when the window is repeated.
+    assert "has other disks when it is repeated" in found["no_verification"]["error"]
     assert {"sums", "totals"} == set(found["other_order"]["differ"])  # in their last digits
     wrong_row = results["2:sizes:wrong_row"]["differ"]  # of a table of kinds
     assert {"position", "velocity", "spin", "totals"} <= set(wrong_row)
