@@ -105,7 +105,7 @@ def figures() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def base(request: pytest.FixtureRequest) -> str:
-    """What the cases of a module begin with: its own text CASE, or else the smallest case."""
+    """Text with which the cases of a module begin: its own CASE, or else the smallest case."""
     return getattr(request.module, "CASE", cases.SMALLEST)
 
 

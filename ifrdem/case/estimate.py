@@ -173,7 +173,7 @@ PLACING_SECONDS = {"random": (0.4e-6, 0.4e-6), GROWN: (5e-5, 0.0)}
 """Time per disk to place it, by `start.positions`: of one thread, and shared among threads. Others are read or drawn on
 a lattice, in less. Growth takes 5e-5 s at phi = 0.4, and three times as much near random packing."""
 LAYOUT_SECONDS = 0.6e-6, 0.3e-6
-"""The same to compare disks, to check them, and to lay them out in tiles (`ifrdem/docs/results/starts.md`)."""
+"""Time per disk to compare disks, check them, and lay them out in tiles, in the same parts (`ifrdem/docs/results/starts.md`)."""
 FEW_SECONDS = 4e-6
 """Time of NumPy per disk to place few disks at random (`cells.FEW`)."""
 
@@ -216,7 +216,7 @@ RADIUS_BYTES = 80
 PLACED_BYTES_PER_DISK = 100
 """The same for each disk of its own, or of its strips, while it places random ones; 80 bytes were seen."""
 HOST_BYTES_PER_DISK = 300
-"""The same of a strip that is filled, at most."""
+"""Memory per disk of a strip that is filled, at most."""
 PROCESS_BYTES = 300_000_000
 """Memory of a process without disks: Python, the runtime and their libraries, and Matplotlib for the picture."""
 START_BYTES_PER_DISK = 60

@@ -388,7 +388,7 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
         return self.velocity if self.flow is None else self.velocity - self.flow
 
     def part(self, ids: range) -> Self:
-        """The same of some disks: views, which are not checked again."""
+        """State of some disks: views, which are not checked again."""
         found = copy.copy(self)
         for name in self.assignable - {"time"}:
             if isinstance(value := getattr(self, name), np.ndarray):

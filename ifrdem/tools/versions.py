@@ -7,7 +7,7 @@ from pathlib import Path
 
 __version__ = "0.1.0"
 SHOWN = f"ifrdem {__version__}"
-"""What `ifrdem --version` prints. Functions import what they need, so that it does so at once."""
+"""Line of `ifrdem --version`. Functions import what they need, so that it is printed at once."""
 
 
 def package_versions() -> dict[str, str]:

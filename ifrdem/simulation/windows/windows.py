@@ -465,7 +465,7 @@ class Windows:
 
     @property
     def _timing(self) -> int:
-        """What is written down to know the times of all collisions in a window."""
+        """Records that give the times of all collisions in a window: a trail, or pairs."""
         return k.TRAIL if self.arrays.keeps_trail else k.PAIRS
 
     def _nears_count(self) -> bool:
