@@ -41,13 +41,13 @@ def opened(path: Path) -> io.BufferedReader:
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         file.close()
         raise InputError("is a device or pipe: must be a regular file")
-    with contextlib.suppress(OSError):  # `read` and `lines` say what is wrong
-        if file.peek(len(_HDF5)).startswith(_HDF5):
-            file.close()
-            raise InputError(
-                "is an HDF5 file, as trajectories, checkpoints and studies are: must be a text file"
-            )
     return file
+
+
+def _refuse_hdf5(content: bytes) -> None:
+    """Raise InputError if a file begins as HDF5 files do."""
+    if content.startswith(_HDF5):
+        raise InputError("is an HDF5 file, as trajectories, checkpoints and studies are: must be a text file")
 
 
 def _refuse_larger(size: int, most: int) -> None:
@@ -73,6 +73,7 @@ def read(path: Path, *, most: int, bom: bool = False) -> str:
             raise InputError(f"cannot be read: {error.strerror}") from None
     if content is None:  # some files of the system wait for what is to come, as /proc/kmsg does
         raise InputError("cannot be read: the system waits for its content; must be a regular file")
+    _refuse_hdf5(content)
     _refuse_larger(len(content), most)
     try:
         return content.decode("utf-8-sig" if bom else "utf-8")
@@ -86,6 +87,8 @@ def lines(path: Path, *, most: int) -> Iterator[str]:
     Raises InputError as `read`, or if a line has more than `MOST_LINE` characters.
     """
     with opened(path) as file:
+        with contextlib.suppress(OSError):  # said below, with the line
+            _refuse_hdf5(file.peek(len(_HDF5)))
         _refuse_larger(os.fstat(file.fileno()).st_size, most)
         text = io.TextIOWrapper(file, "utf-8-sig", "surrogateescape", newline="")
         for number in itertools.count(1):

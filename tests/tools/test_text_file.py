@@ -221,5 +221,6 @@ def test_hdf5_files_are_named_as_such(tmp_path: Path) -> None:
     path = tmp_path / "gas.h5"
     with h5py.File(path, "w"):
         pass
-    with pytest.raises(InputError, match=r"^is an HDF5 file, .*: must be a text file$"):
-        text_file.read(path, most=100)
+    for reader in (text_file.read, lambda *given, **most: [*text_file.lines(*given, **most)]):
+        with pytest.raises(InputError, match=r"^is an HDF5 file, .*: must be a text file$"):
+            reader(path, most=100)
