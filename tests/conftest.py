@@ -52,9 +52,12 @@ def pytest_configure(config: pytest.Config) -> None:
     runtime.choose(config.getoption("--runtime"), "--runtime")
     settings.load_profile("full" if config.getoption("--full") else "default run")
     backend.limit_threads(1)
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # a shell's background job ignores it: tests send it
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """Give each test the usual Ctrl-C: modules of others that a test imports may take it (dask_jobqueue does)."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(tryfirst=True)

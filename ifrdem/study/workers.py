@@ -232,7 +232,11 @@ def _options_of_jobs(cluster: ClusterSection, threads: int) -> dict[str, Any]:
 
 def _job_queue(cluster: ClusterSection) -> Any:
     try:
+        before = signal.getsignal(signal.SIGINT)
         import dask_jobqueue
+
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, before)  # it takes Ctrl-C as it is imported
     except ImportError:
         text = f"dask-jobqueue is not installed: {install_extra('cluster')}"
         raise InputError(f'cluster.kind = "{cluster.kind}": {text}') from None
