@@ -662,7 +662,7 @@ def _rows(
 
 
 def _at(rows: NDArray[np.bool_], text: str) -> list[RowProblem]:
-    """The same problem for each row that is marked, shape (n,)."""
+    """Rows that are marked, shape (n,), each with this problem."""
     return [(int(i), text) for i in np.flatnonzero(rows)]
 
 

@@ -89,7 +89,7 @@ def test_attempts_in_bulk_succeed_as_attempts_accepted() -> None:
 def test_kernels_place_each_disk_where_numpy_does(
     kind: str, box: Box, walls: tuple[Wall, ...], block: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The same places, to the bit: in strips and in one, across sides, with levels of radii and between walls.
+    """Kernels and NumPy give the same places, to the bit: in strips and in one, across sides, with levels of radii and between walls.
 
     Attempts that see no disk of a neighbouring strip, of the other level or beyond a side would place others.
     """

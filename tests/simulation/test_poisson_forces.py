@@ -115,7 +115,7 @@ def test_times_are_a_poisson_process_of_each_disk() -> None:
 
 
 def test_no_action_is_lost_in_the_longest_of_runs() -> None:
-    """What comes first after the moment before an action is that action, at 2^43 mean times after the beginning.
+    """Searches from the moment before an action find it, at 2^43 mean times after the beginning.
 
     There n + u has steps of 1/512, and the time over the length is n + 1 for the last of a slice: a search that began
     in that slice would miss them. Of 20,000 disks some 20 have their first action there.

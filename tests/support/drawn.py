@@ -26,7 +26,7 @@ def examples(number: int) -> settings:
 
 
 class Dice:
-    """What generators ask of `random.Random`, drawn by Hypothesis: the first of several is the simplest.
+    """Dice with the methods of `random.Random`, drawn by Hypothesis: the first of several is the simplest.
 
     Of lists and not of ranges, whose ends Hypothesis prefers: those of a generator are numbers 30 decades off. Not by
     `st.randoms`, whose simplest number is 0: what is seldom would always be, and cases would grow as they shrink.
@@ -75,7 +75,7 @@ class Whole(bytes):
 
 
 class Damage(NamedTuple):
-    """What is done to the bytes of a file: from `at` on, `size` bytes become `new`."""
+    """Change of the bytes of a file: from `at` on, `size` bytes become `new`."""
 
     at: int
     size: int

@@ -123,7 +123,7 @@ class Costs:
         )
 
     def excess(self) -> list[str]:
-        """What is above the budget."""
+        """Lines on what is above the budget."""
         if self.budget is None:
             return []
         found = [f"all tests: {cpu_time():.0f} s"] * (cpu_time() > self.budget)
