@@ -59,12 +59,12 @@ def plain(toml: Path) -> Path:
     return folder / "gas.h5"
 
 
-LONG = ["--set", "output.frames=20", "--set", "run.collisions_per_disk=10.0"]
+LONG = ["--set", "output.frames=60", "--set", "run.collisions_per_disk=60.0"]  # the first 26 are committed together
 
 
 @pytest.fixture(scope="module")
 def long(toml: Path) -> Path:
-    """The same, longer and with 20 frames: a run that can be killed on the way."""
+    """The same, longer and with 60 frames: a run that can be killed on the way."""
     folder = toml.parent / "long"
     folder.mkdir()
     words = mpi.ifrdem("run", toml, "-o", f"{folder}/", *LONG)
@@ -260,7 +260,7 @@ def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(toml: Path, 
     begin = mpi.ifrdem("run", toml, "-o", f"{folder}/", *LONG, "--set", "output.parts=true")
     _kill_after(3, file, 2, 1, begin)
     with ifrdem.Trajectory(file) as found, ifrdem.Trajectory(long) as expected:
-        assert 3 <= len(found) < 21
+        assert 3 <= len(found) < 61
         for frame, right in zip(found, expected, strict=False):
             for name in found.fields:
                 assert np.array_equal(frame[name], right[name])
