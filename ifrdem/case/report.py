@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..kernels.columns import most_disks
 from ..model.box import describe_sides
 from ..model.density import packing_fraction
 from ..model.laws.law import CollisionLaw
@@ -353,8 +354,10 @@ def _time(gas: CaseGas, estimate: RunEstimate) -> Iterator[ReportRow]:
         text = "disks of so thin a gas mostly pass from cell to cell: a collision costs phi^(-1/2)"
         yield ReportRow("", text)
     if n > GATHERED:
-        for ranks in planned_ranks(n):
-            yield ReportRow(f"on {ranks} ranks of MPI, each", _planned(RankPlan.of(gas, estimate, ranks)))
+        for ranks in planned_ranks(n, most_disks(run.low_memory)):
+            yield ReportRow(
+                f"on {ranks} ranks of MPI, each (estimate)", _planned(RankPlan.of(gas, estimate, ranks))
+            )
         if gas.case.start.positions == GROWN and gas.case.start.file is None:
             yield ReportRow("", f'start.positions = "{GROWN}" {NOT_GROWN_ON_RANKS}')
 
@@ -388,14 +391,14 @@ def _cpu_time(gas: CaseGas, estimate: RunEstimate, threads: int) -> Iterator[Rep
     if phi > 0.0:
         rate = 1e6 / run_seconds(1e6, n, phi, threads)
         yield ReportRow(
-            "collisions per second",
+            "collisions per second of the engine alone",
             f"about {rate:.2g}; `ifrdem bench --n {n} --phi {phi:.2g}` measures it here",
         )
 
 
-def planned_ranks(n: int) -> list[int]:
-    """Numbers of ranks to plan for: some sixteen, four and one million disks on each."""
-    return sorted({max(math.ceil(n / each), 2) for each in (16e6, 4e6, 1e6)})
+def planned_ranks(n: int, most: int) -> list[int]:
+    """Numbers of ranks to plan for: as few as hold n disks, `most` on each, then 16, 4 and 1 million on each."""
+    return sorted({max(math.ceil(n / each), 2) for each in (most, 16e6, 4e6, 1e6)})
 
 
 def _planned(plan: RankPlan) -> str:

@@ -72,8 +72,7 @@ def new(kind: str) -> str:
     if name in names() and kind in (name, f"cases/{name}", f"cases/{name}.toml"):
         return (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
     cases = [f"cases/{each}.toml" for each in names()]
-    close = nearest(kind, [*template.TEMPLATES, *names(), *cases])
-    text = (
-        f"no template or shipped case is called '{kind}'{close}; templates: {', '.join(template.TEMPLATES)}"
-    )
+    kinds = [*template.TEMPLATES, template.STUDY]
+    close = nearest(kind, [*kinds, *names(), *cases])
+    text = f"no template or shipped case is called '{kind}'{close}; templates: {', '.join(kinds)}"
     raise InputError(f"{text}; cases: {', '.join(cases)}")

@@ -32,6 +32,8 @@ _COIN = 'name = "coins", material = "aluminium", mass = 1.19e-3, diameter = 21.0
 _ALUMINIUM = 'material = [{ name = "aluminium", e_n = 0.87, e_t = -0.88, mu = 0.21 }]'
 _REST = 'start = { positions = "random" }\noutput = { frames = 100 }'
 
+STUDY = "study"
+"""Kind of file of the template that `ifrdem.study.plan` has: not a case, but many."""
 TEMPLATES: Mapping[str, Template] = {
     "cooling": Template(
         "A gas of aluminium coins that starts without spin, moves freely and cools by its collisions.",

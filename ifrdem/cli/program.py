@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json as json_format
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from ..errors import InputError, refuse, there_are
+from ..errors import InputError, nearest, refuse, there_are
 from ..kernels.compiler.runtime import choose as choose_runtime
 from ..tools.values import Count, Integer, Natural, Number, Ratio, RatioOrZero
 from .console import echo, progress, ranks
@@ -189,6 +190,18 @@ def topics() -> dict[str, str]:
     }
 
 
+def _pages_on(word: str, known: Mapping[str, str]) -> str:
+    """Of a word that is no topic, the pages that have it most often, or else the topics that there are."""
+    counts = {
+        topic: (MANUAL / f"{topic}.md").read_text(encoding="utf-8").lower().count(word.lower())
+        for topic in known
+    }
+    pages = sorted(filter(counts.__getitem__, counts), key=lambda topic: -counts[topic])[:5]
+    if not pages or not word.strip():
+        return there_are(word, known)
+    return f"{nearest(word, known)}; pages that have this word most often: {', '.join(pages)}"
+
+
 def page(topic: str | None) -> str:
     """Text of a page of the manual; without a topic, the list of topics.
 
@@ -202,7 +215,7 @@ def page(topic: str | None) -> str:
         lines = [f"{name:<{width}}  {title}" for name, title in known.items()]
         return "\n".join((*lines, "", f"`ifrdem docs TOPIC` prints a page; the files are in {MANUAL}"))
     if topic not in known:
-        raise InputError(f"the manual has no topic '{topic}'{there_are(topic, known)}")
+        raise InputError(f"the manual has no topic '{topic}'{_pages_on(topic, known)}")
     text = (MANUAL / f"{topic}.md").read_text(encoding="utf-8")
     if topic == "case":
         from ..case import keys

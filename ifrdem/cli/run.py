@@ -272,6 +272,8 @@ def check(case: Case, /, *, set: Set = None) -> None:
 
     Reports the mistakes of a case, all of a kind at once; of a good one its packing fraction, mean free paths,
     whether its laws can add energy, its file size and memory. With mpiexec, also what so many ranks cannot do.
+    A warning says what `ifrdem run` would refuse on this machine: too little memory, disk or permission. The exit
+    status is 0 then, as the case is a good one.
     """
     from ..case import file as case_file
     from ..case import report as reporting
@@ -320,12 +322,12 @@ def new(
 
     A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`).
     """
-    from ..case import shipped
+    from ..case import shipped, template
     from ..tools.files import check_files, write_bytes, write_text
 
     if output is not None and not output.strip():
         raise InputError(f"-o {output!r}: must be the path of a file")
-    if kind == "study":
+    if kind == template.STUDY:
         from ..study import plan  # imports h5py
 
         text = plan.TEMPLATE
@@ -344,7 +346,7 @@ def new(
     for each in data:
         write_bytes(path.with_name(each.name), each.read_bytes())
     quoted = shlex.quote(str(path))
-    try_first, run = ("study --dry-run", "study") if kind == "study" else ("check", "run")
+    try_first, run = ("study --dry-run", "study") if kind == template.STUDY else ("check", "run")
     note(f"wrote {path}: look at it with `ifrdem {try_first} {quoted}`, run it with `ifrdem {run} {quoted}`")
 
 

@@ -99,8 +99,8 @@ def test_the_plan_of_1e9_disks_is_its_arithmetic() -> None:
     assert plan.file == pytest.approx(1.02 * (11 * 32 + 28) * 1e6, rel=0.01)
     # 10/2 collisions of each disk, 11 frames of 0.6; 0.55 us a collision at phi = 0.3, and 1.75 times that in tiles.
     assert plan.seconds == pytest.approx(1e6 * (5.0 + 11 * 0.6) * 0.55e-6 * 1.75 * with_halos, rel=1e-4)
-    assert report.planned_ranks(10**9) == [63, 250, 1000]
-    assert report.planned_ranks(1_100_000) == [2]
+    assert report.planned_ranks(10**9, columns.most_disks()) == [12, 63, 250, 1000]
+    assert report.planned_ranks(1_100_000, columns.most_disks()) == [2]
     assert "on 1000 ranks of MPI, each" in (text := report.report(gas, estimate).text)
     assert "1e+06 disks, 1.1 GB of memory, 388 MB of files" in text
 

@@ -126,6 +126,7 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
         (["run", "tiny.toml", "--sed", "3"], r"unknown option --sed \(did you mean '--seed'\?\)"),
         (["run", "tiny.toml", "more"], "unexpected argument 'more'"),
         (["new", "coolin"], r"no template or shipped case is called 'coolin' \(did you mean 'cooling'\?\)"),
+        (["new", "nosuch"], r"templates: .*, study; cases: "),
         (["new", "cooling", "-o", ""], "-o '': must be a text, not empty"),
         (["new", "cooling", "-o", "nowhere/a.toml"], "output folder nowhere: does not exist"),
         (["new", "cooling", "-o", "tiny.toml"], "exists already"),

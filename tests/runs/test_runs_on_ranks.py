@@ -59,7 +59,8 @@ def plain(toml: Path) -> Path:
     return folder / "gas.h5"
 
 
-LONG = ["--set", "output.frames=60", "--set", "run.collisions_per_disk=60.0"]  # the first 26 are committed together
+# The first 26 of 60 frames are committed together.
+LONG = ["--set", "output.frames=60", "--set", "run.collisions_per_disk=60.0"]
 
 
 @pytest.fixture(scope="module")
