@@ -25,7 +25,7 @@ CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what roundin
 # that many largest diameters, or RESTING_WINDOW v_s / g, at most.
 RESTING_CELL, RESTING_FALL, RESTING_WINDOW = 1.1, 0.05, 8.0
 # A gas is thin (`Uses.thin`) below this packing fraction, where that is faster; disks in one of its cells.
-THIN, IN_THIN_CELL = 5e-3, 12.0
+THIN, IN_THIN_CELL = 5e-3, 20.0
 LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
 LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo

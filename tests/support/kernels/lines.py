@@ -27,11 +27,11 @@ def pass_by(
             gas.event_info[i].cell = (x << 16) + y
             take_place(i, x * ny + y, region, gas)
         for i in range(n):
-            own = read_line(first + i, 0.0, 0.0, gas)
+            own, radius = read_line(first + i, 0.0, 0.0, gas)
             for cell in range(nx * ny):
                 b = gas.grid.bunches + cell
                 while b >= 0:
-                    bits = passing(b, own, gas)
+                    bits = passing(b, own, radius, gas)
                     for k in range(gas.bunch[b].count):
                         found[i, gas.line_slot[b * PLACES + k] - first] += 1.0 + ((bits >> k) & 1)
                     b = gas.bunch[b].next
