@@ -607,38 +607,43 @@ def search_candidates(
     partner: ti.template(), region: ti.template(), gas: ti.template(),
 ):  # fmt: skip
     """As `search_cells`, on a CPU: image of the box by image, and there, with two layers, by blocks of 3 x 3 cells."""
-    leaves = low_x < 0 or high_x >= nx or low_y < 0 or high_y >= ny
-    left, right = box_of(low_x, nx), box_of(high_x, nx)
-    below, above = box_of(low_y, ny), box_of(high_y, ny)
-    for box_x in range(left, right + 1):
-        for box_y in range(below, above + 1):
-            first_x, last_x, first_y, last_y = low_x, high_x, low_y, high_y
-            half_x, half_y = ti.select(halved == 1, own_x, -2 * nx), own_y
-            shift_x, shift_y = 0.0 * gas.scale.length_x, 0.0 * gas.scale.length_y
-            if leaves:
-                shift_x, shift_y = box_x * gas.scale.length_x, box_y * gas.scale.length_y
-                first_x, last_x = ti.max(low_x - box_x * nx, 0), ti.min(high_x - box_x * nx, nx - 1)
-                first_y, last_y = ti.max(low_y - box_y * ny, 0), ti.min(high_y - box_y * ny, ny - 1)
-                half_x -= box_x * nx
-                half_y -= box_y * ny
-            if ti.static(gas.uses.layers):
-                for across in range((last_x - first_x + 3) // 3):
-                    for along in range((last_y - first_y + 3) // 3):
-                        block_x, block_y = first_x + 3 * across, first_y + 3 * along
-                        search_block(
-                            i, block_x, ti.min(block_x + 2, last_x), block_y, ti.min(block_y + 2, last_y), half_x, half_y,
-                            shift_x, shift_y, layer, ny, last, radius, size, best, partner, region, gas,
-                        )  # fmt: skip
-            elif ti.static(gas.uses.thin):
-                search_lines(
-                    i, first_x, last_x, first_y, last_y, half_x, half_y, shift_x, shift_y, ny, last, size, best, partner,
-                    region, gas,
-                )  # fmt: skip
-            else:
-                search_block(
-                    i, first_x, last_x, first_y, last_y, half_x, half_y, shift_x, shift_y, layer, ny, last, radius, size,
-                    best, partner, region, gas,
-                )  # fmt: skip
+    leaves, images, left, below, rows = 1, 9, -1, -1, 3
+    if low_x >= 0 and high_x < nx and low_y >= 0 and high_y < ny:
+        leaves, images = 0, 1
+    elif ti.static(gas.uses.thin):  # which have few cells: only images that these reach
+        left, below = box_of(low_x, nx), box_of(low_y, ny)
+        rows = box_of(high_y, ny) - below + 1
+        images = (box_of(high_x, nx) - left + 1) * rows
+    for image in range(images):
+        first_x, last_x, first_y, last_y = low_x, high_x, low_y, high_y
+        half_x, half_y = ti.select(halved == 1, own_x, -2 * nx), own_y
+        shift_x, shift_y = 0.0 * gas.scale.length_x, 0.0 * gas.scale.length_y
+        if leaves == 1:
+            over = image // rows
+            box_x, box_y = left + over, below + image - rows * over
+            shift_x, shift_y = box_x * gas.scale.length_x, box_y * gas.scale.length_y
+            first_x, last_x = ti.max(low_x - box_x * nx, 0), ti.min(high_x - box_x * nx, nx - 1)
+            first_y, last_y = ti.max(low_y - box_y * ny, 0), ti.min(high_y - box_y * ny, ny - 1)
+            half_x -= box_x * nx
+            half_y -= box_y * ny
+        if ti.static(gas.uses.layers):
+            for across in range((last_x - first_x + 3) // 3):
+                for along in range((last_y - first_y + 3) // 3):
+                    block_x, block_y = first_x + 3 * across, first_y + 3 * along
+                    search_block(
+                        i, block_x, ti.min(block_x + 2, last_x), block_y, ti.min(block_y + 2, last_y), half_x, half_y,
+                        shift_x, shift_y, layer, ny, last, radius, size, best, partner, region, gas,
+                    )  # fmt: skip
+        elif ti.static(gas.uses.thin):
+            search_lines(
+                i, first_x, last_x, first_y, last_y, half_x, half_y, shift_x, shift_y, ny, last, size, best, partner,
+                region, gas,
+            )  # fmt: skip
+        elif first_x <= last_x and first_y <= last_y:
+            search_block(
+                i, first_x, last_x, first_y, last_y, half_x, half_y, shift_x, shift_y, layer, ny, last, radius, size,
+                best, partner, region, gas,
+            )  # fmt: skip
 
 
 @ti.func
