@@ -259,7 +259,7 @@ EVENT_INFO = Columns(
     partner="next partner: another slot, a wall, or none", cell="cell", number="collisions so far",
     partner_number="those of the partner when the next one was predicted",
     previous="previous disk in the list of its bin", next="next disk in the list of its bin",
-    next_in_cell="word of the next disk in the list of its cell (`layout.MORE`), or -1",
+    next_in_cell="word of the next disk in the list of its cell (`layout.MORE`), or -1; in thin gases the place of its line",
     last="latest partner in this window", id="number of the disk",
     own_rank="its rank among own disks, from 1 on, or minus that among copies",
     hash_1="first word of the hash of its history", hash_2="second word of it",
@@ -278,6 +278,9 @@ ACTION = Columns(
 )  # fmt: skip
 CANDIDATE = Columns(
     slot="slot", cell="cell", own_rank="as in `event_info`", step="step of `tiles.gather_tile`"
+)
+BUNCH = Columns(
+    count="lines in it", next="next bunch of the cell, or -1", radius="bits (f32) of the largest radius of its lines"
 )
 # The scratch space of a block of a GPU (`windows/blocks.py`), by types of numbers.
 BLOCK_INTEGERS = Columns(
@@ -375,7 +378,7 @@ GRID = Columns(
     stride="threads of a GPU for each tile's events, of which one works", moments="room for moments",
     most_pairs="room for rows of pairs",
     first_piston="the first piston among the rows of walls, or -1", blocks="blocks of a GPU that run tiles",
-    most_trail="room for rows of trails",
+    most_trail="room for rows of trails", bunches="bunches of lines of a lane",
 )  # fmt: skip
 MOST_MOMENTS = 8
 SCALE = Columns(
@@ -388,6 +391,7 @@ SCALE = Columns(
     usual_halo="halo that tiles begin with", most_halo="the widest halo",
     chain="the part of it for disks that hit one another in chains", least_side="the least side of a tile",
     stored_at="time, since the beginning of the window, of the state that is stored as its end",
+    per_widest="1 over the largest diameter",
     moment=("moments in the window, in order, FAR behind the last", MOST_MOMENTS + 1),
 )  # fmt: skip
 
@@ -544,7 +548,7 @@ TABLES: dict[str, Columns] = {
     "history_hash": HISTORY_HASH,
     "tile": TILE, "reach": REACH, "tally": TALLY, "found": TOTAL, "ghost": GHOST,
     "motion": MOTION, "action": ACTION, "event_info": EVENT_INFO, "image_info": IMAGE_INFO,
-    "candidates": CANDIDATE, "loss": MECHANISM, "rest": REST, "contact": CONTACT,
+    "candidates": CANDIDATE, "bunch": BUNCH, "loss": MECHANISM, "rest": REST, "contact": CONTACT,
     "cached_force": HELD,
     "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT, "pair": PAIR,
     "trail": TRAIL,
@@ -560,7 +564,7 @@ TYPES: dict[str, str] = {
     "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
     "motion": REAL, "action": F64, "event_info": I32, "image_info": I32,
     "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
-    "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
+    "residual_acceleration": F64, "head": I32, "bin": I32, "line": F32, "line_slot": I32, "bunch": I32, "spare": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
     "near": U64, "near_image": U64, "image_list": I32, "dense": I32, "block_integers": I32, "block_reals": REAL,
     "block_sums": F64,
     "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32, "trail_time": REAL,

@@ -37,6 +37,11 @@ trail_time, trail      (events,)      events of a window in each tile, of copies
 found                  (blocks, ...)  sums over BLOCK_OF_TILES tiles
 total                  (...)          the same over all
 watched                (n,)           1 for tracked disks, by id
+line, line_slot        (lanes         lines of flight in cells, of thin gases, and slots of their disks: bunch by bunch
+                       bunches        (`tiles/lines.py`)
+                       PLACES ...,)
+bunch, spare           (lanes         of bunches: lines, and the next one of the cell; of a lane: the first of those
+                       bunches,), ... that no cell has
 motion, ...            (lanes         the scratch space of a lane, which runs one tile after another; `action` of
                        slots,)        gases in which forces act on single disks
 dense                  (tiles,)       tiles that need blocks with more room
@@ -172,6 +177,7 @@ class Uses:
     several_kinds: bool = False  # more than one kind of disk
     histories: bool = False  # collisions of some disks are written down
     layers: bool = False  # large disks lie in large cells, small ones in small cells
+    thin: bool = False  # few disks for their size: neighbours are found by lines of flight (`tiles/lines.py`)
     rest: bool = False  # disks fall asleep
     ranks: bool = False  # several ranks have a part of the tiles each
     low_memory: bool = False  # a window may be run to a moment in it only, for want of room (low_memory)

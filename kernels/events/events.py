@@ -33,6 +33,7 @@ from .rest import (
     count_hit, fall_asleep, in_falling_frame, is_support, is_wedged, set_at_rest, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
 from ..disks.stress import add_virial_of_pair
+from ..tiles.lines import PLACES, leave_place, passing, read_line, take_place, write_line
 from ..tiles.tiles import head_at, layer_of, note_extremes, scale_of, word_of, write
 from ..walls.cells import first_wall, other_image
 from ..walls.collision import hit_wall
@@ -162,14 +163,9 @@ def step_over(side):
 
 
 @ti.func
-def leave(i, side, region: ti.template(), gas: ti.template()):
-    """Move the disk in slot i into the next cell over a side; round the box where that is periodic."""
-    info, motion, image = gas.event_info[i], gas.motion[i], gas.image_info[i]
-    cx, cy = info.cell >> 16, info.cell & 0xFFFF
-    layer = layer_of(i, gas)
-    nx, ny, _factor = scale_of(layer, region, gas)
-    cell = head_at(cx, cy, layer, region, gas)
-    following = info.next_in_cell
+def unlink(i, cell, gas: ti.template()):
+    """Take the disk in slot i out of the list of its cell, given by its index in `head`."""
+    following = gas.event_info[i].next_in_cell
     back, before, k = EMPTY, EMPTY, gas.head[cell] & SLOT
     while k != i:
         back, before, k = before, k, gas.event_info[k].next_in_cell & SLOT
@@ -182,6 +178,19 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
                 gas.head[cell] = before
             else:
                 gas.event_info[back].next_in_cell = before
+
+
+@ti.func
+def leave(i, side, region: ti.template(), gas: ti.template()):
+    """Move the disk in slot i into the next cell over a side; round the box where that is periodic."""
+    info, motion, image = gas.event_info[i], gas.motion[i], gas.image_info[i]
+    cx, cy = info.cell >> 16, info.cell & 0xFFFF
+    layer = layer_of(i, gas)
+    nx, ny, _factor = scale_of(layer, region, gas)
+    if ti.static(gas.uses.thin):
+        leave_place(i, cx * ny + cy, region, gas)
+    else:
+        unlink(i, head_at(cx, cy, layer, region, gas), gas)
     step_x, step_y = step_over(side)
     cx += step_x
     cy += step_y
@@ -198,9 +207,12 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
         if ti.static(gas.uses.walls):
             other_image(i, 0, step_y, gas)
     info.cell = (cx << 16) + cy
-    cell = head_at(cx, cy, layer, region, gas)
-    info.next_in_cell = gas.head[cell]
-    gas.head[cell] = word_of(i, info.next_in_cell)
+    if ti.static(gas.uses.thin):
+        take_place(i, cx * ny + cy, region, gas)
+    else:
+        cell = head_at(cx, cy, layer, region, gas)
+        info.next_in_cell = gas.head[cell]
+        gas.head[cell] = word_of(i, info.next_in_cell)
 
 
 @ti.func
@@ -441,6 +453,9 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     else:
         info_a.max_speed_sq = ti.max(fastest_a, speed_square(new.vx_i, new.vy_i))
         info_b.max_speed_sq = ti.max(fastest_b, speed_square(new.vx_j - faster, new.vy_j))
+    if ti.static(gas.uses.thin):
+        write_line(a, gas)
+        write_line(b, gas)
     if writes > 0:
         write_pair(a, b, t, tile, gas)
     if ti.static(gas.uses.histories):
@@ -579,6 +594,12 @@ def search_cells(
 
 
 @ti.func
+def box_of(cell, cells):
+    """The box in which a column or row of `cells` lies that is less than a box outside: -1, 0, or 1."""
+    return ti.cast(cell >= cells, ti.i32) - ti.cast(cell < 0, ti.i32)
+
+
+@ti.func
 def search_candidates(
     i: ti.template(), low_x: ti.template(), high_x: ti.template(), low_y: ti.template(), high_y: ti.template(),
     own_x: ti.template(), own_y: ti.template(), halved: ti.template(), layer: ti.template(), nx: ti.template(),
@@ -586,15 +607,20 @@ def search_candidates(
     partner: ti.template(), region: ti.template(), gas: ti.template(),
 ):  # fmt: skip
     """As `search_cells`, on a CPU: image of the box by image, and there, with two layers, by blocks of 3 x 3 cells."""
-    images = 9
+    leaves, images, left, below, rows = 1, 9, -1, -1, 3
     if low_x >= 0 and high_x < nx and low_y >= 0 and high_y < ny:
-        images = 1
+        leaves, images = 0, 1
+    elif ti.static(gas.uses.thin):  # which have few cells: only images that these reach
+        left, below = box_of(low_x, nx), box_of(low_y, ny)
+        rows = box_of(high_y, ny) - below + 1
+        images = (box_of(high_x, nx) - left + 1) * rows
     for image in range(images):
         first_x, last_x, first_y, last_y = low_x, high_x, low_y, high_y
         half_x, half_y = ti.select(halved == 1, own_x, -2 * nx), own_y
         shift_x, shift_y = 0.0 * gas.scale.length_x, 0.0 * gas.scale.length_y
-        if images > 1:
-            box_x, box_y = image // 3 - 1, image % 3 - 1
+        if leaves == 1:
+            over = image // rows
+            box_x, box_y = left + over, below + image - rows * over
             shift_x, shift_y = box_x * gas.scale.length_x, box_y * gas.scale.length_y
             first_x, last_x = ti.max(low_x - box_x * nx, 0), ti.min(high_x - box_x * nx, nx - 1)
             first_y, last_y = ti.max(low_y - box_y * ny, 0), ti.min(high_y - box_y * ny, ny - 1)
@@ -608,6 +634,11 @@ def search_candidates(
                         i, block_x, ti.min(block_x + 2, last_x), block_y, ti.min(block_y + 2, last_y), half_x, half_y,
                         shift_x, shift_y, layer, ny, last, radius, size, best, partner, region, gas,
                     )  # fmt: skip
+        elif ti.static(gas.uses.thin):
+            search_lines(
+                i, first_x, last_x, first_y, last_y, half_x, half_y, shift_x, shift_y, ny, last, size, best, partner,
+                region, gas,
+            )  # fmt: skip
         elif first_x <= last_x and first_y <= last_y:
             search_block(
                 i, first_x, last_x, first_y, last_y, half_x, half_y, shift_x, shift_y, layer, ny, last, radius, size,
@@ -663,6 +694,42 @@ def search_block(
                 signs = -1
         if signs < 0:
             compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, gas)
+
+
+@ti.func
+def search_lines(
+    i: ti.template(), first_x: ti.template(), last_x: ti.template(), first_y: ti.template(), last_y: ti.template(),
+    half_x: ti.template(), half_y: ti.template(), shift_x: ti.template(), shift_y: ti.template(), ny: ti.template(),
+    last: ti.template(), size: ti.template(), best: ti.template(), partner: ti.template(), region: ti.template(),
+    gas: ti.template(),
+):  # fmt: skip
+    """As `search_block`, of thin gases: the disk in slot i with those whose lines pass its own (`tiles/lines.py`).
+
+    In cell (half_x, half_y) only with disks in slots behind its own.
+    """
+    info, motion = gas.event_info[i], gas.motion[i]
+    x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
+    radius = radius_of(i, gas)
+    line, width = read_line(i, shift_x, shift_y, gas)
+    for column in range(first_x, last_x + 1):
+        begin_y = first_y
+        if column == half_x:
+            begin_y = ti.max(first_y, half_y)
+        for row in range(begin_y, last_y + 1):
+            b = region.lane * gas.grid.bunches + column * ny + row
+            behind = ti.select(column == half_x and row == half_y, i, -1)
+            while b >= 0:
+                bits = passing(b, line, width, gas)
+                if bits != 0:
+                    for k in range(gas.bunch[b].count):
+                        j = gas.line_slot[b * PLACES + k]
+                        if ((bits >> k) & 1) == 1 and j > behind and j != i:
+                            start, rx, ry, ux, uy, sigma = separation(
+                                j, x, y, vx, vy, tau, radius, shift_x, shift_y, info, gas
+                            )
+                            if contact_signs(rx, ry, ux, uy, sigma, best - start) < 0:
+                                compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, gas)
+                b = gas.bunch[b].next
 
 
 @ti.func
@@ -960,6 +1027,9 @@ def apply_forces(turn: ti.template(), run: ti.template(), region: ti.template(),
         while kick_time(end, gas) == run.acts:
             end += 1
         act_on_all(run.n, run.row, end, run.acts, 0, 1, run.tile, region, gas)
+        if ti.static(gas.uses.thin):
+            for i in range(run.offset, run.offset + run.n):
+                write_line(i, gas)
         if run.acts < run.window:
             run.present, run.fresh = ti.min(ti.cast(run.acts * run.rate, ti.i32), run.n_bins - 1), 0
         run.row = end
@@ -1000,6 +1070,8 @@ def run_event(turn: ti.template(), run: ti.template(), region: ti.template(), ga
         if ti.static(gas.uses.walls):
             if not is_action:
                 meet_wall(turn, run, partner, region, gas)
+        if ti.static(gas.uses.thin):
+            write_line(turn.i, gas)
 
 
 @ti.func

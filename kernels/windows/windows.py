@@ -9,6 +9,7 @@ from ..disks.particle import round_products
 from .planner import commit, plan
 from ..events.rest import update_resting
 from ..compiler.signature import Arrays, kernel
+from ..tiles.lines import begin_lines
 from ..tiles.sums import is_owned, max_speed_sq, sum_tiles, total_of
 from ..tiles.tiles import (
     begin, cells_of, count_chunk, gather, is_too_narrow, is_wrong, link_cells, link_cells_of_layers, load,
@@ -86,6 +87,8 @@ def prepare(tile, lane, gas: ti.template()):
             load(m, slot_of(m, region, gas), tile, region, gas)
         if ti.static(gas.uses.layers):
             link_cells_of_layers(n, region, gas)
+        elif ti.static(gas.uses.thin):
+            begin_lines(n, region, gas)
         else:
             for i in range(region.lane * gas.grid.lane_slots, region.lane * gas.grid.lane_slots + n):
                 link_cells(i, n, region, gas)
@@ -223,7 +226,7 @@ def load_tiles(first: ti.template(), n_listed: ti.template(), gas: ti.template()
 WINDOW = Arrays(
     "uses grid scale clock sums counter disk meta past hits dissipated asleep held kind kinds history_hash "
     "displacement slot_before tile listed reach edge_x edge_y tally ghost motion event_info image_info "
-    "action rest residual_acceleration contact cached_force candidates since turn loss head bin "
+    "action rest residual_acceleration contact cached_force candidates since turn loss head bin line line_slot bunch spare "
     "wall_start wall_item walls law watched event event_int pair_time pair trail_time trail found total kicks shares "
     "force_values"
 )

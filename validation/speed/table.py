@@ -165,8 +165,8 @@ def accounted(n: int, **gas: Any) -> tuple[Timed, Timed]:
 ROWS: tuple[Speed | Cost | Memory, ...] = (
     Speed(1_000, 0.3, 2.2e6, threads=1),
     Speed(10_000, 0.3, 2.2e6, threads=1),
-    thin(1e-4, 10.0),
-    thin(1e-6, 50.0),
+    thin(1e-4, 8.0),
+    thin(1e-6, 70.0),
     Cost("two sizes 1 : 10 of equal areas, against one, phi = 0.5", 10_000, 2.0, unequal),
     Speed(100_000, 0.1, 1.5e6),
     Speed(100_000, 0.3, 2.4e6),

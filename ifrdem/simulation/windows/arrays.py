@@ -44,6 +44,7 @@ from ...kernels.columns import (
 from ...kernels.compiler.language import from_numpy, ti, to_numpy, view
 from ...kernels.compiler.launch import Launcher
 from ...kernels.disks.shear import displacement
+from ...kernels.tiles.lines import NUMBERS, PLACES
 from ...kernels.tiles.readout import exchange
 from ...kernels.walls.kinds import GONE
 from ...model.box import Box
@@ -202,7 +203,7 @@ class DeviceArrays:
         self.grid.walls = len(self.wall_rows)
         self.grid.first_piston = pistons[0] if len(pistons) else -1
         self.grid.periodic_x, self.grid.periodic_y = self.box.periodic
-        self.scale.widest = self.widest
+        self.scale.widest, self.scale.per_widest = self.widest, 1.0 / self.widest
         self.scale.velocity_cutoff, self.scale.resting_speed = setup.velocity_cutoff, setup.resting_speed
         self.scale.contact_time = setup.contact_time
         self.scale.shear = self.box.shear_rate
@@ -305,6 +306,13 @@ class DeviceArrays:
         self.make("turn", rows if uses.angle else 1)
         self.make("loss", rows if uses.dissipated else 1)
         self.make("head", lanes * cells)
+        bunches = cells + lane_slots // PLACES + 1 if uses.thin else 0
+        self._check_addresses(lanes * bunches * NUMBERS * PLACES // 8)
+        grid.bunches = bunches
+        self.make("bunch", lanes * bunches)
+        self.make("line", lanes * bunches * NUMBERS * PLACES)
+        self.make("line_slot", lanes * bunches * PLACES)
+        self.make("spare", lanes)
         self.make("bin", lanes * bins)
         self.make("wall_start", lanes * (cells + 1) if uses.walls else 1)
         self.make("wall_item", lanes * items if uses.walls else 1)
@@ -433,6 +441,8 @@ class DeviceArrays:
             self._tile_disks,
         )
         self.single_tile: bool = tiling.single_tile
+        changes = tiling.thin != self.uses.thin
+        self.uses = self.uses.replace(thin=tiling.thin, layers=self._split is not None and not tiling.thin)
         self.scale.cell_side, self.grid.coarse = tiling.cell_side, tiling.coarse
         if self._split is not None:
             self.scale.split = self._split
@@ -447,7 +457,7 @@ class DeviceArrays:
         self.clock.in_window = 0.5 * self.n * (tiling.collisions * shorter)
         self.clock.local_collisions = tiling.local_collisions
         self._plan_launches()
-        self._make_lanes(float(np.prod(np.maximum((high - low) / tiling.cell_side, 1.0))))
+        self._make_lanes(float(np.prod(np.maximum((high - low) / tiling.cell_side, 1.0))), anew=changes)
         self.load_state(state)
 
     def _plan_launches(self) -> None:
@@ -490,14 +500,14 @@ class DeviceArrays:
         needed = uses.angle or uses.dissipated or uses.actions
         self.make("block_sums", rows * BLOCK_SUMS.width if needed else 1)
 
-    def _make_lanes(self, cells_of_all: float) -> None:
-        """Make scratch space for the lanes, unless there is enough; the whole region has so many cells."""
+    def _make_lanes(self, cells_of_all: float, *, anew: bool) -> None:
+        """Make scratch space for the lanes, `anew` or if there is not enough; the whole region has so many cells."""
         n, lanes = self.n, int(self.grid.lanes)
         if self.single_tile:
             lane_slots, cells = n, int(1.3 * cells_of_all) + 64
         else:
             lane_slots, cells = min(2 * n // self.tiles + 64, 9 * n), 64
-        if lane_slots > self.grid.lane_slots or cells > self.grid.cells or lanes != self._lanes:
+        if anew or lane_slots > self.grid.lane_slots or cells > self.grid.cells or lanes != self._lanes:
             self._lanes = lanes
             self.scratch(lane_slots, cells, 256 if self.uses.walls else 0)
 

@@ -24,6 +24,8 @@ CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what roundin
 # The same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL. A window lasts a fall by
 # that many largest diameters, or RESTING_WINDOW v_s / g, at most.
 RESTING_CELL, RESTING_FALL, RESTING_WINDOW = 1.1, 0.05, 8.0
+# A gas is thin (`Uses.thin`) below this packing fraction, where that is faster; disks in one of its cells.
+THIN, IN_THIN_CELL = 5e-3, 20.0
 LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
 LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
@@ -50,6 +52,18 @@ def block_side(phi: float, free: float, halo: float) -> float:
     """
     spread = math.sqrt(BLOCK_SLOTS * (1.0 - phi) ** 3 / (1.0 + phi))
     return math.sqrt((BLOCK_SLOTS - BLOCK_DEVIATIONS * spread) * free) - 2.0 * halo
+
+
+def thin_cell(phi: float, free: float, widest: float, uses: Uses, device: Device) -> float:
+    """Side of the cells of a thin gas [length], or 0 for a gas that is not thin.
+
+    A disk has the area `free` [length^2]. Kernels for sheared gases and those that rest compare disks in their own way.
+    In single precision the lines of flight would be no less exact than the comparisons. Cells as wide as few very large
+    disks hold too many small ones.
+    """
+    side = math.sqrt(IN_THIN_CELL * free)
+    can = device.name == "cpu" and device.precision == "f64" and not (uses.shear or uses.rest)
+    return side if can and phi < THIN and side > CELL * widest else 0.0
 
 
 def disks_per_cell(phi: float) -> float:
@@ -113,6 +127,8 @@ class Tiling:
         True if one thread runs the whole region in order.
     cell_side : float
         Of the cells in which neighbours are looked for; of two layers, of the small ones [length].
+    thin : bool
+        True if neighbours are found by lines of flight, in one layer of cells.
     coarse : int
         Sides of small cells in that of large ones.
     window_side : float
@@ -130,6 +146,7 @@ class Tiling:
     tiles: tuple[int, int]
     single_tile: bool
     cell_side: float
+    thin: bool
     coarse: int
     window_side: float
     collisions: float
@@ -178,8 +195,9 @@ class Tiling:
         # Columns and rows of cells are counted in 16 bits; of more disks no region is the whole box.
         least = float(sides.max()) / 3e4 if n <= most_disks(device.low_memory) else 0.0
         cell = (RESTING_CELL if uses.rest else CELL) * widest if split is None else CELL * 2.0 * split
-        cell_side = max(cell, math.sqrt(disks_per_cell(phi) * free), least)
-        coarse = 1 if split is None else math.ceil(CELL * widest / cell_side)
+        wide = thin_cell(phi, free, widest, uses, device)
+        cell_side = max(wide or max(cell, math.sqrt(disks_per_cell(phi) * free)), least)
+        coarse = 1 if split is None or wide else math.ceil(CELL * widest / cell_side)
         single_tile = order == "serial" or (order is None and few and not on_gpu)
         single_tile = single_tile and not uses.shear
         tiles = (1, 1)
@@ -194,4 +212,15 @@ class Tiling:
                 tiles = math.ceil(sides[0] / side), math.ceil(sides[1] / side)
         # Long chains of collisions in clusters would need halos that blocks of a GPU have no room for.
         local = LOCAL_COLLISIONS * collisions if uses.blockwise and (on_gpu or given is not None) else FAR
-        return cls(tiles, single_tile, cell_side, coarse, window_side, collisions, local, path, chain_halo)
+        return cls(
+            tiles,
+            single_tile,
+            cell_side,
+            wide > 0.0,
+            coarse,
+            window_side,
+            collisions,
+            local,
+            path,
+            chain_halo,
+        )
