@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
-from ..kernels.columns import rows_dtype
+from ..kernels.columns import HISTOGRAM, rows_dtype
 from ..model.density import packing_fraction
 from ..model.laws.law import EnergyWarning
 from ..quantities import (
@@ -571,6 +571,8 @@ def _trajectory_bytes(n: int, case: CaseSections, *, frames: int, rows: int, eve
     output = case.output
     pistons = sum(each.piston is not None for each in case.wall)
     totals = numbers_of(OBSERVABLES) + len(PISTON_SERIES) * pistons
+    pairs = len(case.species) * (len(case.species) + 1) // 2
+    counts = HISTOGRAM.width * pairs * output.histograms
     per_chunk = layout.chunk_disks(n)
     chunks = -(-n // per_chunk)
     frame = chunks * sum(on_pages(per_chunk * _field_bytes(output, name)) for name in output.fields)
@@ -581,5 +583,5 @@ def _trajectory_bytes(n: int, case: CaseSections, *, frames: int, rows: int, eve
     )
     event = rows_dtype(EVENT.values(), "f8").itemsize
     constant = 28 * n  # radius, mass and k in 8 bytes, the material in 4
-    size = constant + frames * (frame + 8 * totals) + rows * 8 * row + events * event
+    size = constant + frames * (frame + 8 * (totals + counts)) + rows * 8 * row + events * event
     return round(OVERHEAD * size)
