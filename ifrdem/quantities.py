@@ -202,10 +202,10 @@ SERIES = _by_name(
       NUMBER, "pair", "i8", feature="histograms"),
     Q("histogram_normal_speed", "collisions of two disks since the start by normal speed, of each pair of species",
       NUMBER, "pair", "i8", feature="histograms"),
-    Q("histogram_free_time", "times since the latest collision of both disks, in collisions of two disks since the "
-      "start, of each pair of species", NUMBER, "pair", "i8", feature="histograms"),
     Q("histogram_regime", "collisions of two disks since the start by regime, of each pair of species", NUMBER, "pair",
       "i8", feature="histograms"),
+    Q("histogram_free_time", "times since the latest collision of both disks, in collisions of two disks since the "
+      "start, of each pair of species", NUMBER, "pair", "i8", feature="free_times"),
     Q("walls_momentum_x", "momentum along x that each wall has given to the disks", "momentum", "wall"),
     Q("walls_momentum_y", "momentum along y that each wall has given to the disks", "momentum", "wall"),
     Q("walls_torque", "angular momentum that each wall has given to the disks", "energy time", "wall"),
@@ -228,7 +228,7 @@ STRESS_SERIES = _without(along=("component",), feature="stress")
 """The pressure tensor and its kinetic part."""
 SPECIES_SERIES = _without(along=("species",), feature="")
 """Those with a column for each species."""
-HISTOGRAMS = _without(along=("pair",), feature="histograms")
+HISTOGRAMS = tuple(name for name, each in SERIES.items() if each.along == "pair")
 """Those with a row for each pair of species, in the order of `kernels.columns.HISTOGRAM`, in frames."""
 PISTON_SERIES = _without(along=("piston",), feature="")
 """Those with a column for each piston, in the order of `Simulation.pistons`."""

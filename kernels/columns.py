@@ -230,12 +230,12 @@ FIRST_OCTAVE, OCTAVES, PER_OCTAVE = -28, 40, 8
 # Collisional part of the pressure tensor times area and time (`disks/stress.py`): momentum, then direction.
 VIRIAL = Columns(xx="xx", xy="xy", yx="yx", yy="yy")
 # Counts of collisions of two disks of a pair of species, for which it is repeated (`disks/histograms.py`): the pair of
-# species i >= j is number i (i + 1) / 2 + j.
+# species i >= j is number i (i + 1) / 2 + j. The last ones are there if they are recorded.
 HISTOGRAM = Columns(
     impact_angle=("by the angle of impact psi: bin k has g_t / (g_n + g_t) from k / 64 on, g of the centres", 64),
     normal_speed=("by the normal speed g_n, in bins of `octave_bin`", OCTAVES * PER_OCTAVE),
-    free_time=("of both disks, by the time since their latest collision, in bins of `octave_bin`", OCTAVES * PER_OCTAVE),
     regime=("by regime", 5),
+    free_time=("of both disks, by the time since their latest collision, in bins of `octave_bin`", OCTAVES * PER_OCTAVE),
 )  # fmt: skip
 WALL_SUM = Columns(
     momentum_x="momentum along x given to disks", momentum_y="momentum along y given to disks",

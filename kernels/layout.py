@@ -167,8 +167,9 @@ class Uses:
     shear: bool = False  # a mean flow
     ledger: bool = False  # a ledger of what dissipates energy
     stress: bool = False  # momentum that collisions transfer is added up
-    histograms: int = (
-        0  # species for whose pairs collisions are counted in histograms; only with latest_collision
+    histograms: int = 0  # species, for whose pairs collisions are counted in histograms; with a ledger
+    free_times: bool = (
+        False  # also by the time since the latest collision of either disk; with latest_collision
     )
     last_partner: bool = False  # disks know their latest partner
     angle: bool = False  # disks know how far they have turned

@@ -30,8 +30,8 @@ class Histogram:
     ----------
     name : str
         "impact_angle": psi, between the relative velocity of the centres and the line of centres [rad];
-        "normal_speed": g_n [length/time]; "free_time": time since the latest collision, with a disk or a wall, of both
-        disks that have had one [time]; "regime": number in `quantities.REGIMES`.
+        "normal_speed": g_n [length/time]; "regime": number in `quantities.REGIMES`; "free_time": time since the latest
+        collision, with a disk or a wall, of both disks, if they have had one [time] (record=["free_times"]).
     edges : array (b + 1,)
         Edges of the bins. Speeds and times beyond the first and last one are counted in the bins there.
     counts : array (pairs, b) of int
@@ -107,9 +107,15 @@ def histogram(name: HistogramName, after: Measure, before: Measure | None = None
     if before is not None and not after.time > before.time:
         raise InputError(f"after.time = {after.time:g}: must be later than before.time = {before.time:g}")
     since = counts if earlier is None else counts - earlier
-    return Histogram(name, histogram_edges(name), split(since)[name])
+    if name not in (found := split(since)):
+        raise InputError(f'{name}: not recorded; make the simulation with record=["free_times"]')
+    return Histogram(name, histogram_edges(name), found[name])
 
 
 def split(counts: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
-    """The histograms by name, shape (..., bins) each, in counts as `Measure.histograms` has them."""
-    return {name: counts[..., at.first : at.first + at.width] for name, at in HISTOGRAM.at.items()}
+    """The histograms by name, shape (..., bins) each, of counts as `Measure.histograms` has them: those that it has."""
+    return {
+        name: counts[..., at.first : at.first + at.width]
+        for name, at in HISTOGRAM.at.items()
+        if at.first < counts.shape[-1]
+    }

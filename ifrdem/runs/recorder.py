@@ -91,7 +91,7 @@ class Ledger:
         """Quantities of the whole gas in a frame (`quantities.OBSERVABLES`), and histograms if the measure has them."""
         found = self._of_frames_and_rows(measure)
         if measure.histograms is not None:
-            found |= dict(zip(HISTOGRAMS, split(measure.histograms).values(), strict=True))
+            found |= dict(zip(HISTOGRAMS, split(measure.histograms).values(), strict=False))
         return found
 
     def _of_frames_and_rows(self, measure: Measure) -> dict[str, Any]:

@@ -135,8 +135,9 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         - "angle": the angle by which each disk has turned, `State.angle`;
         - "stress": the momentum that collisions transfer, in every `Measure`: `observables.stress` makes a pressure
           tensor of two of these;
-        - "histograms": collisions of each pair of species by angle of impact, normal speed, time since the latest
-          collision and regime, in every `Measure`: `observables.histogram`; includes "ledger";
+        - "histograms": collisions of each pair of species by angle of impact, normal speed and regime, in every
+          `Measure`: `observables.histogram`; includes "ledger";
+        - "free_times": also by the time since the latest collision of either disk;
         - "wall_sums": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
     histories : sequence of int
         Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.

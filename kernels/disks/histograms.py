@@ -18,6 +18,13 @@ SHIFT = 52 - (
 FIRST = (1023 + FIRST_OCTAVE) * PER_OCTAVE
 
 
+def histogram_columns(uses):
+    """Columns of the tally for a pair of species; 0 without histograms."""
+    if uses.histograms == 0:
+        return 0
+    return HISTOGRAM.width if uses.free_times else HISTOGRAM.free_time.first
+
+
 @ti.func
 def octave_bin(value):
     """Number of the bin of a speed or time, which is not negative."""
@@ -46,15 +53,18 @@ def enter_histograms(tile, id_a, id_b, g_n, g_t, free_a, free_b, regime, gas: ti
     p, q = species_of(id_a, gas), species_of(id_b, gas)
     high, low = ti.max(p, q), ti.min(p, q)
     pair = high * (high + 1) // 2 + low
-    first = ti.static(TALLY.width + VIRIAL.width * gas.uses.stress) + pair * HISTOGRAM.width
+    first = ti.static(TALLY.width + VIRIAL.width * gas.uses.stress) + pair * ti.static(
+        histogram_columns(gas.uses)
+    )
     closing = ti.max(g_n, 0.0)  # rounding can make it negative
     angle = 0
     if g_t > 0.0:
         angle = ti.min(ti.cast(g_t / (closing + g_t) * ANGLES, ti.i32), ANGLES - 1)
     add(tile, first + HISTOGRAM.impact_angle[angle], 1.0, gas)
     add(tile, first + HISTOGRAM.normal_speed[octave_bin(closing)], 1.0, gas)
-    if free_a < FAR:
-        add(tile, first + HISTOGRAM.free_time[octave_bin(free_a)], 1.0, gas)
-    if free_b < FAR:
-        add(tile, first + HISTOGRAM.free_time[octave_bin(free_b)], 1.0, gas)
     add(tile, first + HISTOGRAM.regime[ti.min(regime, ELASTICALLY)], 1.0, gas)
+    if ti.static(gas.uses.free_times):
+        if free_a < FAR:
+            add(tile, first + HISTOGRAM.free_time[octave_bin(free_a)], 1.0, gas)
+        if free_b < FAR:
+            add(tile, first + HISTOGRAM.free_time[octave_bin(free_b)], 1.0, gas)

@@ -399,7 +399,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     if ti.static(gas.uses.contact_time):
         persistent = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
     free_a, free_b = 0.0 * t, 0.0 * t
-    if ti.static(gas.uses.histograms > 0):
+    if ti.static(gas.uses.free_times):
         free_a, free_b = t - gas.since[a], t - gas.since[b]
     asleep_a, asleep_b = sleeps(a, gas), sleeps(b, gas)
     if ti.static(gas.uses.rest):
@@ -458,7 +458,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         count_collision(kind_a, regime, lost, rows, faster, vx_a, new.vx_i, tile, gas)
         if ti.static(gas.uses.histograms > 0):
             ux, uy = vx_a - vx_b, vy_a - vy_b
-            g_n, g_t = (ux * rx + uy * ry) / r, ti.abs(ux * ry - uy * rx) / r
+            g_n, g_t = ux * (rx / r) + uy * (ry / r), ti.abs(uy * (rx / r) - ux * (ry / r))
             enter_histograms(tile, info_a.id, info_b.id, g_n, g_t, free_a, free_b, regime, gas)
     if ti.static(gas.uses.stress):
         add_virial_of_pair(

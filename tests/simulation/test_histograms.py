@@ -43,7 +43,7 @@ def test_histograms_are_those_of_the_histories_of_all_disks(device):
     box, state = start(disks, 0.4)
     box = Box((box.lengths[0], box.lengths[1] + 1.0), (True, False))
     state = State(state.position + np.array([0.0, 0.5]), state.velocity, state.spin)
-    gas = Simulation(disks, box, ROUGH, state, device=device, histories=range(600), record=["histograms"])
+    gas = Simulation(disks, box, ROUGH, state, device=device, histories=range(600), record=["free_times"])
     gas.run(collisions_per_disk=4.0)
     before, events = gas.measure(), gas.take_events()
     assert (events.partner < 0).sum() > 20
@@ -63,7 +63,7 @@ def test_copies_in_tiles_are_not_counted(device):
     found = []
     for options in ({}, {"order": "tiled", "tile_disks": 40}):
         engine = engine_of(
-            disks, box, state, np.array([[COIN]]), record=["histograms"], device=device, **options
+            disks, box, state, np.array([[COIN]]), record=["free_times"], device=device, **options
         )
         while engine.collisions < 2000:
             engine.advance(collisions=2000)
@@ -79,3 +79,5 @@ def test_a_measure_without_histograms_and_a_later_one_before_are_refused():
         histogram("regime", measured, measured)
     with pytest.raises(InputError, match=r"record=\[\"histograms\"\]"):
         histogram("regime", gas_of(20).measure())
+    with pytest.raises(InputError, match=r"record=\[\"free_times\"\]"):
+        histogram("free_time", measured)

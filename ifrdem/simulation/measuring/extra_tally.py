@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernels.columns import HISTOGRAM, LEVELS, PISTON_STATE, TALLY, VIRIAL, WALL_SUM, Named, named
+from ...kernels.columns import LEVELS, PISTON_STATE, TALLY, VIRIAL, WALL_SUM, Named, named
+from ...kernels.disks.histograms import histogram_columns
+from ...kernels.layout import Uses
 from ...kernels.walls.kinds import FREE
 
 
@@ -24,8 +26,8 @@ class ExtraTally:
     ----------
     n_virial : int
         Columns of the virial: 0 or 4.
-    n_pairs : int
-        Pairs of species that have histograms.
+    n_pairs, n_counts : int
+        Pairs of species that have histograms, and columns of each.
     thermal : array of int
         Numbers of the thermal walls.
     n_summed : int
@@ -38,22 +40,22 @@ class ExtraTally:
 
     n_virial: int
     n_pairs: int
+    n_counts: int
     thermal: NDArray[np.int64]
     n_summed: int
     pistons: NDArray[np.int64]
     n_forces: int = 0
 
     @classmethod
-    def of(cls, rows: NDArray[np.float64], *, summed: bool, stressed: bool, counted: int) -> ExtraTally:
-        """The columns for rows of `walls`; their numbers are written in these rows.
-
-        Sums of walls are recorded if `summed`, the virial if `stressed`, histograms of so many `counted` species.
-        """
+    def of(cls, rows: NDArray[np.float64], uses: Uses) -> ExtraTally:
+        """The columns for rows of `walls` in a gas with these features; their numbers are written in these rows."""
         wall = named(rows, "walls")
         owner = wall.owner.astype(np.int64)
         thermal, pistons = np.unique(owner[wall.temperature > 0.0]), np.flatnonzero(wall.motion.kind == FREE)
-        pairs = counted * (counted + 1) // 2
-        found = cls(VIRIAL.width * stressed, pairs, thermal, int(owner.max()) + 1 if summed else 0, pistons)
+        found = cls(
+            VIRIAL.width * uses.stress, uses.histograms * (uses.histograms + 1) // 2, histogram_columns(uses), thermal,
+            int(owner.max()) + 1 if uses.wall_sums else 0, pistons,
+        )  # fmt: skip
         if len(rows):
             heat = found._first_heat + np.searchsorted(thermal, owner)
             wall.heat = np.where(np.isin(owner, thermal), heat, -1)
@@ -64,7 +66,7 @@ class ExtraTally:
 
     @property
     def _first_heat(self) -> int:
-        return self.n_virial + HISTOGRAM.width * self.n_pairs
+        return self.n_virial + self.n_counts * self.n_pairs
 
     @property
     def _first_sum(self) -> int:
@@ -89,10 +91,9 @@ class ExtraTally:
         return tally[TALLY.width : TALLY.width + self.n_virial].reshape(2, 2)
 
     def histograms(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Counts of collisions in a tally, shape (pairs of species, columns of `columns.HISTOGRAM`)."""
-        return tally[TALLY.width + self.n_virial : TALLY.width + self._first_heat].reshape(
-            -1, HISTOGRAM.width
-        )
+        """Counts of collisions in a tally, shape (pairs of species, columns of `columns.HISTOGRAM` that there are)."""
+        counts = tally[TALLY.width + self.n_virial : TALLY.width + self._first_heat]
+        return counts.reshape(self.n_pairs, self.n_counts)
 
     def heats(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
         """Heat that each thermal wall gave [energy], shape (thermal walls,), of a tally."""

@@ -41,6 +41,7 @@ def features_of(
         contact_time=setup.contact_time > 0.0,
         latest_collision="latest_collision" in setup.recorded,
         histograms=max(species, 1) if "histograms" in setup.record else 0,
+        free_times="free_times" in setup.record,
         shear=setup.box.shear_rate != 0.0,
         ledger=setup.has_ledger,
         stress="stress" in setup.record,

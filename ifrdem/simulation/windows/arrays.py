@@ -139,9 +139,7 @@ class DeviceArrays:
         self.law: Any = ti.ndarray(self._type, setup.law_rows.shape)
         from_numpy(self.law, setup.law_rows.astype(self.real))
         self.wall_rows: NDArray[np.float64] = walls.reshape(-1, WALL.width)
-        self.extra_tally: ExtraTally = ExtraTally.of(
-            self.wall_rows, summed=uses.wall_sums, stressed=uses.stress, counted=uses.histograms
-        )
+        self.extra_tally: ExtraTally = ExtraTally.of(self.wall_rows, uses)
         self.columns: int = self.extra_tally.width
         self.walls: Any
         self.make("walls", len(self.wall_rows))
