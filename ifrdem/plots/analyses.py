@@ -620,8 +620,8 @@ def distribution(axes: Axes, found: analysis.CollisionDistribution, **style: Any
     error = found.density_error[shown] / highest
     axes.errorbar(middle[shown], found.density[shown] / highest, error, **style)
     said = any(line.get_label() == "equilibrium" for line in axes.lines)
-    line = {"color": RATIO, "lw": 1.5, "label": None if said else "equilibrium"}
-    axes.plot(middle[shown], found.equilibrium[shown] / highest, "-", **line)
+    name = None if said else "equilibrium"
+    axes.plot(middle[shown], found.equilibrium[shown] / highest, "-", color=RATIO, lw=1.5, label=name)
     if found.name != "impact_angle":
         axes.set(xscale="log", yscale="log")
 
