@@ -37,7 +37,7 @@ class Quantity(NamedTuple):
     dimension : str
         Names and powers, such as "energy length-2", "1" or "radian".
     along : str
-        Axis of one row: "" for a number, a name in `AXES`, or "species", "piston" or "wall".
+        Axis of one row: "" for a number, a name in `AXES`, or "species", "pair" of species, "piston" or "wall".
     type : str
         "real": the precision of the frame; "f8", "i4" or "i1": this type of NumPy.
     file : str or None
@@ -99,7 +99,7 @@ FRAME = _by_name(
     Q("dissipated", "energy dissipated by the collisions of each disk so far, half of each collision, by mechanism: "
       "normal restitution, tangential restitution, sliding, sticking, rolling friction, walls, falling asleep",
       "energy", "mechanism", feature="dissipated"),
-    Q("latest_collision", "times of the latest collision", "time", file=None, feature="contact_time"),
+    Q("latest_collision", "times of the latest collision", "time", file=None, feature="latest_collision"),
     Q("collisions", "collisions of each disk so far", type="i4"),
     IMAGE,
     Q("last_partner", "partner of the latest collision; -1 none yet, -2 - w wall w", type="i4", feature="last_partner"),
@@ -198,6 +198,14 @@ SERIES = _by_name(
     Q("piston_velocity", "velocity of each piston along its line of motion", "velocity", "piston"),
     Q("piston_energy", "kinetic and potential energy of each piston", "energy", "piston"),
     Q("piston_force", "force of its drive on each piston", "force", "piston"),
+    Q("histogram_impact_angle", "collisions of two disks since the start by angle of impact, of each pair of species",
+      NUMBER, "pair", "i8", feature="histograms"),
+    Q("histogram_normal_speed", "collisions of two disks since the start by normal speed, of each pair of species",
+      NUMBER, "pair", "i8", feature="histograms"),
+    Q("histogram_regime", "collisions of two disks since the start by regime, of each pair of species", NUMBER, "pair",
+      "i8", feature="histograms"),
+    Q("histogram_free_time", "times since the latest collision of both disks, in collisions of two disks since the "
+      "start, of each pair of species", NUMBER, "pair", "i8", feature="free_times"),
     Q("walls_momentum_x", "momentum along x that each wall has given to the disks", "momentum", "wall"),
     Q("walls_momentum_y", "momentum along y that each wall has given to the disks", "momentum", "wall"),
     Q("walls_torque", "angular momentum that each wall has given to the disks", "energy time", "wall"),
@@ -220,6 +228,8 @@ STRESS_SERIES = _without(along=("component",), feature="stress")
 """The pressure tensor and its kinetic part."""
 SPECIES_SERIES = _without(along=("species",), feature="")
 """Those with a column for each species."""
+HISTOGRAMS = tuple(name for name, each in SERIES.items() if each.along == "pair")
+"""Those with a row for each pair of species, in the order of `kernels.columns.HISTOGRAM`, in frames."""
 PISTON_SERIES = _without(along=("piston",), feature="")
 """Those with a column for each piston, in the order of `Simulation.pistons`."""
 WALL_SERIES = _without(along=("wall",), feature="")

@@ -217,7 +217,7 @@ REACH = Columns(
     halo_factor="halo over the initial one of all tiles",
 )  # fmt: skip
 # Sums over a window; whole numbers are exact up to 2^53. They are followed by those that only some gases have: the
-# virial, heat of thermal walls, sums of each wall, states of pistons.
+# virial, histograms of collisions, heat of thermal walls, sums of each wall, states of pistons.
 TALLY = Columns(
     collisions="collisions of two disks", wall_collisions="collisions with walls",
     elastics="collisions that a remedy for collapse made elastic", regimes=("collisions by regime", 5),
@@ -225,8 +225,18 @@ TALLY = Columns(
     flow_work="work of the mean flow", fastest="largest square of a speed", squares="sum of squares of speeds",
     sleepers="disks that fell asleep", event_squares="sum of squares of speeds at events",
 )  # fmt: skip
+# Bins of histograms over many powers of 2: from 2^FIRST_OCTAVE on, PER_OCTAVE of equal width in each power.
+FIRST_OCTAVE, OCTAVES, PER_OCTAVE = -28, 40, 8
 # Collisional part of the pressure tensor times area and time (`disks/stress.py`): momentum, then direction.
 VIRIAL = Columns(xx="xx", xy="xy", yx="yx", yy="yy")
+# Counts of collisions of two disks of a pair of species, for which it is repeated (`disks/histograms.py`): the pair of
+# species i >= j is number i (i + 1) / 2 + j. The last ones are there if they are recorded.
+HISTOGRAM = Columns(
+    impact_angle=("by the angle of impact psi: bin k has g_t / (g_n + g_t) from k / 64 on, g of the centres", 64),
+    normal_speed=("by the normal speed g_n, in bins of `octave_bin`", OCTAVES * PER_OCTAVE),
+    regime=("by regime", 5),
+    free_time=("of both disks, by the time since their latest collision, in bins of `octave_bin`", OCTAVES * PER_OCTAVE),
+)  # fmt: skip
 WALL_SUM = Columns(
     momentum_x="momentum along x given to disks", momentum_y="momentum along y given to disks",
     torque="angular momentum given to disks", work="work on disks", heat="heat given to disks", hits="collisions",
@@ -561,7 +571,7 @@ TABLES: dict[str, Columns] = {
 TYPES: dict[str, str] = {
     "disk": REAL, "meta": I32, "past": F64, "hits": I32, "dissipated": F64, "held": F64, "asleep": I32, "kind": I32,
     "kinds": REAL, "history_hash": I32, "displacement": F32, "slot_before": I32,
-    "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
+    "first_of_species": I32, "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
     "motion": REAL, "action": F64, "event_info": I32, "image_info": I32,
     "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
     "residual_acceleration": F64, "head": I32, "bin": I32, "line": F32, "line_slot": I32, "bunch": I32, "spare": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,

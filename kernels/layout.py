@@ -167,10 +167,15 @@ class Uses:
     timed_walls: bool = False  # some open, or move for a time only
     wall_sums: bool = False  # what each gives is added up
     pistons: bool = False  # some have a mass and move freely
-    contact_time: bool = False  # a contact time: disks know when their latest collision was
+    contact_time: bool = False  # a contact time
+    latest_collision: bool = False  # disks know when their latest collision was
     shear: bool = False  # a mean flow
     ledger: bool = False  # a ledger of what dissipates energy
     stress: bool = False  # momentum that collisions transfer is added up
+    histograms: int = 0  # species, for whose pairs collisions are counted in histograms; with a ledger
+    free_times: bool = (
+        False  # also by the time since the latest collision of either disk; with latest_collision
+    )
     last_partner: bool = False  # disks know their latest partner
     angle: bool = False  # disks know how far they have turned
     dissipated: bool = False  # disks know what their collisions took; only with a ledger

@@ -102,11 +102,13 @@ THEORY: dict[str, dict[str, Any]] = {
     "sonine_coefficient": {"velocity": VELOCITY},
     "thermal_conductivity": {"packing_fraction": 0.2, "T": 1.0, "mass": 1.0, "radius": 0.5},
 }  # fmt: skip
+HISTOGRAM = ifrdem.observables.Histogram("impact_angle", np.linspace(0.0, 1.5, 4), np.array([[3, 2, 1]]))
 MSD = analysis.mean_square_displacement(TIMES, PATHS)
 ANALYSIS: dict[str, dict[str, Any]] = {
     "clusters": {"position": POINTS, "box": BOX, "radius": 0.1, "gap": 0.1, "time": 0.0},
     "coarse_grain": {"position": POINTS, "velocity": VELOCITY, "spin": SPIN, "box": SIDES, "cells": (2, 2),
                      "mass": 1.0, "radius": 0.1, "inertia": 0.1, "width": 0.0},
+    "collision_distribution": {"histogram": HISTOGRAM, "pair": 0},
     "compressibility": {"packing_fraction": 0.2, "contact": 1.2, "e_n": 0.9},
     "contact_from_rate": {"rate": 1.0, "packing_fraction": 0.2, "temperature": 1.0, "mass": 1.0,
                           "radius": 0.5},
@@ -183,6 +185,9 @@ OBSERVABLES: dict[str, dict[str, Any]] = {
     "drift_text": {"velocity": [1.0, 0.0]},
     "from_totals": {"disks": DISKS, "totals": np.ones(10), "time": 1.0, "wall_collisions": 0,
                     "about_mean": (True, True), "species": np.ones((2, 7))},
+    "histogram": {"name": "free_time", "after": dataclasses.replace(STRESSED, histograms=np.ones((1, 709), int), time=1.0),
+                  "before": dataclasses.replace(STRESSED, histograms=np.zeros((1, 709), int))},
+    "histogram_edges": {"name": "regime"},
     "measure": {"disks": DISKS, "state": STATE, "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0,
                 "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int),
                 "about_mean": (True, True)},
@@ -327,12 +332,12 @@ MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
 
 OTHERS: dict[ModuleType, set[str]] = {
     theory: {"CoolingRatio", "MixtureTemperatures", "Prediction", "ShearModes"},
-    analysis: {"BinAverages", "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
+    analysis: {"BinAverages", "Clusters", "CollisionDistribution", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
                "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients",
                "StructureFactor", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "mean_fields",
                "profiles"},
     ifrdem.forces: {"normals", "uniforms"},
-    ifrdem.observables: {"Measure", "Stress"},
+    ifrdem.observables: {"Histogram", "Measure", "Stress"},
     # Functions of fits, files and gases are below.
     ifrdem.fit: {"Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design", "draws", "material",
                  "read", "table"},

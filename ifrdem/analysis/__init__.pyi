@@ -20,6 +20,8 @@ from .flow import VelocityCorrelation as VelocityCorrelation
 from .flow import VelocitySpectrum as VelocitySpectrum
 from .flow import velocity_correlation as velocity_correlation
 from .flow import velocity_spectrum as velocity_spectrum
+from .histograms import CollisionDistribution as CollisionDistribution
+from .histograms import collision_distribution as collision_distribution
 from .impact import Impacts as Impacts
 from .impact import impacts as impacts
 from .pressure import Pressure as Pressure

@@ -23,6 +23,7 @@ from . import (
     common,
     cooling,
     fields,
+    histograms,
     impact,
     motion,
     pressure,
@@ -779,7 +780,7 @@ FUNCTIONS: dict[str, Callable[..., Evaluation]] = {
     "vacf": motion.of_vacf, "profiles": of_profiles, "fields": of_fields, "clusters": of_clusters, "psi6": of_psi6,
     "pressure": of_pressure, "stress": of_stress, "cooling": of_cooling,
     "velocity-correlation": vortices.of_correlation, "vorticity": vortices.of_spectrum, "species": species.of_species,
-    "impact": of_impact,
+    "impact": of_impact, "histograms": histograms.of_histograms,
 }  # fmt: skip
 """Functions of a file, frames (None: suitable ones) and options, by the names in `names.ANALYSES`."""
 

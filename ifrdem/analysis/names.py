@@ -100,6 +100,12 @@ ANALYSES = {
         "impact angles compared with molecular chaos, and regimes",
         over_time=True,
     ),
+    "histograms": Analysis(
+        "distributions of all collisions",
+        "angles, normal speeds, free times of all collisions (output.histograms)",
+        "angles, normal speeds and free times of all collisions, with equilibrium (output.histograms)",
+        over_time=True,
+    ),
 }
 """The analyses by name, in the order in which they are done."""
 OVER_TIME = tuple(name for name, each in ANALYSES.items() if each.over_time)

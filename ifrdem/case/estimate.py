@@ -15,6 +15,8 @@ from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
 from ..kernels.columns import rows_dtype
+from ..kernels.disks.histograms import histogram_columns
+from ..kernels.layout import Uses
 from ..model.density import packing_fraction
 from ..model.laws.law import EnergyWarning
 from ..quantities import (
@@ -571,6 +573,9 @@ def _trajectory_bytes(n: int, case: CaseSections, *, frames: int, rows: int, eve
     output = case.output
     pistons = sum(each.piston is not None for each in case.wall)
     totals = numbers_of(OBSERVABLES) + len(PISTON_SERIES) * pistons
+    pairs = len(case.species) * (len(case.species) + 1) // 2
+    uses = Uses(histograms=output.histograms or output.free_times, free_times=output.free_times)
+    counts = pairs * histogram_columns(uses)
     per_chunk = layout.chunk_disks(n)
     chunks = -(-n // per_chunk)
     frame = chunks * sum(on_pages(per_chunk * _field_bytes(output, name)) for name in output.fields)
@@ -581,5 +586,5 @@ def _trajectory_bytes(n: int, case: CaseSections, *, frames: int, rows: int, eve
     )
     event = rows_dtype(EVENT.values(), "f8").itemsize
     constant = 28 * n  # radius, mass and k in 8 bytes, the material in 4
-    size = constant + frames * (frame + 8 * totals) + rows * 8 * row + events * event
+    size = constant + frames * (frame + 8 * (totals + counts)) + rows * 8 * row + events * event
     return round(OVERHEAD * size)

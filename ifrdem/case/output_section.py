@@ -66,6 +66,11 @@ class OutputSection(Section):
     stress: bool = field(True, False)
     """Store the pressure tensor P_ab in the time series: positive in compression, mean since the row before [true or
     false]."""
+    histograms: bool = field(True, False)
+    """Count collisions of each pair of species by angle of impact, normal speed and regime, and store the counts in
+    frames; costs far less than histories [true or false]."""
+    free_times: bool = field(True, False)
+    """Count them also by the time since the latest collision of either disk [true or false]."""
     histories: list[Natural] | None = field([0, 7], None, min_length=1)
     """Disks of which every collision is stored [list of their numbers, from 0]; their paths are then exact."""
     histories_sample: Count | None = field(100, None)
@@ -135,7 +140,7 @@ class OutputSection(Section):
         fields = self.fields
         quantities = {
             "ledger": self.ledger, "wall_sums": self.wall_sums, "stress": self.stress,
-            **{name: name in fields for name in ("last_partner", "angle", "dissipated")},
+            "histograms": self.histograms, "free_times": self.free_times, **{name: name in fields for name in ("last_partner", "angle", "dissipated")},
         }  # fmt: skip
         return [name for name, enabled in quantities.items() if enabled]
 

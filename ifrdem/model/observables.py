@@ -67,6 +67,9 @@ class Measure:
     virial : array (2, 2) or None
         Collisional part of the pressure tensor times the area, integrated over time since the start: the sum of
         (dp_i)_a (r_i - r_j)_b over collisions [energy time]. None unless recorded ("stress"). See `stress`.
+    histograms : array (pairs, bins) or None
+        Counts of collisions since the start, of each pair of species: of all histograms, one after another. None unless
+        recorded ("histograms"). See `histogram`.
 
     Notes
     -----
@@ -101,6 +104,7 @@ class Measure:
     walls: Array | None = None
     pistons: Array | None = None
     virial: Array | None = None
+    histograms: NDArray[np.int64] | None = None
     species_temperature: Array | None = None
     species_rotational_temperature: Array | None = None
     species_collisions: NDArray[np.int64] | None = None

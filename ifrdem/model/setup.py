@@ -51,6 +51,9 @@ RECORDABLE = {
     "angle": "the angle by which each disk has turned: `State.angle`",
     "dissipated": "energy that each disk's collisions dissipate, by mechanism: `State.dissipated`; includes ledger",
     "stress": "momentum that collisions transfer, for the pressure tensor: `Measure.virial`",
+    "histograms": "collisions of each pair of species by angle of impact, normal speed and regime: "
+    "`Measure.histograms`; includes ledger",
+    "free_times": "also by the time since the latest collision of either disk; includes histograms",
     "wall_sums": "momentum, torque, work, heat and collisions of each wall: `wall_sums` and `Measure`",
 }
 _COLLAPSES = {each.__name__: each for each in get_args(Collapse)}
@@ -134,7 +137,7 @@ class Setup:
     def recorded(self) -> list[str]:
         """Those quantities of a state (`state.RECORDED`) that the engine keeps up to date."""
         kept = {
-            "latest_collision": isinstance(self.collapse, ContactTime),
+            "latest_collision": isinstance(self.collapse, ContactTime) or "free_times" in self.record,
             "last_partner": "last_partner" in self.record,
             "angle": "angle" in self.record,
             "dissipated": "dissipated" in self.record,
@@ -248,7 +251,8 @@ def _checked_names(record: Iterable[str]) -> frozenset[str]:
             raise InputError(
                 f"record: unknown name {shortened(name)}{nearest(name, RECORDABLE)}; must be of {known}"
             )
-    return frozenset(names) | ({"ledger"} if "dissipated" in names else set())
+    found = {*names} | ({"histograms"} if "free_times" in names else set())
+    return frozenset(found | ({"ledger"} if {"dissipated", "histograms"} & found else set()))
 
 
 def _checked_forces(forces: Any) -> tuple[Force, ...]:

@@ -245,7 +245,7 @@ def extremes(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
 
 
 RECORDED = {
-    "latest_collision": "collapse=ContactTime(...)",
+    "latest_collision": 'collapse=ContactTime(...) or record=["free_times"]',
     "last_partner": 'record=["last_partner"]',
     "angle": 'record=["angle"]',
     "dissipated": 'record=["dissipated"]',

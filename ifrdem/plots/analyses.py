@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 
 from .. import analysis
 from ..analysis.averages import OF_DISKS
+from ..analysis.histograms import TITLES
 from ..analysis.motion import Displacement
 from ..analysis.result import NOT_STATIONARY, Evaluation
 from ..tools.checked import Array
@@ -584,6 +585,47 @@ def impact(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: E
     grid(left, right)
 
 
+def histograms(*given: Any) -> None:
+    """Distributions by the angle of impact, the normal speed and the free time, and those in equilibrium."""
+    *panels, trajectory, evaluation = given
+    for i, (pair, found) in enumerate(evaluation.result.items()):
+        for axes, name in zip(panels, TITLES, strict=True):
+            if name in found:
+                style = OPEN | {"color": KINDS[i % 8], "marker": MARKERS[i % 8], "ms": 4, "lw": 0.8}
+                distribution(axes, found[name], label=pair, **style)
+    for axes, name in zip(panels, TITLES, strict=True):
+        axes.set_title(TITLES[name], fontsize="medium")
+        axes.set_xlabel({
+            "impact_angle": r"$\psi$ (degrees)",
+            "normal_speed": label(trajectory, "$g_n$", "length/time"),
+            "free_time": label(trajectory, "$t$", "time"),
+        }[name])  # fmt: skip
+        if not axes.lines:
+            axes.text(
+                0.5, 0.5, "output.free_times = true\nrecords them", ha="center", transform=axes.transAxes
+            )
+    panels[0].set_ylabel("density over that in equilibrium at its maximum")
+    panels[0].set_ylim(bottom=0.0)
+    legend(panels[0])
+    grid(*panels)
+
+
+def distribution(axes: Axes, found: analysis.CollisionDistribution, **style: Any) -> None:
+    """A distribution of collisions, with the line of equilibrium, in parts of that line's maximum."""
+    middle, highest = 0.5 * (found.edges[1:] + found.edges[:-1]), found.equilibrium.max()
+    # On a logarithmic axis a bar that reaches 0 says nothing.
+    shown = found.density > (0.0 if found.name == "impact_angle" else 2.0 * found.density_error)
+    if found.name == "impact_angle":
+        middle = np.degrees(middle)
+    error = found.density_error[shown] / highest
+    axes.errorbar(middle[shown], found.density[shown] / highest, error, **style)
+    said = any(line.get_label() == "equilibrium" for line in axes.lines)
+    name = None if said else "equilibrium"
+    axes.plot(middle[shown], found.equilibrium[shown] / highest, "-", color=RATIO, lw=1.5, label=name)
+    if found.name != "impact_angle":
+        axes.set(xscale="log", yscale="log")
+
+
 class Panels(NamedTuple):
     """A picture of an analysis: its drawing function and the arguments of `Figure.subplots`."""
 
@@ -600,7 +642,7 @@ PANELS = {
     "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "stress": Panels(stress, TWO),
     "velocity-correlation": Panels(vortices.correlation, TWO), "vorticity": Panels(vortices.spectrum, TWO),
     "cooling": Panels(cooling, TWO), "species": Panels(species.temperatures, STACKED),
-    "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}),
+    "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}), "histograms": Panels(histograms, {"ncols": 3}),
 }  # fmt: skip
 """Name of the analysis -> its picture."""
 
@@ -635,6 +677,7 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.RatioFit: Panels(_ratio),
     analysis.Pressure: Panels(_pressure),
     analysis.MeanStress: Panels(lambda left, right, found: stress(left, right, None, _alone(found)), TWO),
+    analysis.CollisionDistribution: Panels(lambda axes, found: distribution(axes, found, **POINTS)),
     analysis.Impacts: Panels(lambda left, right, found: impact(left, right, None, _alone(found)), TWO),
 }  # fmt: skip
 """Type of a result of `ifrdem.analysis` -> its picture, which takes the axes and the result."""

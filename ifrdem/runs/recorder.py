@@ -12,10 +12,12 @@ from typing import Annotated, Any
 import numpy as np
 
 from ..errors import InputError, TrajectoryError
+from ..model.histograms import split
 from ..model.observables import Measure, stress
 from ..model.state import FrameRows, State
 from ..quantities import (
     AXES,
+    HISTOGRAMS,
     OBSERVABLES,
     PISTON_SERIES,
     SERIES,
@@ -86,7 +88,13 @@ class Ledger:
 
     @validated
     def observables(self, measure: Measure) -> dict[str, Any]:
-        """Quantities of the whole gas in a frame (`quantities.OBSERVABLES`)."""
+        """Quantities of the whole gas in a frame (`quantities.OBSERVABLES`), and histograms if the measure has them."""
+        found = self._of_frames_and_rows(measure)
+        if measure.histograms is not None:
+            found |= dict(zip(HISTOGRAMS, split(measure.histograms).values(), strict=False))
+        return found
+
+    def _of_frames_and_rows(self, measure: Measure) -> dict[str, Any]:
         if self.first is None:
             self.first = measure
         # What is missing of what was there and what forces and walls put in was dissipated.
@@ -103,7 +111,7 @@ class Ledger:
         Stresses are means since the row before, nan in the first one (`observables.stress`); InputError if the measure
         has a virial and the ledger no area.
         """
-        row = self.observables(measure)
+        row = self._of_frames_and_rows(measure)
         if measure.dissipated is not None and measure.regimes is not None:
             row |= {
                 "dissipated_by_mechanism": measure.dissipated,

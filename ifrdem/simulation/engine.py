@@ -195,7 +195,7 @@ class Engine:
         from .windows.windows import Windows
 
         rows = rows_of(self.walls)
-        uses = features_of(setup, rows, histories=tracked, ranks=comm.size)
+        uses = features_of(setup, rows, histories=tracked, ranks=comm.size, species=len(self.kinds.species))
         domain = domain_of(comm, self.disks_here, self.kinds)
         self.arrays: DeviceArrays = DeviceArrays(
             setup, self.kinds, rows, uses, domain, order=order, tile_disks=tile_disks
@@ -291,6 +291,11 @@ class Engine:
     def virial(self) -> NDArray[np.float64]:
         """Momentum that collisions transferred so far, shape (2, 2) [energy time]: `Measure.virial`."""
         return self.arrays.extra_tally.virial(self.windows.sums)
+
+    @property
+    def histograms(self) -> NDArray[np.int64]:
+        """Counts of collisions so far, shape (pairs of species, columns of `columns.HISTOGRAM`)."""
+        return self.arrays.extra_tally.histograms(self.windows.sums).astype(np.int64)
 
     @property
     def wall_sums(self) -> NDArray[np.float64]:

@@ -135,6 +135,9 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         - "angle": the angle by which each disk has turned, `State.angle`;
         - "stress": the momentum that collisions transfer, in every `Measure`: `observables.stress` makes a pressure
           tensor of two of these;
+        - "histograms": collisions of each pair of species by angle of impact, normal speed and regime, in every
+          `Measure`: `observables.histogram`; includes "ledger";
+        - "free_times": also by the time since the latest collision of either disk;
         - "wall_sums": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
     histories : sequence of int
         Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
@@ -1128,4 +1131,5 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
             "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,
             "about_mean": free, "virial": self._engine.virial if "stress" in self.setup.record else None,
+            "histograms": self._engine.histograms if "histograms" in self.setup.record else None,
         }  # fmt: skip

@@ -32,6 +32,7 @@ from ..disks.particle import (
 from .rest import (
     count_hit, fall_asleep, in_falling_frame, is_support, is_wedged, set_at_rest, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
+from ..disks.histograms import enter_histograms
 from ..disks.stress import add_virial_of_pair
 from ..tiles.lines import PLACES, leave_place, passing, read_line, take_place, write_line
 from ..tiles.tiles import head_at, layer_of, note_extremes, scale_of, word_of, write
@@ -409,6 +410,9 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     persistent = 0
     if ti.static(gas.uses.contact_time):
         persistent = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
+    free_a, free_b = 0.0 * t, 0.0 * t
+    if ti.static(gas.uses.free_times):
+        free_a, free_b = t - gas.since[a], t - gas.since[b]
     asleep_a, asleep_b = sleeps(a, gas), sleeps(b, gas)
     if ti.static(gas.uses.rest):
         if asleep_a:
@@ -435,7 +439,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         p, q, rx / r, ry / r, inverse_a, radius_a, k_a, vx_a, vy_a, w_a, inverse_b, radius_b, k_b, vx_b, vy_b, w_b,
         reduced_radius(radius_a, radius_b), persistent, gas,
     )  # fmt: skip
-    if ti.static(gas.uses.contact_time):
+    if ti.static(gas.uses.latest_collision):
         gas.since[a], gas.since[b] = t, t
     turn(a, t, gas)
     turn(b, t, gas)
@@ -467,6 +471,10 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         charge_half(b, regime, lost, gas)
     if owned:
         count_collision(kind_a, regime, lost, rows, faster, vx_a, new.vx_i, tile, gas)
+        if ti.static(gas.uses.histograms > 0):
+            ux, uy = vx_a - vx_b, vy_a - vy_b
+            g_n, g_t = ux * (rx / r) + uy * (ry / r), ti.abs(uy * (rx / r) - ux * (ry / r))
+            enter_histograms(tile, info_a.id, info_b.id, g_n, g_t, free_a, free_b, regime, gas)
     if ti.static(gas.uses.stress):
         add_virial_of_pair(
             tile, a, b, kind_a, kind_b, new.vx_i - vx_a, new.vy_i - vy_a, new.vx_j - vx_b, new.vy_j - vy_b, rx, ry, gas

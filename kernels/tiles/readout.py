@@ -161,7 +161,7 @@ def read_out(
                     if ti.static(gas.uses.rest):
                         sleeps = gas.asleep[s] == ASLEEP or gas.asleep[s] == ASLEEP_UNVERIFIED
                         store_number(i, "asleep", 0, sleeps, gas)
-                    if ti.static(gas.uses.contact_time and not is_single(gas.frame_out)):
+                    if ti.static(gas.uses.latest_collision and not is_single(gas.frame_out)):
                         store_number(i, "latest_collision", 0, gas.past[s].latest, gas)
                     if ti.static(gas.uses.walls and not is_single(gas.frame_out)):
                         store_number(i, "wall_collisions", 0, gas.hits[s].wall_collisions, gas)

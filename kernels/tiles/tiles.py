@@ -444,7 +444,7 @@ def load_from(near, m, i, tile, region: ti.template(), gas: ti.template()):
     image.wall_collisions, image.events_before = 0, events
     if ti.static(gas.uses.several_kinds):
         info.kind = kind
-    if ti.static(gas.uses.contact_time):
+    if ti.static(gas.uses.latest_collision):
         gas.since[i] = ti.cast(gas.past[s].latest, float)
     if ti.static(gas.uses.angle):
         gas.turn[i] = 0.0
@@ -562,7 +562,7 @@ def store(i, row, dt, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
     meta_row.id, meta_row.events, meta_row.image_x, meta_row.image_y = disk_id, events, image_x, image_y
     if ti.static(gas.uses.several_kinds and gas.uses.ranks):
         gas.kind[row] = info.kind
-    if ti.static(gas.uses.contact_time):
+    if ti.static(gas.uses.latest_collision):
         gas.past[row].latest = ti.cast(gas.since[i], ti.f64)
     if ti.static(gas.uses.rest):
         gas.asleep[row] = gas.rest[i].asleep
@@ -658,7 +658,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock.square_unit)
                 events = ti.cast(collisions_in_window(i, gas), ti.f64)
                 event_squares += events * events
-                if ti.static(gas.uses.contact_time):
+                if ti.static(gas.uses.latest_collision):
                     gas.past[row].latest = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
         elif when == AT_END:
             g = gas.tile[tile].ghosts - rank - 1

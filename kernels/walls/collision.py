@@ -62,6 +62,7 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     persistent = 0
     if ti.static(gas.uses.contact_time):
         persistent = just_collided(i, t, gas)
+    if ti.static(gas.uses.latest_collision):
         gas.since[i] = t
     advance_to(i, t, gas)
     gx, gy = gas.scale.gx, gas.scale.gy

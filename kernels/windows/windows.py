@@ -228,7 +228,7 @@ WINDOW = Arrays(
     "displacement slot_before tile listed reach edge_x edge_y tally ghost motion event_info image_info "
     "action rest residual_acceleration contact cached_force candidates since turn loss head bin line line_slot bunch spare "
     "wall_start wall_item walls law watched event event_int pair_time pair trail_time trail found total kicks shares "
-    "force_values"
+    "force_values first_of_species"
 )
 
 

@@ -70,19 +70,20 @@ def engine_of(gas: Gas, device: Literal["cpu", "cuda"], **options: Any) -> Engin
         gravity=(0.0, -0.1),
         # Two in the same steps, and one at random times.
         forces=[Drag(0.08, rate=0.1), RandomKicks(0.08, power=0.2), PoissonKicks(1.0, power=0.1)],
-        record=["ledger"],
+        record=["free_times"],
         **options,
     )
 
 
-def looked_at(engine: Engine, points: Sequence[RunPoint]) -> list[tuple[State, Any, Any, Any]]:
-    """States, dissipated energies and what forces gave, at points of a run in the order in which it comes to them."""
+def looked_at(engine: Engine, points: Sequence[RunPoint]) -> list[tuple[State, Any, Any, Any, Any]]:
+    """States, dissipated energies, what forces gave and histograms, at points of a run in the order in which it comes to them."""
     due, found = list(points), []
     while due:
         stop = functools.reduce(RunPoint.earlier, due)
         engine.advance(t_end=stop.time, collisions=stop.collisions, next_points=functools.partial(list, due))
         if stop.reached(engine.time, engine.collisions):
-            found.append((engine.state(), *engine.dissipated(), engine.force_steps.energy_inputs.copy()))
+            given = engine.force_steps.energy_inputs.copy()
+            found.append((engine.state(), *engine.dissipated(), given, engine.histograms))
         due = [each for each in due if not each.reached(engine.time, engine.collisions)]
     return found
 
@@ -114,6 +115,8 @@ def main() -> None:
             "regimes": all(np.array_equal(a[2], b[2]) for a, b in pairs),
             "energy inputs": all(np.array_equal(a[3], b[3]) for a, b in pairs),
             "least energy input": float(np.abs(on_cpu[-1][3]).min()),
+            "histograms": all(np.array_equal(a[4], b[4]) for a, b in pairs),
+            "counts": int(on_cpu[-1][4].sum()),
             # Sums of some hundred terms in another order.
             "losses": all(np.allclose(a[1], b[1], rtol=1e-11, atol=1e-12) for a, b in pairs),
         }

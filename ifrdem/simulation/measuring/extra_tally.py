@@ -1,6 +1,6 @@
 """Columns of the tally that only some gases have, behind those of `columns.TALLY`.
 
-The virial, sums of walls, and energies that forces give within windows.
+The virial, histograms of collisions, sums of walls, and energies that forces give within windows.
 """
 
 from __future__ import annotations
@@ -11,19 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...kernels.columns import LEVELS, PISTON_STATE, TALLY, VIRIAL, WALL_SUM, Named, named
+from ...kernels.disks.histograms import histogram_columns
+from ...kernels.layout import Uses
 from ...kernels.walls.kinds import FREE
 
 
 @dataclass(frozen=True)
 class ExtraTally:
-    """The virial, heat and sums of walls, states of pistons, and energies that forces give, in this order.
+    """The virial, histograms, heat and sums of walls, states of pistons, energies that forces give, in this order.
 
-    The virial and the sums of walls are there if they are recorded.
+    The virial, the histograms and the sums of walls are there if they are recorded.
 
     Attributes
     ----------
     n_virial : int
         Columns of the virial: 0 or 4.
+    n_pairs, n_counts : int
+        Pairs of species that have histograms, and columns of each.
     thermal : array of int
         Numbers of the thermal walls.
     n_summed : int
@@ -35,23 +39,25 @@ class ExtraTally:
     """
 
     n_virial: int
+    n_pairs: int
+    n_counts: int
     thermal: NDArray[np.int64]
     n_summed: int
     pistons: NDArray[np.int64]
     n_forces: int = 0
 
     @classmethod
-    def of(cls, rows: NDArray[np.float64], *, summed: bool, stressed: bool) -> ExtraTally:
-        """The columns for rows of `walls`; their numbers are written in these rows.
-
-        Sums of walls are recorded if `summed`, the virial if `stressed`.
-        """
+    def of(cls, rows: NDArray[np.float64], uses: Uses) -> ExtraTally:
+        """The columns for rows of `walls` in a gas with these features; their numbers are written in these rows."""
         wall = named(rows, "walls")
         owner = wall.owner.astype(np.int64)
         thermal, pistons = np.unique(owner[wall.temperature > 0.0]), np.flatnonzero(wall.motion.kind == FREE)
-        found = cls(VIRIAL.width * stressed, thermal, int(owner.max()) + 1 if summed else 0, pistons)
+        found = cls(
+            VIRIAL.width * uses.stress, uses.histograms * (uses.histograms + 1) // 2, histogram_columns(uses), thermal,
+            int(owner.max()) + 1 if uses.wall_sums else 0, pistons,
+        )  # fmt: skip
         if len(rows):
-            heat = found.n_virial + np.searchsorted(thermal, owner)
+            heat = found._first_heat + np.searchsorted(thermal, owner)
             wall.heat = np.where(np.isin(owner, thermal), heat, -1)
             wall.sums = found._first_sum + WALL_SUM.width * owner
             wall.piston.sums[pistons] = found._first_piston + PISTON_STATE.width * np.arange(len(pistons))
@@ -59,8 +65,12 @@ class ExtraTally:
         return found
 
     @property
+    def _first_heat(self) -> int:
+        return self.n_virial + self.n_counts * self.n_pairs
+
+    @property
     def _first_sum(self) -> int:
-        return self.n_virial + len(self.thermal)
+        return self._first_heat + len(self.thermal)
 
     @property
     def _first_piston(self) -> int:
@@ -80,9 +90,14 @@ class ExtraTally:
         """The virial in a tally, shape (2, 2): component of the momentum, then direction."""
         return tally[TALLY.width : TALLY.width + self.n_virial].reshape(2, 2)
 
+    def histograms(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Counts of collisions in a tally, shape (pairs of species, columns of `columns.HISTOGRAM` that there are)."""
+        counts = tally[TALLY.width + self.n_virial : TALLY.width + self._first_heat]
+        return counts.reshape(self.n_pairs, self.n_counts)
+
     def heats(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
         """Heat that each thermal wall gave [energy], shape (thermal walls,), of a tally."""
-        return tally[TALLY.width + self.n_virial : TALLY.width + self._first_sum]
+        return tally[TALLY.width + self._first_heat : TALLY.width + self._first_sum]
 
     def sums(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
         """Sums of walls in a tally, shape (walls, 6): columns `model.walls.wall.SUMS`."""

@@ -27,11 +27,10 @@ def totals(engine: Engine) -> NDArray[np.float64]:
 
 def species_totals(engine: Engine) -> NDArray[np.float64]:
     """Sums over each species at the present time, shape (species, columns of SPECIES)."""
-    arrays, numbers = engine.arrays, np.array([*engine.kinds.species.values()])
-    first = (np.cumsum(numbers) - numbers + arrays.domain.first_id).astype(np.int32)
-    found = np.zeros((arrays.tiles, len(numbers), SPECIES.width))
-    arrays.launch(read_species, engine.windows.part, first_of_species=first, species_totals=found)
-    return arrays.domain.sums(found.reshape(arrays.tiles, -1)).reshape(len(numbers), SPECIES.width)
+    arrays, number = engine.arrays, len(engine.kinds.species)
+    found = np.zeros((arrays.tiles, number, SPECIES.width))
+    arrays.launch(read_species, engine.windows.part, species_totals=found)
+    return arrays.domain.sums(found.reshape(arrays.tiles, -1)).reshape(number, SPECIES.width)
 
 
 def _launch(engine: Engine, words: NDArray[Any], *, filled: int) -> NDArray[np.float64]:

@@ -16,8 +16,12 @@ if TYPE_CHECKING:
     from ...model.setup import Setup
 
 
-def features_of(setup: Setup, wall_rows: NDArray[np.float64], *, histories: bool, ranks: int) -> Uses:
-    """The features of a gas, on so many ranks; `wall_rows` are those of all walls, sides of the box included.
+def features_of(
+    setup: Setup, wall_rows: NDArray[np.float64], *, histories: bool, ranks: int, species: int
+) -> Uses:
+    """The features of a gas of so many species, on so many ranks.
+
+    `wall_rows` are those of all walls, sides of the box included.
 
     Those that follow from the kinds of disks are left to `DeviceArrays`.
     """
@@ -35,6 +39,9 @@ def features_of(setup: Setup, wall_rows: NDArray[np.float64], *, histories: bool
         wall_sums="wall_sums" in setup.record and len(walls) > 0,
         pistons=any(wall.piston is not None for wall in walls),
         contact_time=setup.contact_time > 0.0,
+        latest_collision="latest_collision" in setup.recorded,
+        histograms=max(species, 1) if "histograms" in setup.record else 0,
+        free_times="free_times" in setup.record,
         shear=setup.box.shear_rate != 0.0,
         ledger=setup.has_ledger,
         stress="stress" in setup.record,

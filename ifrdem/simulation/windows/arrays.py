@@ -140,9 +140,7 @@ class DeviceArrays:
         self.law: Any = ti.ndarray(self._type, setup.law_rows.shape)
         from_numpy(self.law, setup.law_rows.astype(self.real))
         self.wall_rows: NDArray[np.float64] = walls.reshape(-1, WALL.width)
-        self.extra_tally: ExtraTally = ExtraTally.of(
-            self.wall_rows, summed=uses.wall_sums, stressed=uses.stress
-        )
+        self.extra_tally: ExtraTally = ExtraTally.of(self.wall_rows, uses)
         self.columns: int = self.extra_tally.width
         self.walls: Any
         self.make("walls", len(self.wall_rows))
@@ -152,6 +150,12 @@ class DeviceArrays:
         self._lanes = 0
         self.batch: int = 0
         self.make_parts(2, self.domain.first_slots(n))
+        self.first_of_species: Any
+        self.make("first_of_species", len(disks.species))
+        if disks.species:
+            numbers = np.array([*disks.species.values()])
+            first = np.cumsum(numbers) - numbers + self.domain.first_id
+            from_numpy(self.first_of_species, first.astype(np.int32))
         self.watched: Any
         self.make("watched", n if uses.histories else 1)
         self.scratch(0, 0, 0)
@@ -302,7 +306,7 @@ class DeviceArrays:
         self.make("contact", CONTACTS_PER_DISK * rows if uses.rest else 1)
         self.make("cached_force", rows if uses.rest else 1)
         self.make("candidates", rows)
-        self.make("since", rows if uses.contact_time else 1)
+        self.make("since", rows if uses.latest_collision else 1)
         self.make("turn", rows if uses.angle else 1)
         self.make("loss", rows if uses.dissipated else 1)
         self.make("head", lanes * cells)
@@ -723,7 +727,7 @@ class DeviceArrays:
     def state_arrays(self) -> dict[str, bool]:
         """Names of the arrays that hold a state, and whether this gas keeps them."""
         uses = self.uses
-        dated, counted = uses.contact_time or uses.angle, uses.walls or uses.last_partner
+        dated, counted = uses.latest_collision or uses.angle, uses.walls or uses.last_partner
         return {
             "disk": True, "meta": True, "past": dated, "hits": counted, "dissipated": uses.dissipated,
             "asleep": uses.rest, "held": uses.rest, "kind": uses.several_kinds and uses.ranks,

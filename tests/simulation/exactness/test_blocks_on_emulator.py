@@ -64,5 +64,7 @@ def test_blocks_have_the_bits_of_the_cpu(
     assert found["differing"] == []
     assert found["energy inputs"]
     assert found["least energy input"] > 10.0
+    assert found["histograms"]
+    assert found["counts"] > 3 * found["collisions"]
     assert found["regimes"]
     assert found["losses"]

@@ -112,7 +112,9 @@ def driven(make: Any = mixture) -> Gas:
 GASES: dict[str, Any] = {
     "elastic": lambda: periodic(0.3, ELASTIC, 20.0, mixture, record=["ledger"]),
     "cooling": lambda: periodic(0.4, COIN, 80.0, record=["ledger", "last_partner", "angle"]),
-    "mixture": lambda: periodic(0.4, ROLLING, 5.0, mixture, collapse=ContactTime(1e-3)),
+    "mixture": lambda: periodic(
+        0.4, ROLLING, 5.0, mixture, collapse=ContactTime(1e-3), record=["free_times"]
+    ),
     "walls": walled,
     "shear": sheared,
     "driven": driven,
