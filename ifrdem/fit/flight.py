@@ -22,8 +22,9 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +85,11 @@ class Tray:
     def coupled(self) -> bool:
         """True if centre and spin are braked together."""
         return self.law != "plain" and self.a0 > 0.0
+
+    def changed(self, constants: Mapping[str, float]) -> Tray:
+        """The tray with other values of some constants."""
+        given: dict[str, Any] = dict(constants)
+        return replace(self, **given)
 
     def braking(self, speed: float, rim: float, k: float) -> tuple[float, float]:
         """Decelerations of the centre and of the rim [length/time^2] at a speed and a speed of the rim [length/time].

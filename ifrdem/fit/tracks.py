@@ -34,7 +34,7 @@ FLIPS = ("y", "angle")
 """Axes that can be reversed."""
 
 _MOST_DISKS = 500
-_OWN_NOISE = 200  # second differences from which a coordinate of a disk has its own noise
+_OWN_NOISE = 200  # third differences from which a coordinate of a disk has its own noise
 _SHARPEST = 0.01  # least noise of a coordinate of a disk, over that of all
 _FAR = 6.0  # times the sum of the radii: if no two disks come nearer, the unit is wrong
 _TRIMMED = 0.98658  # standard deviation of a unit Gaussian within three of them
@@ -189,15 +189,15 @@ class Noise:
 
 
 def noise(tracks: Tracks, events: Mapping[int, Sequence[float]]) -> Noise:
-    """Noise from second differences of positions, which vanish for straight flights at equal time steps.
+    """Noise from third differences of positions and angles, which vanish for constant decelerations at equal steps.
 
     Differences across an event of the disk are left out; `events` has times of impacts by id. Outliers hardly matter:
     the width is first that of the middle half, then that of all values within three widths. A coordinate with few
     frames gets the noise of all disks. Positions that are rounded, such as whole pixels, have at least the error of
     rounding.
     """
-    of = {one: _second(t, tracks.position[one], events.get(one, ())) for one, t in tracks.time.items()}
-    turned = [_second(tracks.time[one], a[:, None], events.get(one, ())) for one, a in tracks.angle.items()]
+    of = {one: _third(t, tracks.position[one], events.get(one, ())) for one, t in tracks.time.items()}
+    turned = [_third(tracks.time[one], a[:, None], events.get(one, ())) for one, a in tracks.angle.items()]
     typical = _width(np.concatenate([each.ravel() for each in of.values()]))
     rounding = _resolution(np.concatenate([*tracks.position.values()])) / math.sqrt(12.0)
     typical = float(np.maximum(typical, np.min(rounding)))
@@ -223,17 +223,19 @@ def _resolution(x: Array) -> Array:
     return found
 
 
-def _second(t: Array, x: Array, events: Sequence[float]) -> Array:
-    """Second differences (m, d) of x (n, d) at equal steps of t (n,), scaled to the errors of x; none across events."""
-    if len(t) < 3:
+def _third(t: Array, x: Array, events: Sequence[float]) -> Array:
+    """Third differences (m, d) of x (n, d) at equal steps of t (n,), scaled to the errors of x; none across events."""
+    if len(t) < 4:
         return np.empty((0, x.shape[1]))
-    before, after = np.diff(t)[:-1], np.diff(t)[1:]
-    step = float(np.median(np.diff(t)))
-    good = (np.abs(before - after) < 0.01 * step) & (before < 1.5 * step)
+    steps = np.diff(t)
+    step = float(np.median(steps))
+    same = np.abs(steps - step) < 0.01 * step
+    good = same[:-2] & same[1:-1] & same[2:]
     if len(events):
-        good &= np.min(np.abs(t[1:-1, None] - np.asarray(events)), axis=1) > 2.5 * step
-    second = (x[2:] - 2.0 * x[1:-1] + x[:-2])[good] / math.sqrt(6.0)
-    return second[~np.isnan(second).any(axis=1)]
+        middle = 0.5 * (t[1:-2] + t[2:-1])
+        good &= np.min(np.abs(middle[:, None] - np.asarray(events)), axis=1) > 3.0 * step
+    third = (x[3:] - 3.0 * x[2:-1] + 3.0 * x[1:-2] - x[:-3])[good] / math.sqrt(20.0)
+    return third[~np.isnan(third).any(axis=1)]
 
 
 def _width(values: Array) -> float:
