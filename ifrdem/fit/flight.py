@@ -91,17 +91,27 @@ class Tray:
         given: dict[str, Any] = dict(constants)
         return replace(self, **given)
 
-    def braking(self, speed: float, rim: float, k: float) -> tuple[float, float]:
-        """Decelerations of the centre and of the rim [length/time^2] at a speed and a speed of the rim [length/time].
+    def braking(self, speed: float, rim: float, k: float) -> float:
+        """Deceleration of a centre [length/time^2] at a speed of it and of the rim [length/time]; not at rest."""
+        if not self.coupled:
+            return self.a0 + self.a1 * speed
+        q = math.hypot(speed, rim)
+        return self.a0 * float(FRICTION[self.law](np.array([speed / q]), np.array([rim / q]))[0][0])
 
-        Of a coupled law at 0, 0 those just before both stop. The rim of the plain law is not looked at: b0, b1 are
-        of the spin.
+    def leaving(self, R: float, k: float, sigma: float, sigma_angle: float) -> tuple[float, float]:
+        """Least acceleration with which centres and angles of disks that come to rest have approached their place.
+
+        In units of their errors [1/time^2]. Under a coupled law one number for both, the least over all directions of
+        approach.
         """
         if not self.coupled:
-            return self.a0 + self.a1 * speed, 0.0
-        theta = math.atan2(speed, rim) if speed or rim else path(self.law, k).limit
-        F, T = FRICTION[self.law](np.array([math.sin(theta)]), np.array([math.cos(theta)]))
-        return self.a0 * float(F[0]), k * self.a0 * float(T[0])
+            return self.a0 / sigma, self.b0 / sigma_angle
+        theta = np.linspace(0.0, 0.5 * math.pi, 91)
+        sine, cosine = np.sin(theta), np.cos(theta)
+        F, T = FRICTION[self.law](sine, cosine)
+        slower = self.a0 * (F * sine + k * T * cosine)
+        least = float(np.min(slower * np.hypot(sine / sigma, cosine / (R * sigma_angle))))
+        return least, least
 
     def flight(
         self, tau: Array, v: Array, w: Array, R: float | Array, k: float | Array

@@ -364,37 +364,31 @@ class _Finder:
         It does for certain if it has one place in n frames next to it, and a disk that moves, however slowly, would
         have left that place: by a T^2/2 at least, T the time of these frames and a the deceleration.
         """
-        tray, tracks = self.trays[one], self.tracks
+        tray, tracks, R = self.trays[one], self.tracks, self.radius[one]
         before = rows[tracks.time[one][rows] < at - 0.01 * self.step[one]][::-1]
         away = at - tracks.time[one][before]
-        _, _, k = self._kind(one)
-        centre, rim = tray.braking(0.0, 0.0, k)
-        sigma, sigma_angle = float(np.max(self.noise.position[one])), self.noise.angle
-        frames, certain, slow = [0, 0], [False, False], [0.0, 0.0]
-        parts = [(centre, sigma, tracks.position[one][before] / self.noise.position[one])]
-        if one in tracks.angle and math.isfinite(sigma_angle):
-            slowing = rim / self.radius[one] if tray.coupled else tray.b0
-            parts.append((slowing, sigma_angle, tracks.angle[one][before][:, None] / sigma_angle))
-        for i, (slowing, error, x) in enumerate(parts):
-            good = np.flatnonzero(~np.isnan(x).any(axis=1))
-            if slowing <= 0.0 or len(good) < LEAST:
-                continue
-            n = _flat(x[good])
-            if n >= LEAST:
-                frames[i] = int(good[n - 1]) + 1
-                time = float(away[good[n - 1]])
-                certain[i] = slowing * time**2 / 2.0 >= _RESTS * error
-                slow[i] = error * math.sqrt(12.0 / (n * (n * n - 1.0))) / self.step[one]
-        perhaps = [bool(n) and not sure for n, sure in zip(frames, certain, strict=True)]
-        if tray.coupled and len(parts) == 2:  # both stop together
-            if not all(frames):
-                frames, certain, perhaps = [0, 0], [False, False], [False, False]
-            elif any(certain):
-                certain, perhaps = [True, True], [False, False]
-        used = [n for n in frames if n]
-        return _Rest(
-            (certain[0], certain[1]), (perhaps[0], perhaps[1]), min(used, default=0), (slow[0], slow[1])
+        errors = float(np.max(self.noise.position[one])), self.noise.angle
+        parts = [tracks.position[one][before] / self.noise.position[one]]
+        if one in tracks.angle and math.isfinite(errors[1]):
+            parts.append(tracks.angle[one][before][:, None] / errors[1])
+        leaving = tray.leaving(R, self._kind(one)[2], *errors)
+        frames = [_flat(x) if a > 0.0 else 0 for x, a in zip(parts, leaving, strict=False)] + [0] * (
+            2 - len(parts)
         )
+        if tray.coupled:  # both stop together
+            frames = [min(frames)] * 2
+        frames = [n if n >= LEAST else 0 for n in frames]
+        certain = [
+            n > 0 and a * float(away[n - 1]) ** 2 / 2.0 >= _RESTS
+            for n, a in zip(frames, leaving, strict=True)
+        ]
+        perhaps = [n > 0 and not sure for n, sure in zip(frames, certain, strict=True)]
+        slow = [
+            error * math.sqrt(12.0 / (n * (n * n - 1.0))) / self.step[one] if n else 0.0
+            for n, error in zip(frames, errors, strict=True)
+        ]
+        least = min((n for n in frames if n), default=0)
+        return _Rest((certain[0], certain[1]), (perhaps[0], perhaps[1]), least, (slow[0], slow[1]))
 
     def _noise(self, events: Mapping[int, Sequence[float]], error: float | None) -> Noise:
         tracks, found = self.tracks, noise(self.tracks, events)
@@ -423,7 +417,8 @@ class _Finder:
                 if len(both):
                     contact = self.radius[a] + self.radius[b]
                     gap = np.hypot(*(tracks.position[b][m] - x[k]).T) - contact
-                    touched |= bool(np.any(gap < _change_per_frame(gap) + _WRONG_SIZE * contact))
+                    near = _change_per_frame(both, gap, _GAP * self.step[a])
+                    touched |= bool(np.any(gap < near + _WRONG_SIZE * contact))
                     found += self._minima((a, b), both, gap, None)
         if not touched and not any(each.wall for each in found):
             cause = cause_of_none(tracks, self.radius, with_walls=bool(walls))
@@ -434,13 +429,18 @@ class _Finder:
         """Minima near contact, deeper than noise makes them."""
         if len(t) < 2 * LEAST:
             return []
-        near = _change_per_frame(gap)
+        near = _change_per_frame(t, gap, _GAP * self.step[ids[0]])
         touching = t[gap < _TOUCH * self.noise.typical + 0.5 * near]
         for one in ids:
             self.touching[one].append(((ids, wall), touching))
-        lowest, _ = find_peaks(-gap, prominence=_DEEP * self.noise.typical)
-        is_near = gap[lowest] < 1.5 * near[lowest] + 0.15 * self.radius[ids[0]]
-        return [_Encounter(ids, float(t[k]), wall) for k in lowest[is_near]]
+        found = []
+        ends = np.flatnonzero(np.diff(t) > _GAP * self.step[ids[0]]) + 1
+        for rows in np.split(np.arange(len(t)), ends):  # what happens while nothing is seen is no encounter
+            lowest, _ = find_peaks(-gap[rows], prominence=_DEEP * self.noise.typical)
+            lowest = rows[lowest]
+            is_near = gap[lowest] < 1.5 * near[lowest] + 0.15 * self.radius[ids[0]]
+            found += [_Encounter(ids, float(t[k]), wall) for k in lowest[is_near]]
+        return found
 
     def found(self, exchanges: tuple[Exchange, ...], repaired: bool) -> FoundCollisions:
         """All impacts; InputError if there is none, or they contradict what was given."""
@@ -689,17 +689,20 @@ def _ids(encounter: _Encounter) -> dict[str, float]:
 
 
 def _flat(x: Array) -> int:
-    """Number of frames, from the first on, in which x (n, d), in units of its errors, keeps its value."""
-    n = np.arange(1, len(x) + 1)
-    sums, squares = np.cumsum(x, axis=0), np.cumsum(np.sum((x - x[0]) ** 2, axis=1))
-    about = squares - np.sum((sums - n[:, None] * x[0]) ** 2, axis=1) / n
+    """Number of frames, from the first on, in which x (n, d), in units of its errors, keeps its value; NaN is passed."""
+    good = np.flatnonzero(~np.isnan(x).any(axis=1))
+    if not len(good):
+        return 0
+    from_first = x[good] - x[good[0]]
+    n = np.arange(1, len(good) + 1)
+    about = np.cumsum(np.sum(from_first**2, axis=1)) - np.sum(np.cumsum(from_first, axis=0) ** 2, axis=1) / n
     moves = chdtrc(np.maximum((n - 1) * x.shape[1], 1), about) < _FLAT
-    return int(np.argmax(moves)) if moves.any() else len(x)
+    return int(good[np.argmax(moves)]) if moves.any() else len(x)
 
 
-def _change_per_frame(gap: Array) -> Array:
-    """The larger change (n,) of a gap (n,) from or to a neighbouring frame."""
-    step = np.abs(np.diff(gap))
+def _change_per_frame(t: Array, gap: Array, longest: float) -> Array:
+    """The larger change (n,) of a gap (n,) from or to a neighbouring frame that is not farther away than `longest`."""
+    step = np.where(np.diff(t) > longest, 0.0, np.abs(np.diff(gap)))
     return np.maximum(np.concatenate([[0.0], step]), np.concatenate([step, [0.0]]))
 
 

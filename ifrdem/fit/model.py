@@ -428,7 +428,9 @@ class CollisionProblem(FitProblem):
         if not self.wall:
             s_1, s_2 = (np.hypot(errors[f"vx_{i}"], errors[f"vy_{i}"]) for i in "12")
             share = s_1**2 / (s_1**2 + s_2**2)
-            self.share = np.where(np.isnan(share), im_1 / (im_1 + im_2), share)  # or that of the centre of mass
+            self.share = np.where(
+                np.isnan(share), im_1 / (im_1 + im_2), share
+            )  # or that of the centre of mass
         if self.wall:
             self.start: Array = np.stack([chi, phi, G, w_1], axis=-1)
         else:

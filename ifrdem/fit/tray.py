@@ -152,7 +152,7 @@ def estimate(pieces: Sequence[Piece], law: str = "estimate") -> Estimate:
     best = min(found, key=lambda each: each.loss + 2.0 * len(each.names))
     fit.fitted(best.tray, best.names)
     differences = fit.differences(best.names)
-    straight = fit.fitted(Tray(), ()).chi2
+    straight = fit.fitted(Tray(), ()).squares
     return replace(best, straight_chi2=straight, differences=differences)
 
 
@@ -163,9 +163,10 @@ class _Fitted:
     tray: Tray
     covariance: Array
     loss: float
-    chi2: float
+    chi2: float  # of pieces that the law fits, see `dof` and `used`
     dof: int
     used: int
+    squares: float  # of all pieces
 
 
 class _Fit:
@@ -278,7 +279,9 @@ class _Fit:
                 break
         good = squares < self.dof + 6.0 * np.sqrt(2.0 * self.dof) + 10.0
         chi2, dof = float(np.sum(squares[good])), int(np.sum(self.dof[good]))
-        return _Fitted(tray, covariance, float(np.sum(losses)), chi2, dof, int(np.sum(good)))
+        return _Fitted(
+            tray, covariance, float(np.sum(losses)), chi2, dof, int(np.sum(good)), float(np.sum(squares))
+        )
 
     def selected(self, start: Tray, names: Sequence[str]) -> Estimate:
         """All constants of these names, without those that do not differ from 0, the least one first."""
@@ -330,7 +333,7 @@ class _Fit:
         )
         speeds, rims = np.hypot(self.local[:, 2], self.local[:, 3]), self.R[:, 0] * np.abs(self.local[:, 5])
         each = [
-            tray.braking(v, u, k)[0]
+            tray.braking(v, u, k)
             for v, u, k in zip(speeds.tolist(), rims.tolist(), self.k.tolist(), strict=True)
         ]
         return float(np.mean(each)), 1.0 / math.sqrt(max(float(np.sum(S)), 1e-300))
