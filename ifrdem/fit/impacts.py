@@ -26,6 +26,7 @@ from .flight import LAWS, Tray
 from .meeting import LEAST, Flights, Side
 from .meeting import fitted as fitted_flights
 from .tracks import (
+    GAP,
     Array,
     Exchange,
     Noise,
@@ -50,7 +51,6 @@ POOR = 0.01
 _CHANGE = 40.0  # loss that a change point must save: by chance in one of some 1,000 flights
 _OUTLIER = 30.0  # squared distance of a frame, in units of its errors, that counts as misread
 _DEEP = 8.0  # errors by which a distance is less at an encounter than between it and the next one
-_GAP = 3.5  # steps from one frame to the next beyond which a flight is not followed
 _KINDS = "kinds of disks"
 _TOUCH = 6.0  # errors of a gap that may be none
 _NU = 4.0  # degrees of freedom of the Student-t noise
@@ -91,6 +91,7 @@ class FoundCollisions:
         tuple[float, float, float], Estimate
     ]  # the same by (mass, radius, k) of disks, if these differ
     window: int  # frames of a flight that were used at most
+    tracks: Tracks
     step: float  # time between two frames
 
     def __len__(self) -> int:
@@ -101,6 +102,20 @@ class FoundCollisions:
     def reasons(self) -> Mapping[str, int]:
         """Numbers of encounters left out and of flights cut, by reason."""
         return Counter(each.reason for each in (*self.left_out, *self.cut))
+
+    @property
+    def poor(self) -> Mapping[str, int]:
+        """Numbers of collisions that a fit leaves out, and of those with angles that do not fit."""
+        tables = [each for each in (self.pairs, self.walls) if each]
+        angles = [each["quality_angles"][each["quality"] >= POOR] for each in tables]
+        return {
+            f"collisions have quality below {POOR:g}, `ifrdem fit` leaves them out": int(
+                sum(np.sum(each["quality"] < POOR) for each in tables)
+            ),
+            f"collisions have spins of quality below {POOR:g}": int(
+                sum(np.sum(each < POOR) for each in angles)
+            ),
+        }
 
     def tray_text(self) -> list[str]:
         """Lines on the law of flight."""
@@ -134,12 +149,14 @@ class FoundCollisions:
         return self.tray.slowing[1] * self.window * self.step / v_n
 
     def report(self) -> str:
-        """Encounters that were left out and flights that were cut, as CSV."""
-        rows = [
-            f"{each.time:.6g},{each.ids[0]},{each.ids[1] if len(each.ids) > 1 else ''},{each.reason}"
-            for each in sorted((*self.left_out, *self.cut), key=lambda each: each.time)
-        ]
-        return "\n".join(("t,id_1,id_2,reason", *rows)) + "\n"
+        """Encounters that were left out and flights that were cut, as CSV, with the law of flight as comments."""
+        head = [f"# {text}" for text in self.tray_text()]
+        clips, rows = len(self.tracks.clips) > 1, []
+        for each in sorted((*self.left_out, *self.cut), key=lambda each: each.time):
+            number, time = self.tracks.when(each.time)
+            other = each.ids[1] if len(each.ids) > 1 else ""
+            rows.append(f"{time:.6g},{f'{number},' * clips}{each.ids[0]},{other},{each.reason}")
+        return "\n".join((*head, f"t,{'clip,' * clips}id_1,id_2,reason", *rows)) + "\n"
 
 
 def csv(columns: Mapping[str, Array], about: str = "", materials: Mapping[int, str] | None = None) -> str:
@@ -326,7 +343,7 @@ class _Finder:
             if len(index) < LEAST_FRAMES:
                 continue
             most = max(round(LONGEST / step), _SHORT)
-            parts = np.flatnonzero((np.diff(number[index]) != 0) | (np.diff(t[index]) > _GAP * step)) + 1
+            parts = np.flatnonzero((np.diff(number[index]) != 0) | (np.diff(t[index]) > GAP * step)) + 1
             for part in np.split(index, parts):
                 for rows in np.array_split(part, max(1, math.ceil(len(part) / most))):
                     if len(rows) < LEAST_FRAMES:
@@ -417,7 +434,7 @@ class _Finder:
                 if len(both):
                     contact = self.radius[a] + self.radius[b]
                     gap = np.hypot(*(tracks.position[b][m] - x[k]).T) - contact
-                    near = _change_per_frame(both, gap, _GAP * self.step[a])
+                    near = _change_per_frame(both, gap, GAP * self.step[a])
                     touched |= bool(np.any(gap < near + _WRONG_SIZE * contact))
                     found += self._minima((a, b), both, gap, None)
         if not touched and not any(each.wall for each in found):
@@ -429,12 +446,12 @@ class _Finder:
         """Minima near contact, deeper than noise makes them."""
         if len(t) < 2 * LEAST:
             return []
-        near = _change_per_frame(t, gap, _GAP * self.step[ids[0]])
+        near = _change_per_frame(t, gap, GAP * self.step[ids[0]])
         touching = t[gap < _TOUCH * self.noise.typical + 0.5 * near]
         for one in ids:
             self.touching[one].append(((ids, wall), touching))
         found = []
-        ends = np.flatnonzero(np.diff(t) > _GAP * self.step[ids[0]]) + 1
+        ends = np.flatnonzero(np.diff(t) > GAP * self.step[ids[0]]) + 1
         for rows in np.split(np.arange(len(t)), ends):  # what happens while nothing is seen is no encounter
             lowest, _ = find_peaks(-gap[rows], prominence=_DEEP * self.noise.typical)
             lowest = rows[lowest]
@@ -466,9 +483,11 @@ class _Finder:
                         missed.add(each)
                     left_out.append(LeftOut("passed by without an impact", each.ids, each.time))
                     continue
-                if any(min(self.exchanged_at.get(one, [math.inf])) <= fitted.time for one in each.ids):
+                if any(self._after_exchange(one, fitted.time) for one in each.ids):
                     row["quality"] = 0.0
-                fits.append((each, fitted, {"t": fitted.time, **_ids(each), **row}))
+                clip, time = self.tracks.when(fitted.time)
+                number = {"clip": clip} if len(self.tracks.clips) > 1 else {}
+                fits.append((each, fitted, {"t": time, **number, **_ids(each), **row}))
                 cut += [
                     LeftOut("flight has a change point: cut", (one,), time) for one, time in cut_at.items()
                 ]
@@ -495,8 +514,13 @@ class _Finder:
         warnings = _spin_warnings((pairs, walls), source, be_silent=bool(bent))
         return FoundCollisions(
             pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, (*bent, *warnings), self.estimate,
-            self.of_kinds, self.window, float(np.median([*self.step.values()])),
+            self.of_kinds, self.window, self.tracks, float(np.median([*self.step.values()])),
         )  # fmt: skip
+
+    def _after_exchange(self, one: int, time: float) -> bool:
+        """True if a disk has exchanged its id before a time of the same clip."""
+        clip = self.tracks.clip(time)
+        return any(at <= time and self.tracks.clip(at) == clip for at in self.exchanged_at.get(one, ()))
 
     def _not_of_the_law(self) -> tuple[str, ...]:
         """What is wrong with the flights, so that nothing else is to blame for what follows from it."""
@@ -719,7 +743,7 @@ def _times(
 
 def _without_gaps(t: Array, rows: NDArray[np.int64], at: float, step: float) -> NDArray[np.int64]:
     """Frames on either side of a time as far as no gap parts them."""
-    gaps = np.flatnonzero(np.diff(t[rows]) > _GAP * step)
+    gaps = np.flatnonzero(np.diff(t[rows]) > GAP * step)
     before, after = gaps[t[rows[gaps + 1]] <= at], gaps[t[rows[gaps]] >= at]
     return rows[before[-1] + 1 if len(before) else 0 : after[0] + 1 if len(after) else None]
 

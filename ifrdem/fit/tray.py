@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from .flight import LAWS, Tray
+from .flight import GRAVITY, LAWS, Tray
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,6 @@ _TILT_KEEP = 20.8  # chi-square of gx and gy together from which they are kept: 
 _NEGATIVE = 6.0  # errors from which a constant is kept though it is negative
 _DIFFER = 1e-2  # probability below which differences between places, times and disks are reported
 _TURNS = 15
-_MRAD = 9.81e-3  # gravity along a tray that is tilted by 1 mrad [m/s2]
 _UNITS = {"a0": " m/s2", "a1": "/s |v|", "b0": " rad/s2", "b1": "/s |w|"}
 
 
@@ -108,9 +107,9 @@ class Estimate:
                 law = " + ".join(f"({value[name]}){_UNITS[name]}" for name in names if name in value)
                 parts += [f"{of} {law}"] * bool(law)
         if "gx" in value:
-            mrad = math.hypot(tray.gx, tray.gy) / _MRAD
+            mrad = 1e3 * math.hypot(tray.gx, tray.gy) / GRAVITY
             parts.append(f"the tray is tilted: g = ({value['gx']}, {value['gy']}) m/s2, {mrad:.3g} mrad")
-        return f"{'; '.join(parts)} ({fit}, straight {self.straight_chi2:.0f})"
+        return f"{'; '.join(parts)} ({fit}, straight {self.straight_chi2:.4g})"
 
     def warnings(self) -> list[str]:
         """What the law leaves out."""
