@@ -639,7 +639,7 @@ def collisions(
     for file, what, columns in ((path, "of two disks", found.pairs), (of_walls, "with walls", found.walls)):
         if columns:
             text = f"collisions {what} in {source.name}, by `ifrdem collisions`; SI units, angles in rad"
-            text = "\n".join((text, *found.tray_text()))
+            text = "; ".join((text, *found.tray_text()))
             write_text(file, impacts.csv(columns, text, materials))
             written.append(file)
     for exchange in found.exchanges:

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
-from scipy.special import chdtrc
 
 from ..errors import InputError, option_name, refuse
 from ..model.walls.wall import Wall
@@ -37,7 +36,7 @@ from .tracks import (
     nearest_pair,
     noise,
 )
-from .tray import LEAST_FRAMES, LONGEST, Estimate, Piece, estimate
+from .tray import LEAST_FRAMES, LONGEST, Estimate, Piece, estimate, frames_at_rest
 
 WINDOWS = (6, 30)
 """Least and largest number of frames of a flight that are used at most, unless it is given."""
@@ -55,8 +54,7 @@ _KINDS = "kinds of disks"
 _TOUCH = 6.0  # errors of a gap that may be none
 _NU = 4.0  # degrees of freedom of the Student-t noise
 _SHORT = 12  # frames of a flight that are always enough
-_FLAT = 1e-3  # probability of places of a disk at rest below which it moves
-_RESTS = 5.0  # errors by which a disk that moves would have left its place
+_RESTS = 10.0  # errors by which a disk that moves would have left its place
 _SLOW = 4.0  # errors of a velocity that may be none
 _OF_KIND = 1e-4  # probability of equal constants of all kinds of disks below which each kind has its own
 _WRONG_SIZE = 0.05  # of the distance at impacts from the sum of the radii
@@ -389,7 +387,7 @@ class _Finder:
         if one in tracks.angle and math.isfinite(errors[1]):
             parts.append(tracks.angle[one][before][:, None] / errors[1])
         leaving = tray.leaving(R, self._kind(one)[2], *errors)
-        frames = [_flat(x) if a > 0.0 else 0 for x, a in zip(parts, leaving, strict=False)] + [0] * (
+        frames = [frames_at_rest(x) if a > 0.0 else 0 for x, a in zip(parts, leaving, strict=False)] + [0] * (
             2 - len(parts)
         )
         if tray.coupled:  # both stop together
@@ -656,7 +654,7 @@ class _Finder:
                 math.hypot(v, rest.slow[0]) if slow[0] else 0.0,
                 math.hypot(w, rest.slow[1]) if slow[1] else 0.0,
             )
-            if resting.quality > best.quality:
+            if resting.quality_of_all > best.quality_of_all:
                 best = resting
         for i, doubt in doubts.items():
             best = best.doubting(i, doubt)
@@ -710,18 +708,6 @@ class _Finder:
 def _ids(encounter: _Encounter) -> dict[str, float]:
     """Columns of ids."""
     return {f"id_{i}": one for i, one in enumerate(encounter.ids, start=1)}
-
-
-def _flat(x: Array) -> int:
-    """Number of frames, from the first on, in which x (n, d), in units of its errors, keeps its value; NaN is passed."""
-    good = np.flatnonzero(~np.isnan(x).any(axis=1))
-    if not len(good):
-        return 0
-    from_first = x[good] - x[good[0]]
-    n = np.arange(1, len(good) + 1)
-    about = np.cumsum(np.sum(from_first**2, axis=1)) - np.sum(np.cumsum(from_first, axis=0) ** 2, axis=1) / n
-    moves = chdtrc(np.maximum((n - 1) * x.shape[1], 1), about) < _FLAT
-    return int(good[np.argmax(moves)]) if moves.any() else len(x)
 
 
 def _change_per_frame(t: Array, gap: Array, longest: float) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,9 @@ _NORMAL = 0.1  # largest error of the normal of an impact [rad]
 _NEAR = 6  # frames from which a velocity is guessed
 _ENOUGH = 1e-4  # gain of chi-square below which the search ends: 1 % of a standard error
 _STEPS = 40
+_TURNS_BACK = (
+    4.0  # times the spin that turns a disk by its error until it stops: beyond it the sense is clear
+)
 _KNOWN = 0.2  # error of a velocity or spin at rest, over the least one of the impact
 _WALL_ERROR = 1e-5  # of the normal of a straight wall, which is known much better than a flight [rad]
 
@@ -58,6 +62,11 @@ class Side:
     def k(self) -> float:
         """Shape number."""
         return float(np.asarray(self.disk.k))
+
+    @cached_property
+    def leaving(self) -> tuple[float, float]:
+        """Least decelerations of centre and angle to rest, see `Tray.leaving`."""
+        return self.tray.leaving(self.R, self.k, float(np.min(self.sigma)), self.sigma_angle)
 
     def turned(self, at: float) -> NDArray[np.int64] | None:
         """Frames with an angle, if there are enough before and after a time."""
@@ -181,13 +190,26 @@ class _Model:
 
 
 def fitted(sides: Sequence[Side], wall: Wall | None, at: float, step: float) -> Flights:
-    """The flights of disks that meet near a time; `step` is that of frames [time].
-
-    By the method of Levenberg and Marquardt.
-    """
+    """The flights of disks that meet near a time; `step` is that of frames [time]."""
     model = _Model(sides, wall, at, step)
-    p, damping = model.start, 1e-3
-    r, J = model.at(p)
+    p, r, J = _descended(model, model.start)
+    for side, spin in zip(sides, model.spin_at, strict=True):
+        # Where a slow spin has stopped, its angle is that of w^2, which has a minimum for either sense.
+        slow = _TURNS_BACK * math.sqrt(2.0 * side.leaving[1]) * side.sigma_angle
+        for i in () if spin is None else (spin + 1, spin + 2):
+            if 0.0 < abs(float(p[i])) < slow:
+                trial = p.copy()
+                trial[i] *= -1.0
+                other = _descended(model, trial)
+                if other[1] @ other[1] < r @ r:
+                    p, r, J = other
+    bent = tuple(model.bent(p, i) for i in range(len(sides)))
+    return Flights(tuple(sides), wall, p, J, r, model.of_angles, tuple(model.spin_at), bent)
+
+
+def _descended(model: _Model, p: Array) -> tuple[Array, Array, Array]:
+    """Parameters, residuals and derivatives at the least chi-square next to p, by Levenberg and Marquardt's method."""
+    damping, (r, J) = 1e-3, model.at(p)
     square = float(r @ r)
     for _ in range(_STEPS):
         size = np.sqrt(np.sum(J**2, axis=0))
@@ -205,8 +227,7 @@ def fitted(sides: Sequence[Side], wall: Wall | None, at: float, step: float) -> 
             damping = max(damping * 10.0, 1e-6)
             if damping > 1e8:
                 break
-    bent = tuple(model.bent(p, i) for i in range(len(sides)))
-    return Flights(tuple(sides), wall, p, J, r, model.of_angles, tuple(model.spin_at), bent)
+    return p, r, J
 
 
 def distance_of(p: Array, wall: Wall | None) -> tuple[float, Array]:
@@ -275,6 +296,11 @@ class Flights:
     def quality_of_angles(self) -> float:
         """Quality of angles; NaN if none was tracked."""
         return self._quality(self.of_angles) if self.of_angles.any() else math.nan
+
+    @property
+    def quality_of_all(self) -> float:
+        """Quality of positions and angles together."""
+        return self._quality(np.ones(len(self.residual), dtype=bool))
 
     @property
     def gap(self) -> float:
@@ -350,17 +376,34 @@ class Flights:
         return row
 
     def _widen(self, C: Array, names: Sequence[str]) -> None:
-        """Errors of motions at rest, which are known well, and of those that may be at rest."""
-        for kind, which in (("v", 0), ("spin", 1)):
-            some = [i for i, name in enumerate(names) if name.startswith(kind)]
-            variance = np.diag(C)[some]
-            moving = variance > 1e-4 * np.max(variance, initial=0.0)
-            for i, moves in zip(some, moving, strict=True):
-                name = names[i]
-                side = self.sides[int(name.split("_")[1]) - 1]
-                doubt = 0.0 if name.endswith("_after") else side.doubt[which]
-                if moves and not doubt:
-                    continue
-                own = doubt**2 if doubt else _KNOWN**2 * float(np.min(variance[moving]))
-                C[i, :] = C[:, i] = 0.0
-                C[i, i] = own
+        """Errors of motions at rest, of those that may be at rest, and of those that end at once.
+
+        The distance to the stop is v^2/(2 a), which says nothing of a small v to first order: its error is at most that
+        of a v whose distance is one error of the frames.
+        """
+        known = []
+        for i, name in enumerate(names):
+            if name == "normal":
+                continue
+            kind, number, *after = name.split("_")
+            side, which = self.sides[int(number) - 1], int(kind == "spin")
+            if not after and side.rests[which] and not side.doubt[which]:
+                known.append((i, "spin" if which else "v"))
+                continue
+            sign = 1.0 if after else -1.0
+            n = int(np.sum(sign * (side.t - self.time) > 0.0))
+            error = side.sigma_angle if which else float(np.min(side.sigma))
+            slowest = math.sqrt(2.0 * side.leaving[which]) * error / n**0.25
+            if not after and side.doubt[which]:
+                own = side.doubt[which]
+            elif slowest > 0.0 and not 0.0 < C[i, i] < slowest**2:
+                own = slowest
+            else:
+                continue
+            C[i, :] = C[:, i] = 0.0
+            C[i, i] = own**2
+        for i, kind in known:
+            at_rest = {j for j, _ in known}
+            others = [C[j, j] for j, name in enumerate(names) if name.startswith(kind) and j not in at_rest]
+            C[i, :] = C[:, i] = 0.0
+            C[i, i] = _KNOWN**2 * min(others, default=1.0)

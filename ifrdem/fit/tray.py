@@ -34,6 +34,7 @@ _MOST = 300  # pieces that are used
 _KEEP = 4.0  # errors from which a constant is kept
 _TILT_KEEP = 20.8  # chi-square of gx and gy together from which they are kept: 4 errors of one constant
 _NEGATIVE = 6.0  # errors from which a constant is kept though it is negative
+_FLAT = 1e-3  # probability of places of a disk at rest below which it moves
 _DIFFER = 1e-2  # probability below which differences between places, times and disks are reported
 _TURNS = 15
 _UNITS = {"a0": " m/s2", "a1": "/s |v|", "b0": " rad/s2", "b1": "/s |w|"}
@@ -53,6 +54,14 @@ class Piece:
     group: Mapping[str, int] = field(
         default_factory=dict
     )  # kind of disk, quarter of the tray, third of the film
+
+    @property
+    def rests(self) -> bool:
+        """True if neither the place nor the angle changes."""
+        turned = (
+            np.zeros((len(self.tau), 0)) if self.angle is None else self.angle[:, None] / self.sigma_angle
+        )
+        return all(frames_at_rest(x) == len(self.tau) for x in (self.x / self.sigma, turned))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +145,8 @@ def estimate(pieces: Sequence[Piece], law: str = "estimate") -> Estimate:
     `law` is one of `flight.LAWS`, or "estimate": plain, and if that slows disks down and angles are known each coupled
     law, of which the one with the least loss is chosen.
     """
-    longest = sorted(pieces, key=lambda each: -float(each.tau[-1]) * len(each.tau) ** 0.5)[:_MOST]
+    moving = [each for each in pieces if not each.rests] or pieces  # a disk at rest tells nothing
+    longest = sorted(moving, key=lambda each: -float(each.tau[-1]) * len(each.tau) ** 0.5)[:_MOST]
     fit = _Fit(longest)
     spins = any(each.angle is not None for each in longest)
     found: list[Estimate] = []
@@ -236,7 +246,6 @@ class _Fit:
     def fitted(self, start: Tray, names: Sequence[str]) -> _Fitted:
         """The constants of these names and the motion of all pieces; others stay as they are."""
         T, tray, covariance = len(names), start, np.zeros((len(names),) * 2)
-        own = np.arange(6)
         for turn in range(_TURNS):
             r, J = self._system(tray, names)
             far = np.sum(r[..., :2] ** 2, axis=2)
@@ -251,12 +260,7 @@ class _Fit:
             flat, root = J.reshape(len(J), -1, 6 + T), weight.reshape(len(J), -1, 1)
             H = np.swapaxes(flat, 1, 2) @ (flat * root)
             g = np.sum(flat * root * r.reshape(len(J), -1, 1), axis=1)
-            unit = np.sqrt(H[:, own, own])
-            unit = np.where(unit > 0.0, unit, 1.0)
-            H[:, :6] /= unit[:, :, None]
-            H[:, :, :6] /= unit[:, None, :]
-            H[:, own, own] += 1e-6 + (H[:, own, own] == 0.0)
-            A, B, D = H[:, :6, :6], H[:, :6, 6:], H[:, 6:, 6:]
+            unit, A, B, D = _parts(H)
             to_local = g[:, :6] / unit
             solved = np.linalg.solve(A, np.concatenate([B, to_local[..., None]], axis=2))
             each_S = D - np.swapaxes(B, 1, 2) @ solved[:, :, :T]
@@ -325,11 +329,8 @@ class _Fit:
         """Mean deceleration of the flights [length/time^2], and the error of a constant one."""
         _, J = self._system(tray, ("a0",))
         flat = J.reshape(len(J), -1, 7)
-        H = np.swapaxes(flat, 1, 2) @ flat
-        H[:, np.arange(6), np.arange(6)] += 1e-9 * np.max(H[:, np.arange(6), np.arange(6)], axis=0)
-        S = H[:, 6, 6] - np.einsum(
-            "pi,pi->p", H[:, 6, :6], np.linalg.solve(H[:, :6, :6], H[:, :6, 6:])[..., 0]
-        )
+        _, A, B, D = _parts(np.swapaxes(flat, 1, 2) @ flat)
+        S = D[:, 0, 0] - np.einsum("pi,pi->p", B[..., 0], np.linalg.solve(A, B)[..., 0])
         speeds, rims = np.hypot(self.local[:, 2], self.local[:, 3]), self.R[:, 0] * np.abs(self.local[:, 5])
         each = [
             tray.braking(v, u, k)
@@ -360,6 +361,28 @@ class _Fit:
             square = sum(float((d - mean) @ w @ (d - mean)) for w, d in zip(information, steps, strict=True))
             found[what] = float(chdtrc(len(names) * (len(steps) - 1), square))
         return found
+
+
+def _parts(H: Array) -> tuple[Array, Array, Array, Array]:
+    """Units (P, 6) of the unknowns of pieces, and blocks of H (P, 6 + T, 6 + T) in them: own, mixed, of constants."""
+    own = np.arange(6)
+    unit = np.sqrt(H[:, own, own])
+    unit = np.where(unit > 0.0, unit, 1.0)
+    A = H[:, :6, :6] / unit[:, :, None] / unit[:, None, :]
+    A[:, own, own] += 1e-6 + (A[:, own, own] == 0.0)
+    return unit, A, H[:, :6, 6:] / unit[:, :, None], H[:, 6:, 6:]
+
+
+def frames_at_rest(x: Array) -> int:
+    """Number of frames, from the first on, in which x (n, d), in units of its errors, keeps its value; NaN is passed."""
+    good = np.flatnonzero(~np.isnan(x).any(axis=1))
+    if not len(good):
+        return 0
+    from_first = x[good] - x[good[0]]
+    n = np.arange(1, len(good) + 1)
+    about = np.cumsum(np.sum(from_first**2, axis=1)) - np.sum(np.cumsum(from_first, axis=0) ** 2, axis=1) / n
+    moves = chdtrc(np.maximum((n - 1) * x.shape[1], 1), about) < _FLAT
+    return int(good[np.argmax(moves)]) if moves.any() else len(x)
 
 
 def _inverse(symmetric: Array) -> Array:
