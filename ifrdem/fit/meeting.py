@@ -34,6 +34,7 @@ _STEPS = 40
 _TURNS_BACK = (
     4.0  # times the spin that turns a disk by its error until it stops: beyond it the sense is clear
 )
+_UNCLEAR = 6.0  # a distance to the stop of three errors
 _KNOWN = 0.2  # error of a velocity or spin at rest, over the least one of the impact
 _WALL_ERROR = 1e-5  # of the normal of a straight wall, which is known much better than a flight [rad]
 
@@ -375,11 +376,20 @@ class Flights:
             row |= {"mass_2": math.inf, "radius_2": row["radius_1"]}
         return row
 
+    def _speed(self, name: str) -> float:
+        """Speed or spin, without sense, of a column of the motion."""
+        kind, number, *after = name.split("_")
+        i, end = int(number) - 1, len(after)
+        if kind == "spin":
+            return abs(float(self.parameters[(self.spin_at[i] or 0) + 1 + end]))
+        return float(np.hypot(*self.parameters[3 + 6 * i + 2 * end : 5 + 6 * i + 2 * end]))
+
     def _widen(self, C: Array, names: Sequence[str]) -> None:
         """Errors of motions at rest, of those that may be at rest, and of those that end at once.
 
-        The distance to the stop is v^2/(2 a), which says nothing of a small v to first order: its error is at most that
-        of a v whose distance is one error of the frames.
+        The distance d to the stop is v^2/(2 a), which says nothing of a small v to first order: its error is at most
+        that of a v whose d is one error of the frames. Where d is not clearly more than its own error s_d, that of
+        v is sqrt(2 a s_d): the other sense is possible too.
         """
         known = []
         for i, name in enumerate(names):
@@ -394,10 +404,15 @@ class Flights:
             n = int(np.sum(sign * (side.t - self.time) > 0.0))
             error = side.sigma_angle if which else float(np.min(side.sigma))
             slowest = math.sqrt(2.0 * side.leaving[which]) * error / n**0.25
+            value = self._speed(name)
+            unclear = bool(after) and value < side.leaving[which] * error * float(side.t[-1] - self.time)
+            unclear = unclear and math.sqrt(max(C[i, i], 0.0)) > value / _UNCLEAR
             if not after and side.doubt[which]:
                 own = side.doubt[which]
             elif slowest > 0.0 and not 0.0 < C[i, i] < slowest**2:
                 own = slowest
+            elif unclear:
+                own = math.sqrt(2.0 * math.sqrt(C[i, i]) * value)
             else:
                 continue
             C[i, :] = C[:, i] = 0.0
