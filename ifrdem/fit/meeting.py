@@ -67,7 +67,16 @@ class Side:
     @cached_property
     def leaving(self) -> tuple[float, float]:
         """Least decelerations of centre and angle to rest, see `Tray.leaving`."""
-        return self.tray.leaving(self.R, self.k, float(np.min(self.sigma)), self.sigma_angle)
+        return self.tray.leaving(self.R, self.k, *self.errors)
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Errors of a coordinate [length] and of an angle [rad]."""
+        return float(np.min(self.sigma)), self.sigma_angle
+
+    def after(self, at: float) -> float:
+        """Time from an impact to the last frame."""
+        return float(self.t[-1]) - at
 
     def turned(self, at: float) -> NDArray[np.int64] | None:
         """Frames with an angle, if there are enough before and after a time."""
@@ -400,19 +409,17 @@ class Flights:
             if not after and side.rests[which] and not side.doubt[which]:
                 known.append((i, "spin" if which else "v"))
                 continue
-            sign = 1.0 if after else -1.0
-            n = int(np.sum(sign * (side.t - self.time) > 0.0))
-            error = side.sigma_angle if which else float(np.min(side.sigma))
-            slowest = math.sqrt(2.0 * side.leaving[which]) * error / n**0.25
-            value = self._speed(name)
-            unclear = bool(after) and value < side.leaving[which] * error * float(side.t[-1] - self.time)
-            unclear = unclear and math.sqrt(max(C[i, i], 0.0)) > value / _UNCLEAR
             if not after and side.doubt[which]:
                 own = side.doubt[which]
-            elif slowest > 0.0 and not 0.0 < C[i, i] < slowest**2:
-                own = slowest
-            elif unclear:
-                own = math.sqrt(2.0 * math.sqrt(C[i, i]) * value)
+            elif after and (speed := self._speed(name)) < side.leaving[which] * side.errors[
+                which
+            ] * side.after(self.time):
+                n, linear = int(np.sum(side.t > self.time)), math.sqrt(max(C[i, i], 0.0))
+                own = math.sqrt(2.0 * side.leaving[which]) * side.errors[which] / n**0.25
+                if 0.0 < linear < own:
+                    if linear < speed / _UNCLEAR:
+                        continue
+                    own = math.sqrt(2.0 * linear * speed)
             else:
                 continue
             C[i, :] = C[:, i] = 0.0

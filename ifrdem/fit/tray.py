@@ -74,8 +74,9 @@ class Estimate:
     pieces: int
     chi2: float
     dof: int
-    straight_chi2: float  # of straight flights
-    loss: float  # of all pieces, Student-t
+    straight_chi2: float  # of straight flights through the same frames
+    losses: Array  # of each piece, Student-t
+    good: NDArray[np.bool_]  # pieces that the law fits, of which `chi2` is
     tested: Mapping[str, float]  # probability that a constant is 0, by name; "tilt" of both
     slowing: tuple[float, float]  # mean deceleration of the flights, and its error [length/time^2]
     differences: Mapping[str, float] = field(
@@ -158,10 +159,12 @@ def estimate(pieces: Sequence[Piece], law: str = "estimate") -> Estimate:
     for coupled in (name for name in LAWS if name != "plain" and law in ("estimate", name)):
         if spins and slowed:
             found.append(fit.selected(Tray(law=coupled, a0=guess), LAWS[coupled]))
-    best = min(found, key=lambda each: each.loss + 2.0 * len(each.names))
+    # Of flights that hold an impact no law is right or wrong.
+    usable = np.any([each.good for each in found], axis=0)
+    best = min(found, key=lambda each: float(np.sum(each.losses[usable])) + 2.0 * len(each.names))
     fit.fitted(best.tray, best.names)
     differences = fit.differences(best.names)
-    straight = fit.fitted(Tray(), ()).squares
+    straight = float(np.sum(fit.fitted(Tray(), ()).squares[best.good]))
     return replace(best, straight_chi2=straight, differences=differences)
 
 
@@ -171,11 +174,9 @@ class _Fitted:
 
     tray: Tray
     covariance: Array
-    loss: float
-    chi2: float  # of pieces that the law fits, see `dof` and `used`
-    dof: int
-    used: int
-    squares: float  # of all pieces
+    losses: Array
+    squares: Array
+    good: NDArray[np.bool_]
 
 
 class _Fit:
@@ -281,10 +282,7 @@ class _Fit:
             if turn > 2 and size < 1e-2:
                 break
         good = squares < self.dof + 6.0 * np.sqrt(2.0 * self.dof) + 10.0
-        chi2, dof = float(np.sum(squares[good])), int(np.sum(self.dof[good]))
-        return _Fitted(
-            tray, covariance, float(np.sum(losses)), chi2, dof, int(np.sum(good)), float(np.sum(squares))
-        )
+        return _Fitted(tray, covariance, np.sum(losses, axis=1), squares, good)
 
     def selected(self, start: Tray, names: Sequence[str]) -> Estimate:
         """All constants of these names, without those that do not differ from 0, the least one first."""
@@ -307,18 +305,11 @@ class _Fit:
             weakest = min(z, key=lambda name: z[name], default=None)
             if weakest is None or z[weakest] >= _KEEP:
                 slowing = self.slowing(tray)
+                good, squares = end.good, end.squares
                 return Estimate(
-                    tray,
-                    tuple(left),
-                    end.covariance,
-                    end.used,
-                    end.chi2,
-                    end.dof,
-                    math.nan,
-                    end.loss,
-                    tested,
-                    slowing,
-                )
+                    tray, tuple(left), end.covariance, int(np.sum(good)), float(np.sum(squares[good])),
+                    int(np.sum(self.dof[good])), math.nan, end.losses, good, tested, slowing,
+                )  # fmt: skip
             gone = ("gx", "gy") if weakest in ("gx", "gy") else (weakest,)
             left = [name for name in left if name not in gone]
             if weakest == "a0" and tray.law != "plain":
