@@ -35,6 +35,7 @@ _KEEP = 4.0  # errors from which a constant is kept
 _TILT_KEEP = 20.8  # chi-square of gx and gy together from which they are kept: 4 errors of one constant
 _NEGATIVE = 6.0  # errors from which a constant is kept though it is negative
 _FLAT = 1e-3  # probability of places of a disk at rest below which it moves
+_MOST_FITTED = 0.95  # of the flights that another law fits
 _DIFFER = 1e-2  # probability below which differences between places, times and disks are reported
 _TURNS = 15
 _UNITS = {"a0": " m/s2", "a1": "/s |v|", "b0": " rad/s2", "b1": "/s |w|"}
@@ -159,9 +160,11 @@ def estimate(pieces: Sequence[Piece], law: str = "estimate") -> Estimate:
     for coupled in (name for name in LAWS if name != "plain" and law in ("estimate", name)):
         if spins and slowed:
             found.append(fit.selected(Tray(law=coupled, a0=guess), LAWS[coupled]))
-    # Of flights that hold an impact no law is right or wrong.
-    usable = np.any([each.good for each in found], axis=0)
-    best = min(found, key=lambda each: float(np.sum(each.losses[usable])) + 2.0 * len(each.names))
+    # Of flights that hold an impact no law is right or wrong. A law that fits far fewer flights than others is wrong.
+    most = max(int(np.sum(each.good)) for each in found)
+    fair = [each for each in found if np.sum(each.good) > _MOST_FITTED * most]
+    by_all = np.all([each.good for each in fair], axis=0)
+    best = min(fair, key=lambda each: float(np.sum(each.losses[by_all])) + 2.0 * len(each.names))
     fit.fitted(best.tray, best.names)
     differences = fit.differences(best.names)
     straight = float(np.sum(fit.fitted(Tray(), ()).squares[best.good]))
