@@ -628,6 +628,7 @@ def collisions(
         "",
         f"{source}: {len(loaded.time)} disks, {sum(map(len, loaded.time.values()))} positions"
         + f", {len(loaded.clips)} clips" * (len(loaded.clips) > 1),
+        *[loaded.note] * bool(loaded.note),
         *(_text_of_wall(each) for each in around if walls == "estimate"),
         f"standard error of a coordinate {found.noise.typical:.3g}"
         + (f", of an angle {found.noise.angle:.3g} rad" if math.isfinite(found.noise.angle) else ""),

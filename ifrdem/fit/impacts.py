@@ -36,7 +36,7 @@ from .tracks import (
     nearest_pair,
     noise,
 )
-from .tray import LEAST_FRAMES, LONGEST, Estimate, Piece, estimate, frames_at_rest
+from .tray import DIFFER, LEAST_FRAMES, LONGEST, Estimate, Piece, estimate, frames_at_rest
 
 WINDOWS = (6, 30)
 """Least and largest number of frames of a flight that are used at most, unless it is given."""
@@ -56,7 +56,6 @@ _NU = 4.0  # degrees of freedom of the Student-t noise
 _SHORT = 12  # frames of a flight that are always enough
 _RESTS = 10.0  # errors by which a disk that moves would have left its place
 _SLOW = 4.0  # errors of a velocity that may be none
-_OF_KIND = 1e-4  # probability of equal constants of all kinds of disks below which each kind has its own
 _WRONG_SIZE = 0.05  # of the distance at impacts from the sum of the radii
 
 
@@ -314,7 +313,7 @@ class _Finder:
         if friction == "none":
             return
         self.trays = dict.fromkeys(self.disks, self.estimate.tray)
-        if self.estimate.differences.get(_KINDS, 1.0) > _OF_KIND:
+        if self.estimate.differences.get(_KINDS, 1.0) > DIFFER:
             return
         self.of_kinds = {
             kind: estimate([each for each in pieces if each.group[_KINDS] == i], law)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
+import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from ..errors import InputError, option_name, refuse
 from ..model.walls.wall import Wall
 from ..tools import tables
 from ..tools.tables import TableFormat
+from . import trackers
 from .data import Disk
 
 Array = NDArray[np.float64]
@@ -66,6 +68,7 @@ class Tracks:
     # clips of the film, which follow each other in `time`: the first frame of each, what its times have been moved by,
     # and its number in the file; ids of one are not those of another
     clips: tuple[tuple[float, float, int], ...] = ((-math.inf, 0.0, 1),)
+    note: str = ""  # what was made of the file of a tracking program
 
     def clip(self, time: float) -> int:
         """Index of the clip of a time."""
@@ -99,7 +102,7 @@ def read(
 
     Raises InputError with a line for each thing that is wrong.
     """
-    table = tables.read(path, KINDS, _SPELLINGS, form)
+    table, note = _table(Path(path), form)
     columns, source = dict(table.columns), table.source
     missing = [name for name in ("id", "x", "y") if name not in columns]
     if "t" not in columns and "frame" not in columns:
@@ -149,7 +152,23 @@ def read(
     if len(time) > _MOST_DISKS:
         found.append(f"{len(time)} disks: at most {_MOST_DISKS} are looked through")
     refuse(found, source)
-    return Tracks(time, position, angle, source, int(np.sum(~whole)), clips)
+    return Tracks(time, position, angle, source, int(np.sum(~whole)), clips, note)
+
+
+def _table(path: Path, form: TableFormat) -> tuple[tables.ReadTable, str]:
+    """The table of a file, of a tracking program too, and what was made of it."""
+    found = trackers.converted(path)
+    if found is None:
+        return tables.read(path, KINDS, _SPELLINGS, form), ""
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / "tracks.csv"
+        plain.write_text(found.text, encoding="utf-8")
+        try:
+            table = tables.read(plain, KINDS, _SPELLINGS, replace(form, delimiter=",", decimal="."))
+        except InputError as error:
+            text = str(error).replace(str(plain), f"{path} (of {found.program})")
+            raise InputError(text) from None
+    return replace(table, source=str(path)), f"a file of {found.program}: {found.note}"
 
 
 Clips = tuple[tuple[float, float, int], ...]

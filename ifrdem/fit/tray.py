@@ -26,6 +26,8 @@ LEAST_FRAMES = 6
 """Frames of a piece that are needed at least."""
 LONGEST = 0.5
 """Time that a piece lasts at most; longer flights are several pieces [s]."""
+DIFFER = 1e-3
+"""Probability of chance below which differences between places, times and kinds of disks count."""
 BAD_FIT = 1.3
 """chi-square per degree of freedom of flights from which no law fits them."""
 
@@ -36,7 +38,6 @@ _TILT_KEEP = 20.8  # chi-square of gx and gy together from which they are kept: 
 _NEGATIVE = 6.0  # errors from which a constant is kept though it is negative
 _FLAT = 1e-3  # probability of places of a disk at rest below which it moves
 _MOST_FITTED = 0.95  # of the flights that another law fits
-_DIFFER = 1e-2  # probability below which differences between places, times and disks are reported
 _TURNS = 15
 _UNITS = {"a0": " m/s2", "a1": "/s |v|", "b0": " rad/s2", "b1": "/s |w|"}
 
@@ -127,7 +128,7 @@ class Estimate:
         found = [
             f"flights differ by {what} (p = {p:.2g}): the law of the tray is a mean"
             for what, p in self.differences.items()
-            if p < _DIFFER
+            if p < DIFFER
         ]
         if not self.fits:
             text = "no law of the tray fits the flights"
