@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -118,7 +119,7 @@ def table(seed: int = 1) -> tuple[str, str]:
         disks, ifrdem.Box.open(), LAW, ifrdem.State(position, velocity, spin), forces=forces
     )
     gas.run(t_end=1.5)
-    rest = np.asarray(gas.state.position) + PLACE * rng.standard_normal(position.shape)
+    at_end = np.asarray(gas.state.position) + PLACE * rng.standard_normal(position.shape)
     seen = position + PLACE * rng.standard_normal(position.shape)
     moving = np.any(velocity != 0.0, axis=1)
     v = velocity + VELOCITY * rng.standard_normal(velocity.shape) * moving[:, None]
@@ -128,18 +129,24 @@ def table(seed: int = 1) -> tuple[str, str]:
         f"{1e3 * a:.2f},{1e3 * b:.2f},{1e3 * c:.1f},{1e3 * d:.1f},{e:.2f},{1e3 * VELOCITY * m:g},{1e3 * VELOCITY * m:g},{SPIN * m:g}"
         for (a, b), (c, d), e, m in zip(seen, v, w, moving, strict=True)
     ]
-    end = [MADE + "id,x (mm),y (mm)"]
-    end += [f"{i},{1e3 * a:.2f},{1e3 * b:.2f}" for i, (a, b) in enumerate(rest)]
-    return "\n".join(start) + "\n", "\n".join(end) + "\n"
+    return "\n".join(start) + "\n", "\n".join(rest(at_end.tolist())) + "\n"
+
+
+def rest(places: Sequence[Sequence[float]]) -> list[str]:
+    """Lines of a table of rest places [m], as `ifrdem compare` reads them."""
+    return [
+        MADE + "id,x (mm),y (mm)",
+        *(f"{i},{1e3 * a:.2f},{1e3 * b:.2f}" for i, (a, b) in enumerate(places)),
+    ]
 
 
 def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
     """The part of rest places on the 68 and 95 % ellipses, over tables of other starts and errors."""
     found, among, farthest = [], [], []
     for seed in range(1, tables + 1):
-        start, rest = table(seed)
+        start, places = table(seed)
         (folder / "coins_from_video.csv").write_text(start, encoding="utf-8")
-        (folder / "rest.csv").write_text(rest, encoding="utf-8")
+        (folder / "rest.csv").write_text(places, encoding="utf-8")
         case, run = folder / "coins_from_video.toml", folder / "run.h5"
         case.write_bytes(find("coins_from_video").read_bytes())
         command = [sys.executable, "-m", "ifrdem", "run", str(case), "--quiet", "--no-picture", "--force"]
@@ -180,8 +187,8 @@ def main(folder: Path, what: str = "") -> None:
     if what == "ellipses":
         print(ellipses(folder))
         return
-    start, rest = table()
-    for name, text in (("tracks", tracks(1000.0, 1.0e-4, 25)), ("start", start), ("rest", rest)):
+    start, places = table()
+    for name, text in (("tracks", tracks(1000.0, 1.0e-4, 25)), ("start", start), ("rest", places)):
         (folder / f"{name}.csv").write_text(text, encoding="utf-8")
     case = find("coins_from_video").read_text(encoding="utf-8").split("\n\n", 1)[1]
     case = case.replace("coins_from_video.csv", "start.csv").replace("coins_from_video", "table")

@@ -308,7 +308,7 @@ class _Fit:
                     z[name] = 0.0
             weakest = min(z, key=lambda name: z[name], default=None)
             if weakest is None or z[weakest] >= _KEEP:
-                slowing = self.slowing(tray)
+                slowing = self.slowing(tray, left, end.covariance)
                 good, squares = end.good, end.squares
                 return Estimate(
                     tray, tuple(left), end.covariance, int(np.sum(good)), float(np.sum(squares[good])),
@@ -320,8 +320,11 @@ class _Fit:
                 left, tray = [], Tray()
             tray = tray.changed(dict.fromkeys(gone, 0.0))
 
-    def slowing(self, tray: Tray) -> tuple[float, float]:
-        """Mean deceleration of the flights [length/time^2], and the error of a constant one."""
+    def slowing(self, tray: Tray, names: Sequence[str], covariance: Array) -> tuple[float, float]:
+        """Mean deceleration of the flights [length/time^2], and its error.
+
+        That of a constant deceleration, or of slow or of fast flights if it is larger.
+        """
         _, J = self._system(tray, ("a0",))
         flat = J.reshape(len(J), -1, 7)
         _, A, B, D = _parts(np.swapaxes(flat, 1, 2) @ flat)
@@ -331,7 +334,11 @@ class _Fit:
             tray.braking(v, u, k)
             for v, u, k in zip(speeds.tolist(), rims.tolist(), self.k.tolist(), strict=True)
         ]
-        return float(np.mean(each)), 1.0 / math.sqrt(max(float(np.sum(S)), 1e-300))
+        error = 1.0 / math.sqrt(max(float(np.sum(S)), 1e-300))
+        for v in np.quantile(speeds, [0.1, 0.9]).tolist():
+            by = np.array([{"a0": 1.0, "a1": v}.get(name, 0.0) for name in names])
+            error = max(error, math.sqrt(float(by @ covariance @ by)))
+        return float(np.mean(each)), error
 
     def differences(self, names: Sequence[str]) -> dict[str, float]:
         """Probability that the constants of groups of pieces differ so much by chance, for each way of grouping.
