@@ -100,8 +100,8 @@ class RowError(InputError):
 
 
 # Error of a known value, over the least one of its kind, and least error over the largest one of its kind in the impact:
-# its part of chi2 is 1e-6. True motions that agree with a smaller one lie in a valley so narrow that the search for the
-# nearest one does not reach its end, and covariances beside it are lost in rounding.
+# its part of chi2 is 1e-6. True motions that agree with a smaller one lie in a curved valley so narrow that the search
+# for the nearest one does not reach its end.
 _EXACT = 1e-3
 
 
@@ -357,11 +357,8 @@ class AngleProblem(FitProblem):
 class CollisionProblem(FitProblem):
     """Whole collisions; latent coordinates are
 
-    chi, direction of the normal [rad], |g| [length/time], the mean (2) of both velocities and both spins;
+    chi, direction of the normal [rad], |g| [length/time], velocity of the centre of mass (2) and both spins;
     of a wall chi, direction of the normal, |g| and the spin of disk 1.
-
-    The mean is that of least variance, (1 - a) v_1 + a v_2 with a = s_1^2/(s_1^2 + s_2^2) by the errors s, so that its
-    error is that of no other coordinate: where a disk is at rest, known well, it is that disk's velocity.
     """
 
     def __init__(
@@ -398,7 +395,7 @@ class CollisionProblem(FitProblem):
         """Some of the collisions."""
         other = super().take(rows)
         assert isinstance(other, CollisionProblem)
-        other.of_disks, other.share = self.of_disks[:, rows], self.share[rows]
+        other.of_disks = self.of_disks[:, rows]
         return other
 
     def begin(self) -> None:
@@ -424,17 +421,10 @@ class CollisionProblem(FitProblem):
         apart = g_n < -4.0 * np.nan_to_num(errors["vx_1"] + errors["vy_1"]) - 0.05 * G
         self.separating: NDArray[np.bool_] = whole & (apart | ((g_n == 0.0) & (g_t == 0.0)))
         chi = np.clip(np.arctan2(g_t, np.maximum(g_n, 0.05 * G)), -LARGEST, LARGEST)
-        self.share: Array = np.full(len(chi), 0.5)  # a
-        if not self.wall:
-            s_1, s_2 = (np.hypot(errors[f"vx_{i}"], errors[f"vy_{i}"]) for i in "12")
-            share = s_1**2 / (s_1**2 + s_2**2)
-            self.share = np.where(
-                np.isnan(share), im_1 / (im_1 + im_2), share
-            )  # or that of the centre of mass
+        share = im_1 / (im_1 + im_2)  # m_2 / (m_1 + m_2)
         if self.wall:
             self.start: Array = np.stack([chi, phi, G, w_1], axis=-1)
         else:
-            share = self.share
             x, y = v_1x - share * (v_1x - v_2x), v_1y - share * (v_1y - v_2y)
             self.start = np.stack([chi, phi, G, x, y, w_1, w_2], axis=-1)
         lever = {"spin_1": R_1, "spin_2": R_2}
@@ -459,7 +449,7 @@ class CollisionProblem(FitProblem):
         if self.wall:
             ends = (v_x + dv_x, v_y + dv_y, v_x, v_y)
         else:
-            share = self.share[rows]
+            share = im_1 / (im_1 + im_2)
             X, Y = x[..., 3], x[..., 4]
             ends = (X + share * dv_x, Y + share * dv_y, X - (1.0 - share) * dv_x, Y - (1.0 - share) * dv_y)
         return (n_x, n_y, im_1, R_1, k_1, ends[0], ends[1], w_1, im_2, R_2, k_2, ends[2], ends[3], w_2)
