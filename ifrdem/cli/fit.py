@@ -498,7 +498,8 @@ def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
 TRACKS = """\
 TRACKS is a CSV file with a line for each disk in each frame: id (or particle, ...), x, y, and t or
 frame (with --fps); angle if rotation is visible. Units stand in brackets, as in x (mm) or
-angle (rad); angles are in degrees by default, counter-clockwise, with y upwards.
+angle (rad); angles are in degrees by default, counter-clockwise, with y upwards. A column clip numbers
+the clips of a film. Files of TrackMate, DeepLabCut and Tracker, and the folder of those of OpenPTV, are read too.
 
   ifrdem collisions tracks.csv --fps 120 --disk 1.19e-3,10.5e-3,2 -o hits.csv
   ifrdem collisions tracks.csv --fps 240 --disk 0.03,0.025 --disk 7=0.02,0.02 --walls tray.toml
