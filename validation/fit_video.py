@@ -1,8 +1,8 @@
 """Video data made by the program at known truth: tracks of coin collisions, and a table of coins before and after.
 
-`python -m ifrdem.validation.fit_video FOLDER` writes tracks.csv (25 collisions of two coins, 1,000 frames/s),
-start.csv and rest.csv (12 coins on a table: the measured starts and rest positions). The case
-`coins_from_video` has these two. `... FOLDER ellipses` makes 20 such tables, compares each with 12 runs with drawn
+`python -m ifrdem.validation.fit_video FOLDER` writes tracks.csv (25 collisions of two coins on a table, 1,000
+frames/s), start.csv and rest.csv (12 coins on it: the measured starts and rest positions), and the case table.toml of
+these, which is `coins_from_video`. `... FOLDER ellipses` makes 20 such tables, compares each with 12 runs with drawn
 start and law, and prints the part of the places on the ellipses of `compare`.
 """
 
@@ -10,56 +10,91 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 import ifrdem
 from ifrdem.case.shipped import find
 from ifrdem.runs import compare
 from ifrdem.tools.tables import TableFormat
 
+Array = NDArray[np.float64]
 FITTED = {
     "e_n": (0.8702, 8.0e-4),
     "e_t": (-0.8801, 1.7e-3),
     "mu": (0.2100, 8.2e-4),
-}  # to `tracks`, with errors
+}  # to 25 tracked collisions on a table without friction, with errors
 LAW = ifrdem.IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 TABLE_FRICTION = 0.2
+GRAVITY = 9.81  # [m/s2]
 COIN = ifrdem.coins["1 pta"]
 PLACE, VELOCITY, SPIN = 1.0e-4, 3.0e-3, 0.3  # errors of the start: [m], [m/s], [rad/s]
 MADE = "# SYNTHETIC: made by `python -m ifrdem.validation.fit_video` at e_n = 0.87, e_t = -0.88, mu = 0.21, table mu = 0.2\n"
 
 
+FLIGHT, FINE = 0.12, 2.5e-4  # time of a flight before and after an impact, and of a step of it [s]
+
+
+def _slid(v: Array, w: Array) -> tuple[Array, Array, Array, Array]:
+    """Flights of coins from velocities (n, 2) and spins (n,): displacements and angles by fine steps, ends of motion."""
+    from ifrdem.kernels.forces import table_friction  # imports Taichi, which is slow
+    from ifrdem.simulation import backend
+
+    backend.start()
+    n, steps = len(w), round(FLIGHT / FINE)
+    speed, rim, one = np.hypot(*v.T), COIN.radius * w, np.ones(n)
+    along = v / speed[:, None]
+    moved, turned = np.zeros((steps + 1, n)), np.zeros((steps + 1, n))
+    x, t, eps = np.zeros((3, n))
+    for i in range(steps):
+        before = rim.copy()
+        table_friction.slide_coins(
+            FINE, 1e-12, GRAVITY * TABLE_FRICTION * one, 2.0 * one, speed, rim, x, t, eps
+        )
+        moved[i + 1] = moved[i] + x
+        turned[i + 1] = turned[i] + 0.5 * (before + rim) / COIN.radius * FINE
+    return moved[..., None] * along, turned, speed[:, None] * along, rim / COIN.radius
+
+
 def tracks(fps: float, noise: float, number: int, seed: int = 1, angle_noise: float = 0.01) -> str:
     """A CSV table of places in the frames of `number` collisions, one after the other, with pixel noise [m] and [rad].
 
-    Flights are straight: such videos are taken on an air table.
+    The coins slide and spin on the table before and after.
     """
     rng = np.random.default_rng(seed)
-    law = LAW
+    phi, psi = rng.uniform(0.0, 2.0 * np.pi, number), np.radians(rng.uniform(-75.0, 75.0, number))
+    n = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
+    across = np.stack([-n[:, 1], n[:, 0]], axis=-1)
+    v = rng.normal(0.0, 0.1, (number, 2, 2))
+    v[:, 0] += rng.uniform(0.7, 1.2, number)[:, None] * (
+        np.cos(psi)[:, None] * n + np.sin(psi)[:, None] * across
+    )
+    w = rng.normal(0.0, 8.0, (number, 2))
+    moved, turned, end, spin = _slid(v.reshape(-1, 2), w.ravel())
+    v, w = end.reshape(number, 2, 2), spin.reshape(number, 2)
+    for k in range(number):
+        out = ifrdem.collide(LAW, n[k], [COIN.mass] * 2, [COIN.radius] * 2, [2.0] * 2, v[k], w[k])
+        v[k], w[k] = out.velocity, out.spin
+    later, turned_later, *_ = _slid(v.reshape(-1, 2), w.ravel())
+    place = rng.uniform(0.0, 0.3, (number, 1, 2)) + np.stack([0.0 * n, 2.0 * COIN.radius * n], axis=1)
+    x = np.concatenate([moved - moved[-1], later[1:]]) + place.reshape(-1, 2)
+    angle = np.concatenate([turned - turned[-1], turned_later[1:]])
+    fine = FINE * np.arange(len(x))
     lines = [MADE + "t (s),id,x (mm),y (mm),angle (rad)"]
     for k in range(number):
-        phi = rng.uniform(0.0, 2.0 * np.pi)
-        psi = np.radians(rng.uniform(-75.0, 75.0))
-        speed = rng.uniform(0.5, 1.0)
-        n = np.array([np.cos(phi), np.sin(phi)])
-        t_ = np.array([-n[1], n[0]])
-        v = np.stack([speed * (np.cos(psi) * n + np.sin(psi) * t_), np.zeros(2)]) + rng.normal(0.0, 0.1, 2)
-        w = rng.normal(0.0, 8.0, 2)
-        out = ifrdem.collide(law, n, [COIN.mass] * 2, [COIN.radius] * 2, [2.0] * 2, v, w)
-        place = rng.uniform(0.0, 0.3, 2) + np.outer([0.0, 2.0 * COIN.radius], n)
-        t = np.arange(0.0, 0.24, 1.0 / fps) + rng.uniform(0.0, 1.0 / fps)
-        before, after = np.minimum(t - 0.12, 0.0), np.maximum(t - 0.12, 0.0)
-        for i in (0, 1):
-            x = place[i] + before[:, None] * v[i] + after[:, None] * out.velocity[i]
-            angle = before * w[i] + after * out.spin[i]
-            x = 1e3 * (x + noise * rng.standard_normal(x.shape))
-            angle = (angle + angle_noise * rng.standard_normal(angle.shape) + np.pi) % (2.0 * np.pi) - np.pi
+        t = np.arange(0.0, 2.0 * FLIGHT, 1.0 / fps) + rng.uniform(0.0, 1.0 / fps)
+        t = t[t <= fine[-1]]
+        for i in (2 * k, 2 * k + 1):
+            seen = np.stack([np.interp(t, fine, x[:, i, axis]) for axis in (0, 1)], axis=-1)
+            seen = 1e3 * (seen + noise * rng.standard_normal(seen.shape))
+            a = np.interp(t, fine, angle[:, i]) + angle_noise * rng.standard_normal(len(t))
+            a = (a + np.pi) % (2.0 * np.pi) - np.pi
             lines += [
-                f"{s + k:.6f},{2 * k + i},{a:.4f},{b:.4f},{c:.4f}"
-                for s, (a, b), c in zip(t, x, angle, strict=True)
+                f"{s + k:.6f},{i},{b:.4f},{c:.4f},{d:.4f}" for s, (b, c), d in zip(t, seen, a, strict=True)
             ]
     return "\n".join(lines) + "\n"
 
@@ -84,7 +119,7 @@ def table(seed: int = 1) -> tuple[str, str]:
         disks, ifrdem.Box.open(), LAW, ifrdem.State(position, velocity, spin), forces=forces
     )
     gas.run(t_end=1.5)
-    rest = np.asarray(gas.state.position) + PLACE * rng.standard_normal(position.shape)
+    at_end = np.asarray(gas.state.position) + PLACE * rng.standard_normal(position.shape)
     seen = position + PLACE * rng.standard_normal(position.shape)
     moving = np.any(velocity != 0.0, axis=1)
     v = velocity + VELOCITY * rng.standard_normal(velocity.shape) * moving[:, None]
@@ -94,24 +129,29 @@ def table(seed: int = 1) -> tuple[str, str]:
         f"{1e3 * a:.2f},{1e3 * b:.2f},{1e3 * c:.1f},{1e3 * d:.1f},{e:.2f},{1e3 * VELOCITY * m:g},{1e3 * VELOCITY * m:g},{SPIN * m:g}"
         for (a, b), (c, d), e, m in zip(seen, v, w, moving, strict=True)
     ]
-    end = [MADE + "coin,rest x (mm),rest y (mm)"]
-    end += [f"{i},{1e3 * a:.2f},{1e3 * b:.2f}" for i, (a, b) in enumerate(rest)]
-    return "\n".join(start) + "\n", "\n".join(end) + "\n"
+    return "\n".join(start) + "\n", "\n".join(rest(at_end.tolist())) + "\n"
+
+
+def rest(places: Sequence[Sequence[float]]) -> list[str]:
+    """Lines of a table of rest places [m], as `ifrdem compare` reads them."""
+    return [
+        MADE + "id,x (mm),y (mm)",
+        *(f"{i},{1e3 * a:.2f},{1e3 * b:.2f}" for i, (a, b) in enumerate(places)),
+    ]
 
 
 def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
     """The part of rest places on the 68 and 95 % ellipses, over tables of other starts and errors."""
     found, among, farthest = [], [], []
     for seed in range(1, tables + 1):
-        start, rest = table(seed)
+        start, places = table(seed)
         (folder / "coins_from_video.csv").write_text(start, encoding="utf-8")
-        (folder / "rest.csv").write_text(rest, encoding="utf-8")
+        (folder / "rest.csv").write_text(places, encoding="utf-8")
         case, run = folder / "coins_from_video.toml", folder / "run.h5"
         case.write_bytes(find("coins_from_video").read_bytes())
         command = [sys.executable, "-m", "ifrdem", "run", str(case), "--quiet", "--no-picture", "--force"]
         subprocess.run([*command, "-o", str(folder / "run")], check=True)
-        names = {"id": "coin", "x": "rest x (mm)", "y": "rest y (mm)"}
-        measured = compare.read(folder / "rest.csv", {"positions": PLACE}, TableFormat(names))
+        measured = compare.read(folder / "rest.csv", {"positions": PLACE}, TableFormat())
         rng = np.random.default_rng(seed)
         laws = [
             dict(zip(FITTED, rng.normal(*zip(*FITTED.values(), strict=True)), strict=True))
@@ -142,14 +182,17 @@ def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
 
 
 def main(folder: Path, what: str = "") -> None:
-    """Write the three files, or print the table of ellipses."""
+    """Write the four files, or print the table of ellipses."""
     folder.mkdir(parents=True, exist_ok=True)
     if what == "ellipses":
         print(ellipses(folder))
         return
-    start, rest = table()
-    for name, text in (("tracks", tracks(1000.0, 1.0e-4, 25)), ("start", start), ("rest", rest)):
+    start, places = table()
+    for name, text in (("tracks", tracks(1000.0, 1.0e-4, 25)), ("start", start), ("rest", places)):
         (folder / f"{name}.csv").write_text(text, encoding="utf-8")
+    case = find("coins_from_video").read_text(encoding="utf-8").split("\n\n", 1)[1]
+    case = case.replace("coins_from_video.csv", "start.csv").replace("coins_from_video", "table")
+    (folder / "table.toml").write_text(case, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -498,7 +498,8 @@ def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
 TRACKS = """\
 TRACKS is a CSV file with a line for each disk in each frame: id (or particle, ...), x, y, and t or
 frame (with --fps); angle if rotation is visible. Units stand in brackets, as in x (mm) or
-angle (rad); angles are in degrees by default, counter-clockwise, with y upwards.
+angle (rad); angles are in degrees by default, counter-clockwise, with y upwards. A column clip numbers
+the clips of a film. Files of TrackMate, DeepLabCut and Tracker, and the folder of those of OpenPTV, are read too.
 
   ifrdem collisions tracks.csv --fps 120 --disk 1.19e-3,10.5e-3,2 -o hits.csv
   ifrdem collisions tracks.csv --fps 240 --disk 0.03,0.025 --disk 7=0.02,0.02 --walls tray.toml
@@ -544,17 +545,28 @@ def collisions(
         ),
     ] = None,
     window: Annotated[
-        int,
+        int | None,
         option(
-            Annotated[int, Integer(3, 10_000)], "N", "frames of a flight that are used at most (default: 12)"
+            Annotated[int, Integer(3, 10_000)],
+            "N",
+            "frames of a flight that are used at most (default: 6 to 30, by the errors of the law of flight)",
         ),
-    ] = 12,
+    ] = None,
+    friction: Annotated[
+        str,
+        option(
+            str,
+            "LAW",
+            "how the tray slows disks down: estimate, from all flights; plain, coin or ring, under this law only; none; "
+            "coin=MU or ring=MU, known; or A0[,A1[,B0[,B1]]], decelerations A0 + A1 v of centres and B0 + B1 w of spins",
+        ),
+    ] = "estimate",
     noise: Annotated[
         float | None,
         option(
             Positive,
             "S",
-            "standard error of a coordinate [m] (default: from the scatter of second differences)",
+            "standard error of a coordinate [m] (default: from the scatter of third differences)",
         ),
     ] = None,
     flip: Annotated[
@@ -580,6 +592,7 @@ def collisions(
         for each in flip or ()
         if each not in ("y", "angle")
     ]
+    tray = _tray(friction, problems)
     source = Path(tracks)
     if not Path(output or source).name:  # the root, or "."
         raise InputError(
@@ -608,42 +621,77 @@ def collisions(
     }
     if walls == "estimate":
         around += _estimated_walls(loaded, given)
-    found = impacts.find(loaded, given, walls=around, window=window, error=noise, repair_swaps=repair_swaps)
+    found = impacts.find(
+        loaded, given, walls=around, window=window, error=noise, repair_swaps=repair_swaps, friction=tray
+    )
     shown = [
-        f"{source}: {len(loaded.time)} disks, {sum(map(len, loaded.time.values()))} positions",
+        *_summary(found),
+        "",
+        f"{source}: {len(loaded.time)} disks, {sum(map(len, loaded.time.values()))} positions"
+        + f", {len(loaded.clips)} clips" * (len(loaded.clips) > 1),
+        *[loaded.note] * bool(loaded.note),
         *(_text_of_wall(each) for each in around if walls == "estimate"),
         f"standard error of a coordinate {found.noise.typical:.3g}"
         + (f", of an angle {found.noise.angle:.3g} rad" if math.isfinite(found.noise.angle) else ""),
+        *found.tray_text(),
     ]
     if loaded.missing:
         shown.append(f"{loaded.missing} lines without a position are left out")
     written = []
     for file, what, columns in ((path, "of two disks", found.pairs), (of_walls, "with walls", found.walls)):
         if columns:
-            low = int(sum(columns["quality"] < impacts.POOR))
-            marked = f"; {low} with quality below {impacts.POOR:g}, which `ifrdem fit` leaves out" * bool(low)
-            shown.append(f"{len(columns['t'])} collisions {what}{marked}")
             text = f"collisions {what} in {source.name}, by `ifrdem collisions`; SI units, angles in rad"
+            text = "; ".join((text, *found.tray_text()))
             write_text(file, impacts.csv(columns, text, materials))
             written.append(file)
     for exchange in found.exchanges:
         done = (
             "exchanged back"
             if found.repaired
-            else "impacts after it have quality 0; --repair-swaps undoes it"
+            else "later impacts of the clip have quality 0; --repair-swaps undoes it"
         )
         shown.append(
-            f"disks {exchange.ids[0]} and {exchange.ids[1]} exchange their ids at t = {exchange.time:.6g}: {done}"
+            f"disks {exchange.ids[0]} and {exchange.ids[1]} exchange their ids at {found.tracks.text(exchange.time)}: {done}"
         )
-    if found.reasons:
-        shown += ["", "not used                                       number"]
-        shown += [f"{reason:<45}{count:>8}" for reason, count in found.reasons.items()]
+    if found.left_out or found.cut or found.tray is not None:
         write_text(report, found.report())
         written.append(report)
     shown += [f"warning: {each}" for each in found.warnings]
     echo("\n".join(shown))
     note(f"\nwrote {', '.join(map(str, written))}: `ifrdem fit {written[0]}` fits them")
     return 0
+
+
+def _summary(found: Any) -> list[str]:
+    """What was found and what is left out of a fit, the largest part first."""
+    tables = {"of two disks": found.pairs, "with walls": found.walls}
+    parts = [f"{len(columns['t'])} {what}" for what, columns in tables.items() if columns]
+    shown = [f"found {len(found)} collisions: {', '.join(parts)}"]
+    lost = [(n, reason) for reason, n in found.reasons.items()]
+    lost += [(n, text) for text, n in found.poor.items() if n]
+    return shown + [f"{n:>8} {reason}" for n, reason in sorted(lost, reverse=True)]
+
+
+def _tray(text: str, problems: OptionProblems) -> Any:
+    """A law of flight by its name, or one whose constants are known."""
+    from ..fit.flight import FRICTION, GRAVITY, Tray
+    from ..fit.impacts import FRICTIONS
+
+    if text in FRICTIONS:
+        return text
+    law, equals, mu = text.partition("=")
+    try:
+        values = [float(each) for each in (mu if equals else text).split(",")]
+    except ValueError:
+        values = []
+    if all(math.isfinite(each) and each >= 0.0 for each in values):
+        if equals and law in FRICTION and len(values) == 1 and values[0] > 0.0:
+            return Tray(law=law, a0=GRAVITY * values[0])
+        if not equals and 1 <= len(values) <= 4:
+            return Tray().changed(dict(zip(("a0", "a1", "b0", "b1"), values, strict=False)))
+    given = ", ".join(f"{name}=MU" for name in FRICTION)
+    problems.append(f"--friction {text}: must be {', '.join(FRICTIONS)}, {given} or A0[,A1[,B0[,B1]]]")
+    return "estimate"
 
 
 def _estimated_walls(tracks: Any, disks: Mapping[int, Any]) -> list[Any]:

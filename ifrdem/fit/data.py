@@ -77,7 +77,13 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """Columns that one error may stand for, and that share one error where it is estimated."""
 
 UNUSED = "columns not used"
-UNUSED_OF_COLLISIONS = ("t", "id_1", "id_2")  # which `ifrdem collisions` writes for people
+UNUSED_OF_COLLISIONS = (
+    "t",
+    "clip",
+    "id_1",
+    "id_2",
+    "quality_angles",
+)  # which `ifrdem collisions` writes for people
 LEAST_ERROR = 1e-6  # below it, chi2 is so steep that rounding hides its minimum
 _PSI = Number(0.0, math.nextafter(90.0, 0.0), "an impact angle from 0 to below 90 degrees")
 _MEASURED = replace(checked.FINITE, gaps=True)

@@ -1,13 +1,10 @@
 """Collisions from tracks: impacts in positions per frame, with the flights before and after.
 
 Two disks have collided where their distance has a minimum near the sum of their radii; a disk has hit a wall where its
-distance from the wall has one near its radius. There, straight flights that meet at one time t_c are fitted:
-
-    x(t) = x_c + v (t - t_c) before, x_c + v' (t - t_c) after,   |x_c2 - x_c1| = R_1 + R_2,
-
-and straight lines for the angle of each disk, if it was tracked. Flights end at other impacts of the disk, and where a
-change point makes two straight pieces far more likely than one, under Student-t noise. Normal and velocities share x_c
-and t_c, so that their errors are correlated; the table has the covariances.
+distance from the wall has one near its radius. There, the flights before and after are fitted (`meeting`), with the
+law by which the tray slows disks down (`flight`), which all flights of the film give (`tray`). Flights end at other
+impacts of the disk, and where a change point makes two pieces far more likely than one, under Student-t noise. Normal,
+velocities and spins share x_c and t_c, so that their errors are correlated; the table has the covariances.
 """
 
 from __future__ import annotations
@@ -19,14 +16,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.signal import find_peaks
-from scipy.special import chdtrc
 
 from ..errors import InputError, option_name, refuse
 from ..model.walls.wall import Wall
-from .data import NORMAL, Disk
+from .data import Disk
+from .flight import LAWS, Tray
+from .meeting import LEAST, Flights, Side
+from .meeting import fitted as fitted_flights
 from .tracks import (
+    GAP,
     Array,
     Exchange,
     Noise,
@@ -37,24 +36,26 @@ from .tracks import (
     nearest_pair,
     noise,
 )
+from .tray import DIFFER, LEAST_FRAMES, LONGEST, Estimate, Piece, estimate, frames_at_rest
 
-WINDOW = 12
-"""Frames of a flight that are used at most."""
+WINDOWS = (6, 30)
+"""Least and largest number of frames of a flight that are used at most, unless it is given."""
 
-LEAST = 3
-"""Frames of a flight that are needed at least."""
+FRICTIONS = ("estimate", "none", *LAWS)
+"""How the law of flight may be asked for, besides giving it."""
 
 POOR = 0.01
 """Quality below which a collision is not used by default: something else has changed its flights."""
 
-_CONTACT = 5e-3  # how well the sum of the radii is known, over itself
-_SURE = 4.0  # errors by which an impact must change the velocity along the normal
-_NORMAL = 0.1  # largest error of the normal of an impact [rad]
 _CHANGE = 40.0  # loss that a change point must save: by chance in one of some 1,000 flights
 _OUTLIER = 30.0  # squared distance of a frame, in units of its errors, that counts as misread
 _DEEP = 8.0  # errors by which a distance is less at an encounter than between it and the next one
+_KINDS = "kinds of disks"
 _TOUCH = 6.0  # errors of a gap that may be none
 _NU = 4.0  # degrees of freedom of the Student-t noise
+_SHORT = 12  # frames of a flight that are always enough
+_RESTS = 10.0  # errors by which a disk that moves would have left its place
+_SLOW = 4.0  # errors of a velocity that may be none
 _WRONG_SIZE = 0.05  # of the distance at impacts from the sum of the radii
 
 
@@ -82,6 +83,13 @@ class FoundCollisions:
     exchanges: tuple[Exchange, ...]  # ids that were exchanged
     repaired: bool  # and exchanged back
     warnings: tuple[str, ...]
+    tray: Estimate | None  # how flights slow down; None if it was given, or no flight is long enough
+    trays: Mapping[
+        tuple[float, float, float], Estimate
+    ]  # the same by (mass, radius, k) of disks, if these differ
+    window: int  # frames of a flight that were used at most
+    tracks: Tracks
+    step: float  # time between two frames
 
     def __len__(self) -> int:
         """The number of collisions."""
@@ -92,13 +100,60 @@ class FoundCollisions:
         """Numbers of encounters left out and of flights cut, by reason."""
         return Counter(each.reason for each in (*self.left_out, *self.cut))
 
-    def report(self) -> str:
-        """Encounters that were left out and flights that were cut, as CSV."""
-        rows = [
-            f"{each.time:.6g},{each.ids[0]},{each.ids[1] if len(each.ids) > 1 else ''},{each.reason}"
-            for each in sorted((*self.left_out, *self.cut), key=lambda each: each.time)
+    @property
+    def poor(self) -> Mapping[str, int]:
+        """Numbers of collisions that a fit leaves out, and of those with angles that do not fit."""
+        tables = [each for each in (self.pairs, self.walls) if each]
+        angles = [each["quality_angles"][each["quality"] >= POOR] for each in tables]
+        return {
+            f"collisions have quality below {POOR:g}, `ifrdem fit` leaves them out": int(
+                sum(np.sum(each["quality"] < POOR) for each in tables)
+            ),
+            f"collisions have spins of quality below {POOR:g}": int(
+                sum(np.sum(each < POOR) for each in angles)
+            ),
+        }
+
+    def tray_text(self) -> list[str]:
+        """Lines on the law of flight."""
+        found = [
+            f"disks of {mass:g} kg and {radius:g} m: {each.text()}"
+            for (mass, radius, _), each in self.trays.items()
         ]
-        return "\n".join(("t,id_1,id_2,reason", *rows)) + "\n"
+        if self.tray is not None and not found:
+            found.append(self.tray.text())
+        if self.tray is not None and self.tray.names and (moves := self.common_error) > 0.0:
+            found.append(
+                f"the error of these constants is common to all impacts and moves e_n by less than {moves:.1g}"
+            )
+        return [*found, f"at most {self.window} frames of a flight are used"]
+
+    @property
+    def common_error(self) -> float:
+        """By how much the error of the deceleration moves e_n, as of the median impact.
+
+        An error da moves both velocities along the normal by da T/2 at most, T the time of a flight, and so e_n by
+        (1 + e_n) da T/(2 v_n).
+        """
+        if self.tray is None:
+            return 0.0
+        speeds = [
+            np.abs(sum((c[f"v{a}_1"] - c.get(f"v{a}_2", 0.0)) * c[f"n{a}"] for a in "xy"))
+            for c in (self.pairs, self.walls)
+            if c
+        ]
+        v_n = float(np.median(np.concatenate(speeds)))
+        return self.tray.slowing[1] * self.window * self.step / v_n
+
+    def report(self) -> str:
+        """Encounters that were left out and flights that were cut, as CSV, with the law of flight as comments."""
+        head = [f"# {text}" for text in self.tray_text()]
+        clips, rows = len(self.tracks.clips) > 1, []
+        for each in sorted((*self.left_out, *self.cut), key=lambda each: each.time):
+            number, time = self.tracks.when(each.time)
+            other = each.ids[1] if len(each.ids) > 1 else ""
+            rows.append(f"{time:.6g},{f'{number},' * clips}{each.ids[0]},{other},{each.reason}")
+        return "\n".join((*head, f"t,{'clip,' * clips}id_1,id_2,reason", *rows)) + "\n"
 
 
 def csv(columns: Mapping[str, Array], about: str = "", materials: Mapping[int, str] | None = None) -> str:
@@ -124,9 +179,10 @@ def find(
     disks: Mapping[int, Disk] | Disk,
     *,
     walls: Sequence[Wall] = (),
-    window: int = WINDOW,
+    window: int | None = None,
     error: float | None = None,
     repair_swaps: bool = False,
+    friction: str | Tray = "estimate",
 ) -> FoundCollisions:
     """Find the impacts of disks with each other and with walls, and the motion before and after.
 
@@ -141,15 +197,29 @@ def find(
         All disks, or each by its id: mass [mass], radius [length], k.
     walls : sequence of Wall
         All walls [length], at rest: their impacts end flights, and are found too.
-    window : int
-        Frames of a flight that are used at most.
+    window : int, optional
+        Frames of a flight that are used at most; by default those for which errors of the law of flight count as much
+        as those of positions.
     error : float, optional
         Standard error of a coordinate of a position [length]; by default from the scatter of the tracks.
     repair_swaps : bool
         Undo exchanges of ids between two tracks; otherwise impacts after an exchange have quality 0.
+    friction : str or Tray
+        How the tray slows disks down: "estimate", from all flights; "plain", "coin" or "ring", under this law only;
+        "none", straight flights; or a `Tray` that is known.
     """
     problems = []
-    if window < LEAST:
+    if not isinstance(friction, Tray) and friction not in FRICTIONS:
+        problems.append(f"friction = {friction!r}: must be a Tray or one of {', '.join(FRICTIONS)}")
+    coupled = (
+        friction.coupled if isinstance(friction, Tray) else friction not in ("estimate", "none", "plain")
+    )
+    if coupled and not tracks.angle:
+        how = option_name("--friction", "friction")
+        problems.append(
+            f"{how} {friction}: requires angles of the disks, as their spins change how they slow down"
+        )
+    if window is not None and window < LEAST:
         problems.append(f"window = {window}: must be at least {LEAST} frames")
     if error is not None and not 0.0 < error < math.inf:
         problems.append(f"{option_name('--noise', 'error')} = {error:g}: must be a positive finite number")
@@ -163,15 +233,30 @@ def find(
     exchanges = exchanges_in(tracks, radius)
     if repair_swaps:
         tracks = exchanged(tracks, exchanges)
-    finder = _Finder(tracks, known, radius, walls, window, error, () if repair_swaps else exchanges)
+    finder = _Finder(tracks, known, radius, walls, window, error, () if repair_swaps else exchanges, friction)
     return finder.found(tuple(exchanges), repair_swaps)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # each is one object: hashes of its wall would cost more than the fits
 class _Encounter:
     ids: tuple[int, ...]
     time: float
     wall: Wall | None = None
+
+
+_Result = tuple[Flights | str, dict[int, float]]
+"""The flights of a meeting, or why there are none, and times at which they were cut, by disk."""
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """What the frames of a disk before an impact say of its rest: of its centre, and of its spin."""
+
+    certain: tuple[bool, bool]
+    perhaps: tuple[bool, bool]
+    frames: int  # next to the impact, in which it rests; 0 if it moves
+
+    slow: tuple[float, float]  # error of a velocity and a spin, from straight flights through these frames
 
 
 class _Finder:
@@ -183,11 +268,12 @@ class _Finder:
         disks: Mapping[int, Disk],
         radius: Mapping[int, float],
         walls: Sequence[Wall],
-        window: int,
+        window: int | None,
         error: float | None,
         exchanges: Sequence[Exchange],
+        friction: str | Tray,
     ) -> None:
-        self.tracks, self.disks, self.radius, self.window = tracks, disks, radius, window
+        self.tracks, self.disks, self.radius = tracks, disks, radius
         self.step = {
             one: float(np.median(np.diff(t))) if len(t) > 1 else 1.0 for one, t in tracks.time.items()
         }
@@ -202,6 +288,121 @@ class _Finder:
         self.encounters = self._encounters(walls)
         self.noise = self._noise(_times(self.encounters, self.exchanged_at), error)
         self.of = {one: [each for each in self.encounters if one in each.ids] for one in tracks.time}
+        self.friction = friction
+        self.estimate: Estimate | None = None
+        self.of_kinds: dict[tuple[float, float, float], Estimate] = {}
+        self.trays = dict.fromkeys(disks, friction if isinstance(friction, Tray) else Tray())
+        if not isinstance(friction, Tray):
+            self._estimate(friction)
+        self.window = window or self._best_window()
+
+    def _kind(self, one: int) -> tuple[float, float, float]:
+        mass, radius, k = (
+            float(np.asarray(getattr(self.disks[one], key))) for key in ("mass", "radius", "k")
+        )
+        return mass, radius, k
+
+    def _estimate(self, friction: str) -> None:
+        """The law of the tray from all flights; for each kind of disks, if they differ."""
+        law = "estimate" if friction == "none" else friction
+        kinds = list(dict.fromkeys(map(self._kind, sorted(self.disks))))
+        pieces = self._pieces(kinds)
+        if not pieces:
+            return
+        self.estimate = estimate(pieces, law)
+        if friction == "none":
+            return
+        self.trays = dict.fromkeys(self.disks, self.estimate.tray)
+        if self.estimate.differences.get(_KINDS, 1.0) > DIFFER:
+            return
+        self.of_kinds = {
+            kind: estimate([each for each in pieces if each.group[_KINDS] == i], law)
+            for i, kind in enumerate(kinds)
+        }
+        self.trays = {one: self.of_kinds[self._kind(one)].tray for one in self.disks}
+
+    def _pieces(self, kinds: Sequence[tuple[float, float, float]]) -> list[Piece]:
+        """Flights of each disk between its encounters."""
+        found, tracks = [], self.tracks
+        places = np.concatenate([*tracks.position.values()])
+        middle = np.median(places, axis=0)
+        times = np.concatenate([*tracks.time.values()])
+        thirds = np.quantile(times, [1.0 / 3.0, 2.0 / 3.0])
+        for one, t in tracks.time.items():
+            step, x = self.step[one], tracks.position[one]
+            angle = tracks.angle.get(one) if math.isfinite(self.noise.angle) else None
+            events = [each.time for each in self.of[one]] + self.exchanged_at.get(one, [])
+            events += [float(each) for _, touching in self.touching[one] for each in touching]
+            ends = np.array([-math.inf, *sorted(events), math.inf])
+            number = np.searchsorted(ends, t)
+            clear = np.minimum(t - ends[number - 1], ends[number] - t) > 1.01 * step
+            index = np.flatnonzero(clear if angle is None else clear & ~np.isnan(angle))
+            if len(index) < LEAST_FRAMES:
+                continue
+            most = max(round(LONGEST / step), _SHORT)
+            parts = np.flatnonzero((np.diff(number[index]) != 0) | (np.diff(t[index]) > GAP * step)) + 1
+            for part in np.split(index, parts):
+                for rows in np.array_split(part, max(1, math.ceil(len(part) / most))):
+                    if len(rows) < LEAST_FRAMES:
+                        continue
+                    centre, begin = np.mean(x[rows], axis=0), t[rows[0]]
+                    group = {
+                        _KINDS: kinds.index(self._kind(one)),
+                        "quarters of the tray": int(2 * (centre[0] > middle[0]) + (centre[1] > middle[1])),
+                        "thirds of the film": int(np.sum(begin > thirds)),
+                    }
+                    found.append(
+                        Piece(
+                            t[rows] - begin, x[rows], None if angle is None else angle[rows],
+                            self.noise.position[one], self.noise.angle, self.radius[one], self._kind(one)[2], group,
+                        )
+                    )  # fmt: skip
+        return found
+
+    def _best_window(self) -> int:
+        """Frames for which errors of the deceleration cost a mean over all impacts as much as those of positions.
+
+        The error of a velocity falls with n frames as n^-3/2, and an error da of the deceleration moves all velocities
+        by da n dt/2: the least sum has n^5 = 72/N (sigma/(da dt^2))^2 over N impacts.
+        """
+        if self.estimate is None or self.friction == "none":
+            return _SHORT
+        step = float(np.median([*self.step.values()]))
+        over = self.noise.typical / (self.estimate.slowing[1] * step**2)
+        n = (72.0 / max(len(self.encounters), 1) * over**2) ** 0.2
+        return int(np.clip(round(n), *WINDOWS))
+
+    def _rest(self, one: int, rows: NDArray[np.int64], at: float) -> _Rest:
+        """Whether a disk rests before an impact, from the frames before it, the nearest ones first.
+
+        It does for certain if it has one place in n frames next to it, and a disk that moves, however slowly, would
+        have left that place: by a T^2/2 at least, T the time of these frames and a the deceleration.
+        """
+        tray, tracks, R = self.trays[one], self.tracks, self.radius[one]
+        before = rows[tracks.time[one][rows] < at - 0.01 * self.step[one]][::-1]
+        away = at - tracks.time[one][before]
+        errors = float(np.max(self.noise.position[one])), self.noise.angle
+        parts = [tracks.position[one][before] / self.noise.position[one]]
+        if one in tracks.angle and math.isfinite(errors[1]):
+            parts.append(tracks.angle[one][before][:, None] / errors[1])
+        leaving = tray.leaving(R, self._kind(one)[2], *errors)
+        frames = [frames_at_rest(x) if a > 0.0 else 0 for x, a in zip(parts, leaving, strict=False)] + [0] * (
+            2 - len(parts)
+        )
+        if tray.coupled:  # both stop together
+            frames = [min(frames)] * 2
+        frames = [n if n >= LEAST else 0 for n in frames]
+        certain = [
+            n > 0 and a * float(away[n - 1]) ** 2 / 2.0 >= _RESTS
+            for n, a in zip(frames, leaving, strict=True)
+        ]
+        perhaps = [n > 0 and not sure for n, sure in zip(frames, certain, strict=True)]
+        slow = [
+            error * math.sqrt(12.0 / (n * (n * n - 1.0))) / self.step[one] if n else 0.0
+            for n, error in zip(frames, errors, strict=True)
+        ]
+        least = min((n for n in frames if n), default=0)
+        return _Rest((certain[0], certain[1]), (perhaps[0], perhaps[1]), least, (slow[0], slow[1]))
 
     def _noise(self, events: Mapping[int, Sequence[float]], error: float | None) -> Noise:
         tracks, found = self.tracks, noise(self.tracks, events)
@@ -209,7 +410,7 @@ class _Finder:
             found = Noise(dict.fromkeys(self.disks, np.full(2, error)), error, found.angle)
         if math.isnan(found.typical):
             missing = f"; {tracks.missing} lines have no position" * bool(tracks.missing)
-            text = f"no disk has 3 frames at equal steps{missing}"
+            text = f"no disk has 4 frames at equal steps{missing}"
             raise InputError(f"{tracks.source}: no impact was found: {text}")
         if not found.typical > 1e-9 * min(self.radius.values()):
             how = option_name("--noise", "error")
@@ -230,7 +431,8 @@ class _Finder:
                 if len(both):
                     contact = self.radius[a] + self.radius[b]
                     gap = np.hypot(*(tracks.position[b][m] - x[k]).T) - contact
-                    touched |= bool(np.any(gap < _change_per_frame(gap) + _WRONG_SIZE * contact))
+                    near = _change_per_frame(both, gap, GAP * self.step[a])
+                    touched |= bool(np.any(gap < near + _WRONG_SIZE * contact))
                     found += self._minima((a, b), both, gap, None)
         if not touched and not any(each.wall for each in found):
             cause = cause_of_none(tracks, self.radius, with_walls=bool(walls))
@@ -241,18 +443,23 @@ class _Finder:
         """Minima near contact, deeper than noise makes them."""
         if len(t) < 2 * LEAST:
             return []
-        near = _change_per_frame(gap)
+        near = _change_per_frame(t, gap, GAP * self.step[ids[0]])
         touching = t[gap < _TOUCH * self.noise.typical + 0.5 * near]
         for one in ids:
             self.touching[one].append(((ids, wall), touching))
-        lowest, _ = find_peaks(-gap, prominence=_DEEP * self.noise.typical)
-        is_near = gap[lowest] < 1.5 * near[lowest] + 0.15 * self.radius[ids[0]]
-        return [_Encounter(ids, float(t[k]), wall) for k in lowest[is_near]]
+        found = []
+        ends = np.flatnonzero(np.diff(t) > GAP * self.step[ids[0]]) + 1
+        for rows in np.split(np.arange(len(t)), ends):  # what happens while nothing is seen is no encounter
+            lowest, _ = find_peaks(-gap[rows], prominence=_DEEP * self.noise.typical)
+            lowest = rows[lowest]
+            is_near = gap[lowest] < 1.5 * near[lowest] + 0.15 * self.radius[ids[0]]
+            found += [_Encounter(ids, float(t[k]), wall) for k in lowest[is_near]]
+        return found
 
     def found(self, exchanges: tuple[Exchange, ...], repaired: bool) -> FoundCollisions:
         """All impacts; InputError if there is none, or they contradict what was given."""
         times: dict[_Encounter, float] = {each: each.time for each in self.encounters}
-        known: dict[tuple[_Encounter, tuple[tuple[float, float], ...]], _Flights | str] = {}
+        known: dict[tuple[_Encounter, tuple[tuple[float, float], ...]], _Result] = {}
         for _ in range(
             3
         ):  # flights end where other encounters of the disk are found to be, if they are impacts
@@ -262,21 +469,25 @@ class _Finder:
                 bounds = tuple(self._between(before, each, one) for one in each.ids)
                 if (each, bounds) not in known:
                     known[each, bounds] = self._fitted(each, bounds)
-                fitted = known[each, bounds]
+                fitted, cut_at = known[each, bounds]
                 if isinstance(fitted, str):
                     left_out.append(LeftOut(fitted, each.ids, each.time))
                     continue
                 if abs(fitted.time - each.time) > 0.5 * self.step[each.ids[0]]:
                     times[each] = fitted.time
-                if (row := fitted.row(self.noise.angle)) is None:
-                    if fitted.quality > POOR and fitted.frames >= self.window:
+                if (row := fitted.row()) is None:
+                    if fitted.quality > POOR and fitted.frames >= min(self.window, _SHORT):
                         missed.add(each)
                     left_out.append(LeftOut("passed by without an impact", each.ids, each.time))
                     continue
-                if any(min(self.exchanged_at.get(one, [math.inf])) <= fitted.time for one in each.ids):
+                if any(self._after_exchange(one, fitted.time) for one in each.ids):
                     row["quality"] = 0.0
-                fits.append((fitted, row))
-                cut += [LeftOut("flight is not straight: cut", (one,), time) for one, time in fitted.cut]
+                clip, time = self.tracks.when(fitted.time)
+                number = {"clip": clip} if len(self.tracks.clips) > 1 else {}
+                fits.append((each, fitted, {"t": time, **number, **_ids(each), **row}))
+                cut += [
+                    LeftOut("flight has a change point: cut", (one,), time) for one, time in cut_at.items()
+                ]
             times = {each: time for each, time in times.items() if each not in missed}
             if times == before:
                 break
@@ -290,15 +501,41 @@ class _Finder:
                 why += f"; two disks come as near as {nearest:.3g} times the sum of their radii: "
                 why += "the radii or the unit of x and y are wrong"
             raise InputError(f"{source}: no impact was found{why}")
-        self._check_sizes([fitted for fitted, _ in fits])
+        bent = self._not_of_the_law()
+        if not bent:
+            self._check_sizes([(each.ids, fitted.gap) for each, fitted, _ in fits if each.wall is None])
         pairs, walls = (
-            _columns([row for fitted, row in fits if (fitted.encounter.wall is not None) is with_wall])
+            _columns([row for each, _, row in fits if (each.wall is not None) is with_wall])
             for with_wall in (False, True)
         )
-        warnings = _spin_warnings((pairs, walls), source)
+        warnings = _spin_warnings((pairs, walls), source, be_silent=bool(bent))
         return FoundCollisions(
-            pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, tuple(warnings)
-        )
+            pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, (*bent, *warnings), self.estimate,
+            self.of_kinds, self.window, self.tracks, float(np.median([*self.step.values()])),
+        )  # fmt: skip
+
+    def _after_exchange(self, one: int, time: float) -> bool:
+        """True if a disk has exchanged its id before a time of the same clip."""
+        clip = self.tracks.clip(time)
+        return any(at <= time and self.tracks.clip(at) == clip for at in self.exchanged_at.get(one, ()))
+
+    def _not_of_the_law(self) -> tuple[str, ...]:
+        """What is wrong with the flights, so that nothing else is to blame for what follows from it."""
+        found, source = self.estimate, self.tracks.source
+        if found is None:
+            return ()
+        if self.friction == "none" and found.names:
+            how = option_name("--friction estimate", "friction = 'estimate'")
+            return (
+                f"{source}: {found.text()}: velocities and spins at impacts are wrong; {how} takes it into account",
+            )
+        several = self.of_kinds.values() or (found,)
+        texts = dict.fromkeys(text for each in several for text in each.warnings())
+        if found.tray.a0 > 0.0 and not self.tracks.angle:
+            texts[
+                "angles were not tracked: the spins of disks that lie flat on the tray change how they slow down"
+            ] = None
+        return tuple(f"{source}: {text}" for text in texts)
 
     def _between(
         self, times: Mapping[_Encounter, float], meeting: _Encounter, one: int
@@ -314,13 +551,11 @@ class _Finder:
             (t for t in others if t >= at), default=math.inf
         )
 
-    def _check_sizes(self, fits: Sequence[_Flights]) -> None:
+    def _check_sizes(self, fits: Sequence[tuple[tuple[int, ...], float]]) -> None:
         """InputError if the paths of disks with some radii turn at another distance than their sum."""
         of_radii: dict[tuple[float, ...], list[float]] = {}
-        for each in fits:
-            if each.encounter.wall is None:
-                radii = tuple(sorted(self.radius[one] for one in each.encounter.ids))
-                of_radii.setdefault(radii, []).append(each.gap)
+        for ids, gap in fits:
+            of_radii.setdefault(tuple(sorted(self.radius[one] for one in ids)), []).append(gap)
         for (a, b), values in of_radii.items():
             gaps = np.array(values)
             off = float(np.median(gaps))
@@ -332,9 +567,9 @@ class _Finder:
                     "unit of x and y are wrong"
                 )
 
-    def _fitted(self, meeting: _Encounter, bounds: Sequence[tuple[float, float]]) -> _Flights | str:
-        """The flights of a meeting between the times of other events of each disk, or why there are none."""
-        at, rows_of_disks = meeting.time, []
+    def _fitted(self, meeting: _Encounter, bounds: Sequence[tuple[float, float]]) -> _Result:
+        """The flights of a meeting between the times of other events of each disk."""
+        at, rows_of_disks, rests = meeting.time, [], []
         for one, (low, high) in zip(meeting.ids, bounds, strict=True):
             t = self.tracks.time[one]
             step = self.step[one]
@@ -343,33 +578,96 @@ class _Finder:
             rows = np.concatenate(
                 [before[-self.window :], np.flatnonzero(inside & (t == at)), after[: self.window]]
             )
-            rows_of_disks.append(_without_gaps(t, rows, at, step))
-        cut: dict[int, float] = {}
-        fitted: _Flights | str = ""
+            rows = _without_gaps(t, rows, at, step)
+            rests.append(self._rest(one, rows, at))
+            rows_of_disks.append(
+                self._resting_rows(one, rows, at, rests[-1]) if any(rests[-1].certain) else rows
+            )
+        cut = dict[int, float]()
+        fitted: Flights | str = ""
         time, few = at, f"a flight has fewer than {LEAST} frames"
+        certain = [rest.certain for rest in rests]
         for _ in range(4):
             for one, rows in zip(meeting.ids, rows_of_disks, strict=True):
                 t = self.tracks.time[one][rows]
                 if min(np.sum(t < time), np.sum(t > time)) < LEAST:
-                    return few + " that are straight" * bool(cut)
-            fitted = self._least_squares(meeting, rows_of_disks, cut, time)
+                    return few + " without a change point" * bool(cut), cut
+            fitted = self._joint(meeting, rows_of_disks, certain, time)
             if isinstance(fitted, str):
-                return fitted
+                return fitted, cut
             time = fitted.time
             kept = [
-                self._straight(one, rows, time, cut)
-                for one, rows in zip(meeting.ids, rows_of_disks, strict=True)
+                self._of_one_flight(one, rows, time, cut, bent)
+                for one, rows, bent in zip(meeting.ids, rows_of_disks, fitted.bent, strict=True)
             ]
             if all(len(a) == len(b) for a, b in zip(kept, rows_of_disks, strict=True)):
                 break
             rows_of_disks = kept
-        return fitted if isinstance(fitted, str) or fitted.frames >= LEAST else few
+        if isinstance(fitted, str) or fitted.frames < LEAST:
+            return (fitted if isinstance(fitted, str) else few), cut
+        return self._doubted(meeting, fitted, rows_of_disks, rests), cut
 
-    def _straight(
-        self, one: int, rows: NDArray[np.int64], time: float, cut: dict[int, float]
+    def _resting_rows(self, one: int, rows: NDArray[np.int64], at: float, rest: _Rest) -> NDArray[np.int64]:
+        """Frames without those before a disk has come to rest."""
+        before = int(np.sum(self.tracks.time[one][rows] < at - 0.01 * self.step[one]))
+        return rows[max(before - rest.frames, 0) :]
+
+    def _doubted(
+        self,
+        meeting: _Encounter,
+        moving: Flights,
+        rows_of_disks: Sequence[NDArray[np.int64]],
+        rests: Sequence[_Rest],
+    ) -> Flights:
+        """Flights where it is not certain whether a disk moved before, by that branch which fits better.
+
+        The two do not join: a disk at rest stays, one that moves at the impact, however slowly, came from a T^2/2 away.
+        Its motion before then has an error that covers both.
+        """
+        best, doubts = moving, dict[int, tuple[float, float]]()
+        for i, rest in enumerate(rests):
+            if not any(rest.perhaps):
+                continue
+            spin_at = moving.spin_at[i]
+            v = float(np.hypot(*moving.parameters[3 + 6 * i : 5 + 6 * i]))
+            w = 0.0 if spin_at is None else abs(float(moving.parameters[spin_at + 1]))
+            slow = [
+                perhaps and value < _SLOW * error
+                for perhaps, value, error in zip(rest.perhaps, (v, w), rest.slow, strict=True)
+            ]
+            if moving.sides[i].tray.coupled and not all(slow):
+                continue
+            if not any(slow):
+                continue
+            certain = [each.certain for each in rests]
+            certain[i] = (rest.certain[0] or slow[0], rest.certain[1] or slow[1])
+            rows = [*rows_of_disks]
+            rows[i] = self._resting_rows(meeting.ids[i], rows[i], meeting.time, rest)
+            t = self.tracks.time[meeting.ids[i]][rows[i]]
+            if min(np.sum(t < moving.time), np.sum(t > moving.time)) < LEAST:
+                continue
+            resting = self._joint(meeting, rows, certain, moving.time)
+            if isinstance(resting, str) or resting.frames < LEAST:
+                continue
+            doubts[i] = (
+                math.hypot(v, rest.slow[0]) if slow[0] else 0.0,
+                math.hypot(w, rest.slow[1]) if slow[1] else 0.0,
+            )
+            if resting.quality_of_all > best.quality_of_all:
+                best = resting
+        for i, doubt in doubts.items():
+            best = best.doubting(i, doubt)
+        return best
+
+    def _of_one_flight(
+        self, one: int, rows: NDArray[np.int64], time: float, cut: dict[int, float], bent: Array
     ) -> NDArray[np.int64]:
-        """The frames of a disk up to the change points next to an impact, without those that are misread."""
-        t, x = self.tracks.time[one][rows], self.tracks.position[one][rows] / self.noise.position[one]
+        """The frames of a disk up to the change points next to an impact, without those that are misread.
+
+        `bent` (n, 2) is what the tray adds to straight flights.
+        """
+        t = self.tracks.time[one][rows]
+        x = (self.tracks.position[one][rows] - bent) / self.noise.position[one]
         good = np.ones(len(rows), dtype=bool)
         for side in (-1.0, 1.0):
             out = np.flatnonzero(side * (t - time) > 0.0)
@@ -381,73 +679,39 @@ class _Finder:
             good[out[:n]] = distance < _OUTLIER
         return rows[good]
 
-    def _least_squares(
+    def _joint(
         self,
         meeting: _Encounter,
         rows_of_disks: Sequence[NDArray[np.int64]],
-        cut: Mapping[int, float],
+        rests: Sequence[tuple[bool, bool]],
         at: float,
-    ) -> _Flights | str:
-        tracks, ids, wall = self.tracks, meeting.ids, meeting.wall
-        contact = sum(self.radius[one] for one in ids)
-        times = [tracks.time[one][rows] for one, rows in zip(ids, rows_of_disks, strict=True)]
-        positions = [tracks.position[one][rows] for one, rows in zip(ids, rows_of_disks, strict=True)]
-        sigma = [self.noise.position[one] for one in ids]
-        span = self.step[ids[0]]
-        start = [at]
-        for t, x in zip(times, positions, strict=True):
-            before, after = t < at, t > at
-            v, w = (np.polyfit(t[some] - at, x[some], 1) for some in (before, after))
-            start += [*(0.5 * (v[1] + w[1])), *v[0], *w[0]]
-
-        def residual(p: Array) -> Array:
-            found = []
-            for i, (t, x, s) in enumerate(zip(times, positions, sigma, strict=True)):
-                x_c, v, w = p[1 + 6 * i : 3 + 6 * i], p[3 + 6 * i : 5 + 6 * i], p[5 + 6 * i : 7 + 6 * i]
-                tau = (t - p[0])[:, None]
-                found.append(((x - x_c - np.minimum(tau, 0.0) * v - np.maximum(tau, 0.0) * w) / s).ravel())
-            found.append(np.array([(_distance(p, wall)[0] - contact) / (_CONTACT * contact)]))
-            return np.concatenate(found)
-
-        def jacobian(p: Array) -> Array:
-            found = np.zeros((sum(2 * len(t) for t in times) + 1, len(p)))
-            first = 0
-            for i, (t, s) in enumerate(zip(times, sigma, strict=True)):
-                tau = t - p[0]
-                for axis in (0, 1):
-                    rows = slice(first + axis, first + 2 * len(t), 2)
-                    v, w = p[3 + 6 * i + axis], p[5 + 6 * i + axis]
-                    found[rows, 0] = np.where(tau < 0.0, v, w) / s[axis]
-                    found[rows, 1 + 6 * i + axis] = -1.0 / s[axis]
-                    found[rows, 3 + 6 * i + axis] = -np.minimum(tau, 0.0) / s[axis]
-                    found[rows, 5 + 6 * i + axis] = -np.maximum(tau, 0.0) / s[axis]
-                first += 2 * len(t)
-            found[-1] = _distance(p, wall)[1] / (_CONTACT * contact)
-            return found
-
-        speed = 0.01 * contact / span
-        ended = least_squares(
-            residual, start, jacobian, x_scale=[span, *([contact] * 2 + [speed] * 4) * len(times)]
-        )
-        if abs(ended.x[0] - meeting.time) > max(5.0, 0.5 * self.window) * span:
+    ) -> Flights | str:
+        """The fit of some frames of each disk, or why there is none."""
+        sides, tracks = [], self.tracks
+        for one, rows, rest in zip(meeting.ids, rows_of_disks, rests, strict=True):
+            angle = tracks.angle.get(one)
+            side = Side(
+                self.disks[one], self.trays[one], tracks.time[one][rows], tracks.position[one][rows],
+                None if angle is None else angle[rows], self.noise.position[one], self.noise.angle, rest,
+            )  # fmt: skip
+            if side.tray.coupled and side.turned(at) is None:
+                return "angles are missing, and spins change how disks slow down"
+            sides.append(side)
+        span = self.step[meeting.ids[0]]
+        found = fitted_flights(sides, meeting.wall, at, span)
+        if abs(found.time - meeting.time) > max(5.0, 0.5 * min(self.window, _SHORT)) * span:
             return "no time at which flights before and after meet"
-        squares = float(np.sum(ended.fun**2))
-        angles = tuple(
-            _turned(tracks.time[one][rows] - ended.x[0], tracks.angle[one][rows])
-            if one in tracks.angle
-            else None
-            for one, rows in zip(ids, rows_of_disks, strict=True)
-        )
-        shortest = min(int(np.sum(side * (t - ended.x[0]) > 0.0)) for t in times for side in (-1.0, 1.0))
-        return _Flights(
-            meeting, tuple(self.disks[one] for one in ids), ended.x, ended.jac, float(ended.fun[-1]),
-            float(chdtrc(len(ended.fun) - len(ended.x), squares)), angles, shortest, tuple(cut.items()),
-        )  # fmt: skip
+        return found
 
 
-def _change_per_frame(gap: Array) -> Array:
-    """The larger change (n,) of a gap (n,) from or to a neighbouring frame."""
-    step = np.abs(np.diff(gap))
+def _ids(encounter: _Encounter) -> dict[str, float]:
+    """Columns of ids."""
+    return {f"id_{i}": one for i, one in enumerate(encounter.ids, start=1)}
+
+
+def _change_per_frame(t: Array, gap: Array, longest: float) -> Array:
+    """The larger change (n,) of a gap (n,) from or to a neighbouring frame that is not farther away than `longest`."""
+    step = np.where(np.diff(t) > longest, 0.0, np.abs(np.diff(gap)))
     return np.maximum(np.concatenate([[0.0], step]), np.concatenate([step, [0.0]]))
 
 
@@ -464,7 +728,7 @@ def _times(
 
 def _without_gaps(t: Array, rows: NDArray[np.int64], at: float, step: float) -> NDArray[np.int64]:
     """Frames on either side of a time as far as no gap parts them."""
-    gaps = np.flatnonzero(np.diff(t[rows]) > 3.5 * step)
+    gaps = np.flatnonzero(np.diff(t[rows]) > GAP * step)
     before, after = gaps[t[rows[gaps + 1]] <= at], gaps[t[rows[gaps]] >= at]
     return rows[before[-1] + 1 if len(before) else 0 : after[0] + 1 if len(after) else None]
 
@@ -510,135 +774,16 @@ def _line_loss(t: Array, x: Array, some: NDArray[np.bool_]) -> tuple[Array, Arra
     return np.sum(some * (_NU + 2.0) * np.log1p(distance / _NU), axis=1), distance
 
 
-def _distance(p: Array, wall: Wall | None) -> tuple[float, Array]:
-    """Distance of the centres, or of a centre from a wall, at the impact, and its derivative by the parameters."""
-    by = np.zeros(len(p))
-    if wall is not None:
-        away, distance = wall.normal(p[None, 1:3])
-        by[1:3] = away[0]
-        return float(distance[0]), by
-    d = p[7:9] - p[1:3]
-    D = math.hypot(*d)
-    by[1:3], by[7:9] = -d / D, d / D
-    return D, by
-
-
-def _turned(tau: Array, angle: Array) -> tuple[Array, Array] | None:
-    """Angle at the impact and spins before and after, (3,), and (A^T A)^-1 of their fit; None without enough frames."""
-    good = ~np.isnan(angle)
-    tau = tau[good]
-    if min(np.sum(tau < 0.0), np.sum(tau > 0.0)) < LEAST:
-        return None
-    A = np.stack([np.ones_like(tau), np.minimum(tau, 0.0), np.maximum(tau, 0.0)], axis=-1)
-    solved, *_ = np.linalg.lstsq(A, angle[good], rcond=None)
-    return solved, np.linalg.inv(A.T @ A)
-
-
-@dataclass(frozen=True, eq=False)
-class _Flights:
-    """Flights of the disks of one meeting: t_c, then x_c, y_c, v_x, v_y, v_x', v_y' of each disk; angles apart."""
-
-    encounter: _Encounter
-    disks: tuple[Disk, ...]
-    parameters: Array
-    jacobian: Array  # of residuals in units of their errors; the last one is the distance
-    last: float  # that residual
-    quality: float
-    angles: tuple[tuple[Array, Array] | None, ...]
-    frames: int  # of the shortest flight
-    cut: tuple[tuple[int, float], ...]  # disks whose flight was cut, and times
-
-    @property
-    def time(self) -> float:
-        return float(self.parameters[0])
-
-    @property
-    def covariance(self) -> Array:
-        size = np.sqrt(np.sum(self.jacobian**2, axis=0))  # times, lengths and velocities
-        size = np.where(size > 0.0, size, 1.0)
-        J = self.jacobian / size
-        return np.asarray(np.linalg.pinv(J.T @ J, hermitian=True)) / np.outer(size, size)
-
-    @property
-    def gap(self) -> float:
-        """Gap at the impact, over the sum of the radii, as the flights alone give it."""
-        leverage = float(self.jacobian[-1] @ self.covariance @ self.jacobian[-1])
-        return self.last / max(1.0 - leverage, 1e-6) * _CONTACT
-
-    def row(self, sigma_angle: float) -> dict[str, float] | None:
-        """A line of the table; None where the disks passed each other, by their speeds along the normal."""
-        p, covariance, wall = self.parameters, self.covariance, self.encounter.wall
-        by: dict[str, Array] = {}  # derivatives of what is measured by the parameters
-        slope = _distance(p, wall)[1]
-        normal = -slope[1:3]  # to the other disk or the wall
-        tangent = np.array([-normal[1], normal[0]])
-        turning = np.zeros(len(p))
-        if wall is None:
-            D = math.hypot(*(p[7:9] - p[1:3]))
-            turning[1:3], turning[7:9] = -tangent / D, tangent / D
-        else:
-            h = 1e-4 * float(np.asarray(self.disks[0].radius))
-            moved = -wall.normal(p[1:3] + h * np.array([[1.0, 0.0], [0.0, 1.0]]))[0]
-            turning[1:3] = (moved - normal) @ tangent / h
-        if np.any(turning != 0.0):
-            by["normal"] = turning
-        approach, parting = np.zeros(len(p)), np.zeros(len(p))
-        for i, sign in zip(range(len(self.disks)), (1.0, -1.0), strict=False):
-            approach[3 + 6 * i : 5 + 6 * i] = sign * normal
-            parting[5 + 6 * i : 7 + 6 * i] = sign * normal
-        error = {
-            name: math.sqrt(max(float(each @ covariance @ each), 0.0))
-            for name, each in (("speed", approach), ("change", approach - parting), ("normal", turning))
-        }
-        speed, left = float(approach @ p), float(parting @ p)
-        if (
-            speed < _SURE * error["speed"]
-            or left > _SURE * error["speed"] + 0.02 * speed
-            or speed - left < _SURE * error["change"]
-            or error["normal"] > _NORMAL
-        ):
-            return None
-        row: dict[str, float] = {"t": self.time}
-        row |= {f"id_{i}": one for i, one in enumerate(self.encounter.ids, start=1)}
-        row |= {"quality": self.quality, "nx": float(normal[0]), "ny": float(normal[1])}
-        for i in range(len(self.disks)):
-            for k, name in enumerate(("vx_{}", "vy_{}", "vx_{}_after", "vy_{}_after"), start=3 + 6 * i):
-                by[name.format(i + 1)] = np.eye(len(p))[k]
-        row |= {name: float(each @ p) for name, each in by.items() if name != "normal"}
-        names, T = list(by), np.array(list(by.values()))
-        C = T @ covariance @ T.T
-        for name, each in zip(names, np.sqrt(np.diag(C)), strict=True):
-            for key in NORMAL if name == "normal" else (name,):
-                row[f"{key}_error"] = float(each)
-        if "normal" not in by:
-            row |= {"nx_error": 1e-5, "ny_error": 1e-5}  # a straight wall is known much better than a flight
-        for i, a in enumerate(names):
-            for j, b in enumerate(names[:i]):
-                row[f"cov:{b}:{a}"] = float(C[i, j])
-        for i, angle in enumerate(self.angles, start=1):
-            if angle is not None:
-                value, inverse = angle
-                for end, k in (("", 1), ("_after", 2)):
-                    row[f"spin_{i}{end}"] = float(value[k])
-                    row[f"spin_{i}{end}_error"] = sigma_angle * math.sqrt(inverse[k, k])
-                row[f"cov:spin_{i}:spin_{i}_after"] = sigma_angle**2 * float(inverse[1, 2])
-        for i, disk in enumerate(self.disks, start=1):
-            row |= {f"{key}_{i}": float(np.asarray(getattr(disk, key))) for key in ("mass", "radius", "k")}
-        if wall is not None:
-            row |= {"mass_2": math.inf, "radius_2": row["radius_1"]}
-        return row
-
-
 def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Array]:
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: np.array([row.get(name, math.nan) for row in rows]) for name in names}
 
 
-def _spin_warnings(tables: Sequence[Mapping[str, Array]], source: str) -> list[str]:
+def _spin_warnings(tables: Sequence[Mapping[str, Array]], source: str, *, be_silent: bool) -> list[str]:
     """Warnings of the response of spins to impacts; InputError where an axis runs the other way.
 
     A tangential impulse P changes v_t of disk 1 by -P / m and its spin by -k P / (m R), so that R dw / k = dv_t of disk
-    1, and -dv_t of disk 2, under every law without rolling friction.
+    1, and -dv_t of disk 2, under every law without rolling friction. `be_silent` where flights are known to be wrong.
     """
     ratio, weight = [np.empty(0)], [np.empty(0)]
     for columns in tables:
@@ -663,7 +808,7 @@ def _spin_warnings(tables: Sequence[Mapping[str, Array]], source: str) -> list[s
     if slope < -5.0 * error:
         flips = option_name("--flip y or --flip angle", "flip = ['y'] or ['angle']")
         raise InputError(f"{text}: y points down or angles run clockwise; {flips} reverses one of them")
-    if abs(slope - 1.0) < 0.1 + 5.0 * error:
+    if be_silent or abs(slope - 1.0) < 0.1 + 5.0 * error:
         return []
     for factor, unit in ((180.0 / math.pi, "deg"), (math.pi / 180.0, "rad")):
         if 0.8 < slope / factor < 1.25:

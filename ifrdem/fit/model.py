@@ -99,8 +99,9 @@ class RowError(InputError):
         self.text: str = text
 
 
-# Error of a known value, over the least one of its kind: its part of chi2 is 1e-6. True motions that agree with a
-# smaller one lie in a curved valley so narrow that the search for the nearest one does not reach its end.
+# Error of a known value, over the least one of its kind, and least error over the largest one of its kind in the impact:
+# its part of chi2 is 1e-6. True motions that agree with a smaller one lie in a curved valley so narrow that the search
+# for the nearest one does not reach its end.
 _EXACT = 1e-3
 
 
@@ -157,6 +158,7 @@ class FitProblem(ABC):
         for group in dict.fromkeys(groups):
             members, guess = [i for i, each in enumerate(groups) if each == group], self.first_guess(group)
             own = np.where(unknown[:, members], guess, s[:, members])  # of any size at first; then `scaled`
+            own = np.where(own > 0.0, np.fmax(own, _EXACT * np.fmax.reduce(own, axis=1)[:, None]), own)
             positive = own[own > 0.0]
             least = np.min(positive) if positive.size else 1e-2 * guess
             s[:, members] = np.where(self.known[:, members], _EXACT * least, own)

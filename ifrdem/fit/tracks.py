@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import bisect
 import math
+import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,11 +16,20 @@ from ..errors import InputError, option_name, refuse
 from ..model.walls.wall import Wall
 from ..tools import tables
 from ..tools.tables import TableFormat
+from . import trackers
 from .data import Disk
 
 Array = NDArray[np.float64]
 
-KINDS = {"frame": "number", "t": "time", "id": "number", "x": "length", "y": "length", "angle": "angle"}
+KINDS = {
+    "frame": "number",
+    "t": "time",
+    "id": "number",
+    "x": "length",
+    "y": "length",
+    "angle": "angle",
+    "clip": "number",
+}
 _SPELLINGS = {
     **{name: name for name in KINDS},
     **dict.fromkeys(("time", "seconds", "timestamp"), "t"),
@@ -33,8 +44,12 @@ _SPELLINGS = {
 FLIPS = ("y", "angle")
 """Axes that can be reversed."""
 
+GAP = 3.5
+"""Steps from one frame to the next beyond which a motion is not followed."""
+
+_LONG_GAP = 30.0  # steps without a disk that part two clips
 _MOST_DISKS = 500
-_OWN_NOISE = 200  # second differences from which a coordinate of a disk has its own noise
+_OWN_NOISE = 200  # third differences from which a coordinate of a disk has its own noise
 _SHARPEST = 0.01  # least noise of a coordinate of a disk, over that of all
 _FAR = 6.0  # times the sum of the radii: if no two disks come nearer, the unit is wrong
 _TRIMMED = 0.98658  # standard deviation of a unit Gaussian within three of them
@@ -50,6 +65,24 @@ class Tracks:
     angle: Mapping[int, Array]
     source: str
     missing: int = 0  # lines without a position
+    # clips of the film, which follow each other in `time`: the first frame of each, what its times have been moved by,
+    # and its number in the file; ids of one are not those of another
+    clips: tuple[tuple[float, float, int], ...] = ((-math.inf, 0.0, 1),)
+    note: str = ""  # what was made of the file of a tracking program
+
+    def clip(self, time: float) -> int:
+        """Index of the clip of a time."""
+        return max(bisect.bisect_right([first for first, _, _ in self.clips], time) - 1, 0)
+
+    def when(self, time: float) -> tuple[int, float]:
+        """Number of the clip of a time, and the time in the file."""
+        _, moved, number = self.clips[self.clip(time)]
+        return number, time - moved
+
+    def text(self, time: float) -> str:
+        """A time as messages name it."""
+        number, shown = self.when(time)
+        return f"t = {shown:.6g}" + f" of clip {number}" * (len(self.clips) > 1)
 
 
 def read(
@@ -61,12 +94,15 @@ def read(
 ) -> Tracks:
     """Read tracks: a line a frame and disk, with columns id, x, y, and t or frame; angle if disks were seen to turn.
 
+    A column clip numbers clips of one film, each of which has its own ids; without it a gap in time that no disk can
+    have crossed so parts two.
+
     `fps`, frames per time, is needed with a column frame; `form` gives other names, units and signs of the file; axes
     in `flip`, of `FLIPS`, are reversed.
 
     Raises InputError with a line for each thing that is wrong.
     """
-    table = tables.read(path, KINDS, _SPELLINGS, form)
+    table, note = _table(Path(path), form)
     columns, source = dict(table.columns), table.source
     missing = [name for name in ("id", "x", "y") if name not in columns]
     if "t" not in columns and "frame" not in columns:
@@ -91,12 +127,14 @@ def read(
     for name in {*flip} & {*columns}:
         columns[name] = -columns[name]
     times = columns["t"] if "t" in columns else columns["frame"] / float(fps or 1.0)
+    clips, times, bad_clips = _clips(columns.get("clip"), times)
     ids = columns["id"]
     whole = np.all([~np.isnan(each) for each in (times, ids, columns["x"], columns["y"])], axis=0)
     if not whole.any():
         raise InputError(f"{source}: no line has an id, a time and a position")
     bad = np.flatnonzero(whole & (ids != np.round(ids)))
     found = [f"line {table.line[i]}: id = {ids[i]:g}: must be an integer" for i in bad]
+    found += [f"line {table.line[i]}: clip = {columns['clip'][i]:g}: must be an integer" for i in bad_clips]
     time, position, angle = {}, {}, {}
     for one in np.unique(ids[whole]) if not found else ():
         rows = np.flatnonzero(whole & (ids == one))
@@ -109,10 +147,83 @@ def read(
             angle[int(one)] = value = np.radians(columns["angle"][rows])
             measured = ~np.isnan(value)
             value[measured] = np.unwrap(value[measured])
+    if "clip" not in columns and not found:
+        clips = _gaps(time, position)
     if len(time) > _MOST_DISKS:
         found.append(f"{len(time)} disks: at most {_MOST_DISKS} are looked through")
     refuse(found, source)
-    return Tracks(time, position, angle, source, int(np.sum(~whole)))
+    return Tracks(time, position, angle, source, int(np.sum(~whole)), clips, note)
+
+
+def _table(path: Path, form: TableFormat) -> tuple[tables.ReadTable, str]:
+    """The table of a file, of a tracking program too, and what was made of it."""
+    found = trackers.converted(path)
+    if found is None:
+        return tables.read(path, KINDS, _SPELLINGS, form), ""
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / "tracks.csv"
+        plain.write_text(found.text, encoding="utf-8")
+        try:
+            table = tables.read(plain, KINDS, _SPELLINGS, replace(form, delimiter=",", decimal="."))
+        except InputError as error:
+            text = str(error).replace(str(plain), f"{path} (of {found.program})")
+            raise InputError(text) from None
+    return replace(table, source=str(path)), f"a file of {found.program}: {found.note}"
+
+
+Clips = tuple[tuple[float, float, int], ...]
+
+
+def _clips(number: Array | None, times: Array) -> tuple[Clips, Array, NDArray[np.int64]]:
+    """Clips that a column numbers, times (n,) that follow each other, and rows whose number is wrong."""
+    if number is None or np.isnan(times).all():
+        return ((-math.inf, 0.0, 1),), times, np.empty(0, dtype=np.int64)
+    bad = np.flatnonzero(number != np.round(number))  # or missing
+    if len(bad):
+        return (), times, bad
+    clips: list[tuple[float, float, int]] = []
+    moved, end = times.copy(), -math.inf
+    steps = np.concatenate(
+        [np.diff(np.unique(times[(number == one) & ~np.isnan(times)])) for one in np.unique(number)]
+    )
+    apart = 2.0 * _LONG_GAP * float(np.median(steps)) if len(steps) else 1.0
+    for one in np.unique(number):
+        own = number == one
+        if np.isnan(times[own]).all():
+            continue
+        first = float(np.nanmin(times[own]))
+        by = max(end + apart - first, 0.0) if clips else 0.0
+        moved[own] = times[own] + by
+        end = float(np.nanmax(moved[own]))
+        clips.append((first + by, by, int(one)))
+    return tuple(clips), moved, bad
+
+
+def _gaps(time: Mapping[int, Array], position: Mapping[int, Array]) -> Clips:
+    """Clips that gaps in time part, numbered from 1.
+
+    In a gap of m frames a disk moves by m times what it does in one at most: where half of the disks have moved by more
+    than fast disks do, or none is seen on both sides, or the gap is long, another clip begins.
+    """
+    every = np.unique(np.concatenate([*time.values()]))
+    steps = np.diff(every)
+    clips = [(-math.inf, 0.0, 1)]
+    if not len(steps) or not np.any(gap := steps > GAP * (step := float(np.median(steps)))):
+        return tuple(clips)
+    moved = np.concatenate(
+        [np.hypot(*np.diff(x, axis=0).T)[np.diff(time[one]) < GAP * step] for one, x in position.items()]
+    )
+    fast = float(np.quantile(moved, 0.99)) if len(moved) else 0.0
+    for i in np.flatnonzero(gap):
+        over = [
+            math.dist(position[one][k], position[one][k - 1])
+            for one, t in time.items()
+            if 0 < (k := int(np.searchsorted(t, every[i + 1]))) < len(t) and t[k] - t[k - 1] < 1.5 * steps[i]
+        ]
+        m = steps[i] / step
+        if m > _LONG_GAP or not over or float(np.median(over)) > fast * m:
+            clips.append((float(every[i + 1]), 0.0, len(clips) + 1))
+    return tuple(clips)
 
 
 def _fps_problems(times: Array, fps: float) -> list[str]:
@@ -148,6 +259,8 @@ def exchanges_in(tracks: Tracks, radius: Mapping[int, float]) -> list[Exchange]:
         v = (x[ahead] - x[back]) / (t[ahead] - t[back])[:, None]
         expected = x[:-1] + v * np.diff(t)[:, None]
         for i in np.flatnonzero(np.hypot(*(x[1:] - expected).T) > 0.5 * radius[one]):
+            if tracks.clip(float(t[i])) != tracks.clip(float(t[i + 1])):
+                continue
             jumps.setdefault((float(t[i]), float(t[i + 1])), []).append((one, int(i), expected[i]))
     found = []
     for (_, time), several in sorted(jumps.items()):
@@ -167,12 +280,16 @@ def exchanged(tracks: Tracks, found: Sequence[Exchange]) -> Tracks:
         found, key=lambda each: -each.time
     ):  # the last one first: ids before it are those of the file
         a, b = exchange.ids
-        at = [int(np.searchsorted(parts[0][one], exchange.time)) for one in (a, b)]
+        later = [first for first, _, _ in tracks.clips if first > exchange.time]
+        (i, i_end), (j, j_end) = (
+            np.searchsorted(parts[0][one], [exchange.time, min(later, default=math.inf)]).tolist()
+            for one in (a, b)
+        )
         for part in parts:
             if a in part:
                 first, second = part[a], part[b]
-                part[a] = np.concatenate([first[: at[0]], second[at[1] :]])
-                part[b] = np.concatenate([second[: at[1]], first[at[0] :]])
+                part[a] = np.concatenate([first[:i], second[j:j_end], first[i_end:]])
+                part[b] = np.concatenate([second[:j], first[i:i_end], second[j_end:]])
     for value in parts[2].values():
         measured = ~np.isnan(value)
         value[measured] = np.unwrap(value[measured])
@@ -189,15 +306,15 @@ class Noise:
 
 
 def noise(tracks: Tracks, events: Mapping[int, Sequence[float]]) -> Noise:
-    """Noise from second differences of positions, which vanish for straight flights at equal time steps.
+    """Noise from third differences of positions and angles, which vanish for constant decelerations at equal steps.
 
     Differences across an event of the disk are left out; `events` has times of impacts by id. Outliers hardly matter:
     the width is first that of the middle half, then that of all values within three widths. A coordinate with few
     frames gets the noise of all disks. Positions that are rounded, such as whole pixels, have at least the error of
     rounding.
     """
-    of = {one: _second(t, tracks.position[one], events.get(one, ())) for one, t in tracks.time.items()}
-    turned = [_second(tracks.time[one], a[:, None], events.get(one, ())) for one, a in tracks.angle.items()]
+    of = {one: _third(t, tracks.position[one], events.get(one, ())) for one, t in tracks.time.items()}
+    turned = [_third(tracks.time[one], a[:, None], events.get(one, ())) for one, a in tracks.angle.items()]
     typical = _width(np.concatenate([each.ravel() for each in of.values()]))
     rounding = _resolution(np.concatenate([*tracks.position.values()])) / math.sqrt(12.0)
     typical = float(np.maximum(typical, np.min(rounding)))
@@ -223,17 +340,19 @@ def _resolution(x: Array) -> Array:
     return found
 
 
-def _second(t: Array, x: Array, events: Sequence[float]) -> Array:
-    """Second differences (m, d) of x (n, d) at equal steps of t (n,), scaled to the errors of x; none across events."""
-    if len(t) < 3:
+def _third(t: Array, x: Array, events: Sequence[float]) -> Array:
+    """Third differences (m, d) of x (n, d) at equal steps of t (n,), scaled to the errors of x; none across events."""
+    if len(t) < 4:
         return np.empty((0, x.shape[1]))
-    before, after = np.diff(t)[:-1], np.diff(t)[1:]
-    step = float(np.median(np.diff(t)))
-    good = (np.abs(before - after) < 0.01 * step) & (before < 1.5 * step)
+    steps = np.diff(t)
+    step = float(np.median(steps))
+    same = np.abs(steps - step) < 0.01 * step
+    good = same[:-2] & same[1:-1] & same[2:]
     if len(events):
-        good &= np.min(np.abs(t[1:-1, None] - np.asarray(events)), axis=1) > 2.5 * step
-    second = (x[2:] - 2.0 * x[1:-1] + x[:-2])[good] / math.sqrt(6.0)
-    return second[~np.isnan(second).any(axis=1)]
+        middle = 0.5 * (t[1:-2] + t[2:-1])
+        good &= np.min(np.abs(middle[:, None] - np.asarray(events)), axis=1) > 3.0 * step
+    third = (x[3:] - 3.0 * x[2:-1] + 3.0 * x[1:-2] - x[:-3])[good] / math.sqrt(20.0)
+    return third[~np.isnan(third).any(axis=1)]
 
 
 def _width(values: Array) -> float:

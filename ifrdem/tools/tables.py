@@ -7,8 +7,9 @@ import math
 import os
 import re
 from array import array
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -45,6 +46,8 @@ _DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ":
 _EVERY_UNIT = {unit for units in UNITS.values() for unit in units}
 _WITH_UNITS = UNITS.keys() - {"number", "text"}
 _BRACKETS = re.compile(r"[\[(]([^\[(]*)[\])]\s*$")
+_VALUE = re.compile(r" = .*?(?=: must)")
+_REPEATED = 5  # mistakes of one kind that are listed
 _NEARLY_ALIKE = 0.8  # of a column that is rather misspelt than another
 
 
@@ -152,6 +155,7 @@ def read(
     """
     path = Path(path)
     source = str(path)
+    form = _standard_names(path, kinds, spellings, form, most)
     _check_format(source, form, kinds)
     comm = current()
     own, last = comm.slice_of(n), comm.rank == comm.size - 1
@@ -167,6 +171,7 @@ def read(
         texts: dict[str, int] = {}
         is_text = [kinds.get(name) == "text" for name in names]
         count = missing = total = 0
+        repeated = Counter[str]()
         for row, line in rows:
             total += 1
             if total <= own.start or not (total <= own.stop or last):
@@ -179,8 +184,14 @@ def read(
                 ]
             row_problems, lacking = _add(row, header, names, factors, values, form, setting, gaps=gaps)
             missing += lacking
-            count += len(row_problems)
-            problems += [f"line {line}: {each}" for each in row_problems if len(problems) < most_problems]
+            for each in row_problems:
+                alike = _VALUE.sub("", each)
+                repeated[alike] += 1
+                if repeated[alike] <= _REPEATED:
+                    count += 1
+                    problems += [f"line {line}: {each}"] * (len(problems) < most_problems)
+        more = [f"{n - _REPEATED} more lines: {text}" for text, n in repeated.items() if n > _REPEATED]
+        problems, count = problems + more, count + len(more)
         if not total:
             raise InputError("no line of values follows the names of the columns")
         columns = {name: np.array(each) for name, each in values.items()}
@@ -240,6 +251,29 @@ def _add(
             value = factor * float(number)
         values[name].append(value)
     return problems, missing
+
+
+def _standard_names(
+    path: Path, kinds: Mapping[str, str], spellings: Mapping[str, str], form: TableFormat, most: int
+) -> TableFormat:
+    """The format by standard names, where units are given by the file's own names, or columns the other way round."""
+    known = {each.removesuffix("_error") for each in kinds} | {f"{each}_error" for each in kinds}
+    columns = {
+        **{name: text for name, text in form.columns.items() if name in known},
+        **{text: name for name, text in form.columns.items() if name not in known and text in known},
+    }
+    if len(columns) < len(form.columns):
+        columns = dict(form.columns)  # with its mistakes
+    units = dict(form.units)
+    if {*units} - known:
+        header, _ = next(csv_rows.each(path, most=most, delimiter=form.delimiter), ([], 0))
+        own = {text.strip(): name for name, text in columns.items()}
+        for text in map(str.strip, header):
+            name = own.get(text) or _standard(text, spellings)[0]
+            for given in (text, _BRACKETS.sub("", text).strip()):
+                if name and given in units and given not in known:
+                    units[name] = units.pop(given)
+    return replace(form, columns=columns, units=units)
 
 
 def _check_format(source: str, form: TableFormat, kinds: Mapping[str, str]) -> None:

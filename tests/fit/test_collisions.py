@@ -29,15 +29,21 @@ def observed(
     *,
     wall: bool = False,
     frame: tuple[float, float] = (0.0, 0.0),
+    resting: int = 0,
 ) -> fit.Collisions:
-    """Collisions by the public `ifrdem.collide`, with errors of velocities and R w `noise`, of the normal `noise` rad."""
+    """Collisions by the public `ifrdem.collide`, with errors of velocities and R w `noise`, of the normal `noise` rad.
+
+    Disk 2 of the first `resting` ones is at rest before, and seen to be.
+    """
     rng = np.random.default_rng(seed)
     phi, psi = rng.uniform(0.0, 2.0 * np.pi, n), np.radians(rng.uniform(-75.0, 75.0, n))
     normal = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
     across = np.stack([-normal[:, 1], normal[:, 0]], axis=-1)
     second = np.zeros((n, 2)) if wall else rng.normal(0.0, 0.5, (n, 2))
+    second[:resting] = 0.0
     first = second + normal * np.cos(psi)[:, None] + across * np.sin(psi)[:, None]
     spin = rng.normal(0.0, 10.0, (n, 2)) * ([1.0, 0.0] if wall else 1.0)
+    spin[:resting, 1] = 0.0
     mass = (MASS[0], np.inf) if wall else MASS
     radius = (R[0], np.inf) if wall else R
     out = ifrdem.collide(
@@ -53,12 +59,15 @@ def observed(
             }
     errors = {name: noise / R[0] if name.startswith("s") else noise for name in exact}
     direction = phi + noise * rng.standard_normal(n)
+    moves = {name: np.ones(n) for name in exact}
+    for name in ("vx_2", "vy_2", "spin_2"):
+        moves.setdefault(name, np.ones(n))[:resting] = 0.0
     return fit.Collisions(
         disk_1=fit.Disk(mass=MASS[0], radius=R[0]),
         disk_2=fit.WALL if wall else fit.Disk(mass=MASS[1], radius=R[1]),
         measured={
             "nx": np.cos(direction), "ny": np.sin(direction),
-            **{name: value + errors[name] * rng.standard_normal(n) for name, value in exact.items()},
+            **{name: value + errors[name] * moves[name] * rng.standard_normal(n) for name, value in exact.items()},
         },
         errors={"normal": noise, **errors},
     )  # fmt: skip
@@ -367,6 +376,30 @@ def test_values_known_exactly_do_not_hide_the_nearest_motion(monkeypatch: pytest
             Likelihood(known.problem(), LAWS["ifr-percussion"]).at(np.array([*TRUTH.values()])).distance
         )
     np.testing.assert_allclose(*found, rtol=2e-4)
+
+
+AT_REST = ("vx_2", "vy_2", "spin_2")
+
+
+@pytest.mark.parametrize(
+    ("error", "names"), [(0.0, AT_REST), (1e-17, AT_REST), (0.2, AT_REST), (1e-17, ("vx_2",))]
+)
+def test_disks_at_rest_have_any_small_error_beside_covariances(error: float, names: tuple[str, ...]) -> None:
+    """Errors of 1e-17 gave chi-square 159 per degree of freedom where 1 is right, and wrong coefficients."""
+    n = 24
+    data = observed(n, resting=n // 2)
+    at_rest = np.where(np.arange(n) < n // 2, error, 1.0)
+    errors = {name: value * (at_rest if name in names else 1.0) for name, value in data.errors.items()}
+    covariance = {("vx_1", "vx_1_after"): np.full(n, 0.3 * 0.01**2)}
+    covariance |= {
+        (name, f"{name}_after"): 0.1 * errors[name] * data.errors[f"{name}_after"] for name in names
+    }
+    found = fitted(replace(data, errors=errors, covariance=covariance))
+    # of the same data all these errors give the same, but for the values at rest, which have no noise
+    assert found.chi2 == pytest.approx(found.dof, abs=3.0 * np.sqrt(2.0 * found.dof))
+    for name, true in TRUTH.items():
+        each = found.estimates[name]
+        assert abs(each.value - true) < 4.0 * each.standard_error
 
 
 def test_an_error_of_the_normal_is_an_angle_whatever_its_length(tmp_path: Path) -> None:

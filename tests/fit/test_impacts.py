@@ -83,7 +83,7 @@ def test_walls_that_are_not_given_are_found_as_change_points(tmp_path: Path) -> 
     assert found.cut
     assert not found.walls
     assert sum(worst(row, motion) > 5.0 for row in good) <= 1  # two impacts within a frame of each other
-    assert "flight is not straight: cut" in found.report()
+    assert "flight has a change point: cut" in found.report()
 
 
 def test_ids_that_were_exchanged_are_named_and_their_impacts_marked(tmp_path: Path) -> None:
@@ -145,8 +145,7 @@ def test_wrong_units_and_sizes_are_named(
 def test_sizes_are_wrong_beyond_four_errors_of_the_median_gap(off: float, wrong: bool) -> None:
     """Of 101 gaps, all but the median are 0.2 / 1.4826 away from it: four errors are 0.8 / sqrt(101) = 0.0796."""
     gaps = off + np.append(np.repeat([-1.0, 1.0], 50), 0.0) * 0.2 / 1.4826
-    encounter = SimpleNamespace(wall=None, ids=(0, 1))
-    fits: Any = [SimpleNamespace(encounter=encounter, gap=gap) for gap in gaps]
+    fits = [((0, 1), float(gap)) for gap in gaps]
     finder: Any = SimpleNamespace(radius={0: 0.02, 1: 0.03}, tracks=SimpleNamespace(source="tracks.csv"))
     if not wrong:
         impacts._Finder._check_sizes(finder, fits)
@@ -172,9 +171,9 @@ def test_command_writes_tables_that_a_fit_takes(
     walls = [f"--wall={x}" for x in (f"0,0,{X},0", f"0,0,0,{Y}", f"{X},{Y},0,{Y}", f"{X},{Y},{X},0")]
     assert main(["collisions", "tracks.csv", "--fps", "240", *disks, *walls, "-o", "hits.csv"]) == 0
     shown = capsys.readouterr().out
-    assert "collisions with walls" in shown
-    assert "not used" in shown
-    assert Path("hits_report.csv").read_text(encoding="utf-8").startswith("t,id_1,id_2,reason\n")
+    assert shown.startswith("found 62 collisions: 36 of two disks, 26 with walls\n")
+    assert "17 a flight has fewer than 3 frames" in shown
+    assert Path("hits_report.csv").read_text(encoding="utf-8").splitlines()[2] == "t,id_1,id_2,reason"
     of_walls = fit.read("hits_walls.csv")
     assert isinstance(of_walls, fit.Collisions)
     assert of_walls.wall
