@@ -30,7 +30,7 @@ from .. import mpi
 from ..errors import EngineError, InputError, cut, nearest, on_command_line, there_are
 from ..tools.arguments import forget, unfailing_messages
 from ..tools.files import check_files
-from ..tools.versions import SHOWN
+from ..tools.versions import shown
 from . import analyse, console, fit, program, run, trajectory
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
 from .options import flag
@@ -59,7 +59,7 @@ app: App = _Program(
     name="ifrdem",
     help="Event-exact simulation of granular gases of rough disks that collide by the independent "
     "friction-restitution law.",
-    version=SHOWN,
+    version=shown,
     help_format="plaintext",
     default_parameter=Parameter(
         negative_bool=(),

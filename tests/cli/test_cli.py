@@ -558,11 +558,6 @@ def test_coins_stay_a_mapping_when_their_module_is_imported() -> None:
     assert isinstance(ifrdem.coins["1 pta"], Coin)
 
 
-def test_version_is_that_of_the_package() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert ifrdem.__version__ == project["version"]
-
-
 def test_a_place_that_is_no_place_and_a_file_larger_than_the_disk_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
