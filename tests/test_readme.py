@@ -114,6 +114,12 @@ def test_docs_shows_every_page_and_suggests_near_spellings() -> None:
         assert re.search(rf"^{topic} +{re.escape(title)}$", listing, flags=re.MULTILINE)
         assert program.page(topic).startswith(f"# {title}\n")
         assert "<!--" not in program.page(topic)
+        prose = re.sub(r"```.*?```|`[^`\n]*`(?![,)])", "", program.page(topic), flags=re.DOTALL)
+        for link in re.findall(r"\]\(([^)]*)\)", prose):
+            place = re.fullmatch(r"(`ifrdem docs (\S+)`)?(, )?(section .*)?|(/.*)|(https?://.*)", link)
+            assert place, (topic, link)
+            assert place[2] in (None, *program.topics())
+            assert not place[5] or Path(place[5]).is_file()
     assert next(iter(program.topics())) == "index"
     with pytest.raises(ifrdem.InputError, match="no topic 'wals' \\(did you mean 'walls'"):
         program.page("wals")
@@ -203,6 +209,26 @@ def test_the_first_picture_of_the_readme_moves() -> None:
         assert picture.n_frames > 1
     assert (ROOT / first).stat().st_size < 3_000_000
     assert first.rpartition("/")[2] in page("gallery.md")
+
+
+USES = {
+    "analysis": r"rdf|structure-factor|analyse \S+ clusters|psi6|pair_correlation|structure_factor|analysis\.clusters|psi_6|freud|xarray|pandas|\.dataset\(",
+    "bullet": "validate bullet",
+    "export": "--to gsd",
+    "movie": r"ifrdem movie(?!.*\.webp)",
+    "mpi": "mpiexec",
+    "readers": r"\.universe\(|MDAnalysis",
+}
+"""Words of code that needs an extra."""
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "ifrdem" / "docs").glob("*.md")), ids=lambda path: path.stem)
+def test_a_page_names_the_extras_that_its_code_needs(path: Path) -> None:
+    """Its reader would meet an ImportError."""
+    text = path.read_text(encoding="utf-8")
+    codes = re.findall(r"^```\w+\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    needed = {extra for extra, words in USES.items() if any(re.search(words, code) for code in codes)}
+    assert {extra for extra in needed if not re.search(rf"extra `{extra}`|\[{extra}\]", text)} == set()
 
 
 @pytest.mark.full(keep=1)

@@ -131,9 +131,7 @@ def _any(
         raise InputError("--quiet: cannot be combined with --verbose")
     console.set_level(quiet=quiet, verbose=verbose)
     _refuse_empty(words)
-    if not words:
-        raise InputError(f"COMMAND is missing: must be one of {', '.join(_commands())} (see `ifrdem --help`)")
-    return app(words, exit_on_error=False, print_error=False)
+    return app(words or ("--help",), exit_on_error=False, print_error=False)
 
 
 def _refuse_empty(words: Sequence[str]) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json as json_format
+import os
 import re
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -225,4 +227,20 @@ def page(topic: str | None) -> str:
         from . import api
 
         text = text.rstrip() + f"\n\n{api.reference()}\n"
-    return re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE)  # marks for the tests and the site
+    text = re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE)  # marks for the tests and the site
+    return LINK.sub(partial(_resolved, MANUAL / f"{topic}.md", known), text)
+
+
+LINK = re.compile(r"\]\(([\w./-]*\.(?:md|py|png|webp))?(?:#([\w-]+))?\)")
+"""The target of a link to a page, its section, or a file of the manual."""
+
+
+def _resolved(page: Path, known: Mapping[str, str], link: re.Match[str]) -> str:
+    """A link of a page for a terminal: `ifrdem docs TOPIC`, the path of a file, and the words of a section."""
+    file, section = link[1], link[2]
+    target = (page.parent / file).resolve() if file else page
+    topic = Path(os.path.relpath(target, MANUAL.resolve())).with_suffix("").as_posix()
+    places = [f"`ifrdem docs {topic}`" if topic in known else str(target)] if file else []
+    if section:
+        places.append(f"section {section.replace('-', ' ')}")
+    return f"]({', '.join(places)})"
