@@ -35,6 +35,7 @@ from .style import (
     label,
     legend,
     legend_above,
+    marked_line,
     marks,
     place_axes,
     plain,
@@ -210,9 +211,9 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
             text = "straight line (the gas is not stationary: no $D$)"
         if abs(fit.exponent - 1.0) > 0.2:
             text += f"\n(no diffusion: exponent {fit.exponent:.2f})"
-        line_color = ROTATION if alone else KINDS[i % len(KINDS)]
         used &= line > 0.0  # a logarithmic axis would draw a line that falls below 0 as a vertical one
-        axes.plot(t[used], line[used], "-", color=line_color, lw=2.0, zorder=5, label=text)
+        look = {"color": ROTATION} if alone else dashes(KINDS[i % len(KINDS)])
+        axes.plot(t[used], line[used], lw=2.0, zorder=5, label=text, **look)
     axes.set(xscale="log", yscale="log", ylim=(0.5 * lowest, 3.0 * highest))
     few_labels(axes)
     axes.set_xlabel(OWN_LAG if own_time else label(trajectory, "lag $t$", "time"))
@@ -234,7 +235,7 @@ def vacf(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> N
         # Evenly spaced frames have steps of one length, those due at collisions of a cooling gas longer ones.
         logarithmic = len(step) > 2 and step.max() > 10.0 * step.min()
         t, value, error = (each[int(logarithmic) :] for each in (found.lag, found.value, found.error))
-        style = marks(KINDS[i % len(KINDS)], lw=0.8, ls="-")
+        style = marked_line(KINDS[i % len(KINDS)], lw=0.8)
         half = student_t(found.disks) * error / found.value[0]
         axes.errorbar(t, value / found.value[0], half, ms=3.5, label=plain(name), **style)
         if logarithmic:
@@ -315,7 +316,7 @@ def _curve(
     """
     value, error, n_eff = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error, found.n_eff))
     half = np.nan_to_num(error * student_t(n_eff))
-    style = marks(color, ms=3.5, lw=0.9, ls="-")
+    style = marked_line(color, ms=3.5, lw=0.9)
     shown, filled = np.isfinite(value), found.disks >= FEWEST
     if name in OF_DISKS:
         shown = shown & filled
@@ -538,13 +539,8 @@ def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: E
     found = evaluation.result
     names, at = TENSOR, INDICES
     for name, (a, b), color in zip(names, at, COLORS, strict=True):
-        line = "none" if name == "yx" else "-"  # almost the same as xy
-        left.plot(
-            found.time,
-            found.blocks[:, a, b],
-            label=f"$P_{{{name}}}$",
-            **marks(color, ms=4.5, lw=1.0, ls=line),
-        )
+        style = marks if name == "yx" else marked_line  # almost the same as xy
+        left.plot(found.time, found.blocks[:, a, b], label=f"$P_{{{name}}}$", **style(color, ms=4.5, lw=1.0))
         left.axhline(found.stress.total[a, b], color=color, ls=":", lw=0.8)
     left.set(xlabel=label(trajectory, "time $t$", "time"))
     left.set_ylabel(label(trajectory, "$P_{ab}$, mean over a block of time", "energy/length^2"))

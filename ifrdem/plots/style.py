@@ -35,8 +35,8 @@ LOOKS: dict[str, tuple[str, bool, Any]] = dict(
         (*KINDS, RATIO),
         (
             ("o", False, "-"), ("^", True, (0, (6.0, 1.8))), ("s", False, (0, (6.0, 1.5, 1.0, 1.5))), ("D", True, (0, (1.2, 1.2))),
-            ("v", False, (0, (8.0, 1.5, 1.0, 1.5, 1.0, 1.5))), ("P", True, (0, (3.0, 1.0))), ("<", False, (0, (10.0, 3.0))),
-            ("X", True, (0, (1.0, 3.0))), ("x", False, (0, (3.0, 1.5, 1.0, 1.5, 1.0, 1.5))),
+            ("v", False, (0, (9.0, 1.5, 1.0, 1.5, 1.0, 1.5))), ("P", True, (0, (2.5, 1.5))), ("<", False, (0, (5.0, 5.0))),
+            ("X", True, (0, (1.0, 3.5))), ("x", False, (0, (3.0, 1.5, 1.0, 1.5, 1.0, 1.5))),
         ),
         strict=True,
     )
@@ -55,6 +55,11 @@ def marks(color: str, **more: Any) -> dict[str, Any]:
 def dashes(color: str, **more: Any) -> dict[str, Any]:
     """Line of a series, by its colour."""
     return {"color": color, "ls": LOOKS[color][2], **more}
+
+
+def marked_line(color: str, **more: Any) -> dict[str, Any]:
+    """Line and markers of a series, by its colour."""
+    return marks(color) | dashes(color, **more)
 
 
 def some_marks(color: str, place: int, **more: Any) -> dict[str, Any]:
