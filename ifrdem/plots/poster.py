@@ -93,7 +93,7 @@ def finish(axes: Axes, gas: Gas, region: Array, panels: int = 1) -> None:
     text = f"{count:g} {unit}"
     style |= {"color": "white", "va": "center", "fontsize": 10.0 * min(panels, 2)}
     axes.text(left + length + 0.012 * width, down, text, **style)
-    points = 72.0 * STRIP * float(axes.figure.get_figwidth()) / panels
+    points = 72.0 * STRIP * float(axes.get_figure(root=True).get_figwidth()) / panels  # type: ignore[union-attr]
     for bar in bars:
         _key(axes, bar, down, min(0.33 * points, 8.0 * min(panels, 2)))
 

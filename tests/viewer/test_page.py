@@ -455,6 +455,36 @@ def test_a_study_without_disks_shows_no_empty_stage(page, serve, tmp_path):
     assert page.locator("#stage").is_visible()
 
 
+@pytest.mark.parametrize("width", [1280, 900])
+def test_curves_stand_beside_a_square_box_and_the_title_is_whole(page, serve, tmp_path, width):
+    """The right half of the page was empty, and the title ended in an ellipsis."""
+    units = {"length": "m", "time": "s", "mass": "kg", "energy": "J", "angle": "rad"}
+    name = "a_gas_of_coins_with_a_long_name"
+    disks, velocity = ifrdem.Disks(2, 1.0, 0.5), [[1.0, 0.0], [0.0, 0.5]]
+    with ifrdem.TrajectoryWriter(
+        tmp_path / "a.h5", disks, ifrdem.Box((9.0, 9.0)), parameters={"name": name}, units=units
+    ) as file:
+        for t in (0.0, 1.0):
+            state = ifrdem.State([[2.0, 2.0], [6.0, 6.0]], velocity, [t, -t], time=t)
+            file.write(state, {"temperature": 2.0 - t, "rotational_temperature": t, "collisions": 0})
+    page.set_viewport_size({"width": width, "height": 720})
+    opened(page, serve(tmp_path / "a.h5"))
+    assert page.input_value("#colour") == "speed"
+    title, stage, chart = (page.locator(id).bounding_box() for id in ("#title", "#stage", "#chart"))
+    assert page.locator("#title").inner_text().startswith(name)
+    assert page.evaluate("$('title').scrollWidth <= $('title').clientWidth")
+    assert (chart["x"] >= stage["x"] + stage["width"] > 0.4 * width) == (width == 1280)
+    assert (chart["height"] > 0.6 * stage["height"]) == (width == 1280)
+    assert chart["x"] + chart["width"] > 0.97 * width
+    page.evaluate("show(1)")
+    until(page, "index === 1 && !busy")
+    cursor = page.evaluate("curves.drawn.px(1)")  # the present time is marked
+    shown = pixels(page)
+    column = round(chart["x"] + cursor)
+    middle = shown[round(chart["y"] + 0.5 * chart["height"]), column - 2 : column + 3]
+    assert middle.min() < 60
+
+
 def test_marks_of_axes_have_equal_distances(page, serve, path):
     opened(page, serve(path))
     for low, high, log in ((0.0, 7.3, False), (0.02, 900.0, True), (1e-7, 1e5, True)):
