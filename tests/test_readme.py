@@ -30,7 +30,7 @@ from ifrdem.case.gas import CaseGas
 from ifrdem.case.messages import models_in
 from ifrdem.cases import gallery
 from ifrdem.cli import main as cli
-from ifrdem.cli import program
+from ifrdem.cli import program, reference
 from ifrdem.model.observables import measure
 from ifrdem.model.walls.motion import Motion, Piston
 from ifrdem.model.walls.wall import Wall
@@ -210,6 +210,24 @@ def test_the_first_picture_of_the_readme_moves() -> None:
         assert picture.n_frames > 1
     assert (ROOT / first).stat().st_size < 3_000_000
     assert first.rpartition("/")[2] in page("gallery.md")
+
+
+@pytest.mark.parametrize("topic", reference.PAGES)
+def test_generated_parts_of_pages_are_those_of_the_program(topic: str) -> None:
+    """Run `python -m ifrdem.cli.reference` after a change of keys, options or public names."""
+    text = (program.MANUAL / f"{topic}.md").read_text(encoding="utf-8")
+    assert reference.renewed(topic, text) == text
+
+
+def test_options_of_the_manual_are_those_of_help(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each option stands once for each command that has it, and none that the program refuses."""
+    parts = re.split(r"^### ifrdem (\w+).*$", reference.commands(), flags=re.MULTILINE)
+    for name, part in zip(parts[1::2], parts[2::2], strict=True):
+        assert cli.main([name, "--help"]) == 0
+        shown = set(re.findall(r"(?<!\S)--[a-z-]+", capsys.readouterr().out)) - {"--quiet", "--verbose"}
+        listed = re.findall(r"^- (`-.*?`): ", part, flags=re.MULTILINE)
+        assert {each for line in listed for each in re.findall(r"--[a-z-]+", line)} <= shown
+        assert len(listed) > 0 or name in ("cases", "devices", "docs")
 
 
 USES = {

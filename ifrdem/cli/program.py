@@ -207,8 +207,6 @@ def _pages_on(word: str, known: Mapping[str, str]) -> str:
 def page(topic: str | None) -> str:
     """Text of a page of the manual; without a topic, the list of topics.
 
-    The pages `case` and `api` end with references that are generated from the program.
-
     Raises InputError if no page has this name.
     """
     known = topics()
@@ -219,14 +217,6 @@ def page(topic: str | None) -> str:
     if topic not in known:
         raise InputError(f"the manual has no topic '{topic}'{_pages_on(topic, known)}")
     text = (MANUAL / f"{topic}.md").read_text(encoding="utf-8")
-    if topic == "case":
-        from ..case import keys
-
-        text = text.rstrip() + f"\n\n{keys.reference()}\n"
-    if topic == "api":
-        from . import api
-
-        text = text.rstrip() + f"\n\n{api.reference()}\n"
     text = re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE)  # marks for the tests and the site
     return LINK.sub(partial(_resolved, MANUAL / f"{topic}.md", known), text)
 
