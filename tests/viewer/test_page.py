@@ -181,11 +181,13 @@ def test_wheel_zooms_at_the_pointer_and_f_fits(page, serve, path):
     page.mouse.move(x, y)
     page.mouse.wheel(0, -1000)
     until(page, "view.zoom > 2 * fit.zoom")
-    assert np.abs(np.subtract(spot(page, 10.0, 10.0), (x, y))).max() <= 1
+    # The pointer is up to half a pixel off, of which the zoom by exp(1.5) makes 1.7, and the end is rounded.
+    x_zoomed, y_zoomed = spot(page, 10.0, 10.0)
+    assert np.abs(np.subtract((x_zoomed, y_zoomed), (x, y))).max() <= 2
     page.mouse.down()
     page.mouse.move(x + 50, y, steps=5)
     page.mouse.up()
-    assert np.abs(np.subtract(spot(page, 10.0, 10.0), (x + 50, y))).max() <= 1
+    assert np.abs(np.subtract(spot(page, 10.0, 10.0), (x_zoomed + 50, y_zoomed))).max() <= 1
     page.keyboard.press("f")
     assert page.evaluate("view.zoom === fit.zoom && view.x === 15")
 
