@@ -1,4 +1,4 @@
-"""Notebooks of the manual (py:percent files, which jupytext opens), run for the site and by a test."""
+"""Notebooks of the manual, run for the site and by a test."""
 
 from __future__ import annotations
 
@@ -7,24 +7,13 @@ import contextlib
 import html
 import io
 import os
-import re
 import tempfile
 from pathlib import Path
 from typing import Any
 
-FOLDER = Path(__file__).parents[1] / "ifrdem" / "docs" / "_notebooks"
+from ifrdem.cli.notebooks import FOLDER, cells
 
-
-def cells(text: str) -> list[tuple[bool, str]]:
-    """Cells of a notebook: whether it is prose, and its source."""
-    parts = re.split(r"^# %%(.*)\n", text, flags=re.MULTILINE)[1:]
-    found = []
-    for head, body in zip(parts[::2], parts[1::2], strict=True):
-        prose = "[markdown]" in head
-        found.append(
-            (prose, re.sub(r"^# ?", "", body, flags=re.MULTILINE).strip() if prose else body.strip())
-        )
-    return found
+__all__ = ["FOLDER", "page"]
 
 
 def page(path: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 
-from .tools.versions import SHOWN
+from .tools.versions import shown
 
 
 def main() -> int:
@@ -14,7 +14,7 @@ def main() -> int:
         with contextlib.suppress(
             OSError, AttributeError
         ):  # no output, or a closed one: reported below as always
-            print(SHOWN, flush=True)
+            print(shown(), flush=True)
             return 0
     from .cli.main import main as run
 

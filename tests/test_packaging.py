@@ -1,9 +1,10 @@
-"""The wheel holds the package as it is on disk, imports start nothing heavy, and kernels only compute."""
+"""Packages hold the program as it is on disk and its commit, imports start nothing heavy, and kernels only compute."""
 
 from __future__ import annotations
 
 import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
 import ifrdem
+from ifrdem.tools import versions
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -49,14 +51,28 @@ def files_on_disk() -> dict[str, Path]:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> dict[str, bytes]:
-    """Contents of the wheel that is built from a copy of the tree, by name."""
+def clone(tmp_path_factory) -> tuple[Path, str]:
+    """A clone whose links git wrote as text files, as on Windows, and the number of its commit."""
     source = tmp_path_factory.mktemp("source") / "tree"
     unwanted = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "*.h5")
     shutil.copytree(ROOT, source, symlinks=True, ignore=unwanted)
+    for link in [path for path in (source / "ifrdem").iterdir() if path.is_symlink()]:
+        target = os.readlink(link)
+        link.unlink()
+        link.write_text(target)
+    shutil.copy(ROOT / ".gitattributes", source)
+    git(source, "init", "--quiet")
+    git(source, "add", "--all")
+    git(source, "-c", "user.name=test", "-c", "user.email=test", "commit", "--quiet", "-m", "test")
+    return source, git(source, "rev-parse", "HEAD")
+
+
+@pytest.fixture(scope="module")
+def wheel(clone, tmp_path_factory) -> dict[str, bytes]:
+    """Contents of the wheel that is built from the source distribution of the clone, by name."""
     out = tmp_path_factory.mktemp("dist")
     built = subprocess.run(
-        [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(source)],
+        [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(out), str(clone[0])],
         capture_output=True,
         text=True,
         cwd=out,
@@ -67,6 +83,14 @@ def wheel(tmp_path_factory) -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
+def git(folder: Path, *words: str) -> str:
+    done = subprocess.run(["git", "-C", str(folder), *words], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+COMMIT_FILE = versions.COMMIT_FILE.as_posix()
+
+
 def test_wheel_holds_every_file_of_the_package(wheel):
     for name, path in files_on_disk().items():
         assert name in wheel
@@ -75,7 +99,7 @@ def test_wheel_holds_every_file_of_the_package(wheel):
 
 def test_wheel_holds_nothing_else(wheel):
     package = {name for name in wheel if ".dist-info/" not in name}
-    assert package == set(files_on_disk())
+    assert package == {*files_on_disk(), COMMIT_FILE}
     assert not any(part in name for name in wheel for part in ("tests", "conftest"))
 
 
@@ -86,6 +110,40 @@ def test_wheel_holds_type_marker_cases_licence_and_command(wheel):
     info = {Path(name).name: content for name, content in wheel.items() if ".dist-info/" in name}
     assert info["LICENSE"] == (ROOT / "LICENSE").read_bytes()
     assert b"ifrdem = ifrdem.__main__:main" in info["entry_points.txt"]
+
+
+def test_packages_and_archives_of_git_carry_the_commit(clone, wheel, tmp_path):
+    """A build step that is left out, or no mark in the file, would leave every file without its origin."""
+    source, commit = clone
+    assert wheel[COMMIT_FILE].decode().strip() == commit
+    build = [sys.executable, "setup.py", "-q", "build_py", "--build-lib", str(tmp_path)]  # as `pip install .`
+    subprocess.run(build, cwd=source, capture_output=True, check=True)
+    assert (tmp_path / COMMIT_FILE).read_text().strip() == commit
+    assert git(source, "archive", "HEAD", COMMIT_FILE).count(commit) >= 1
+    assert (
+        git(source, "status", "--porcelain", "--untracked-files=no") == ""
+    )  # built without a change of the tree
+
+
+def test_the_commit_is_that_of_a_clone_or_the_stored_one(clone, tmp_path, monkeypatch):
+    source, commit = clone
+    revision = versions.revision.__wrapped__
+    monkeypatch.setattr(versions, "ROOT", source)
+    assert revision() == commit
+    changed = source / "README.md"
+    text = changed.read_bytes()
+    changed.write_bytes(text + b"x")
+    assert revision() == f"{commit}-dirty"
+    changed.write_bytes(text)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert revision() == "unknown"  # without git
+    monkeypatch.setattr(versions, "ROOT", tmp_path)
+    assert revision() == "unknown"
+    stored = tmp_path / versions.COMMIT_FILE
+    stored.parent.mkdir(parents=True)
+    for text, found in (("$Format:%H$\n", "unknown"), (f"{commit}\n", commit)):
+        stored.write_text(text)
+        assert revision() == found
 
 
 def test_listed_packages_are_the_folders_on_disk():
@@ -120,8 +178,12 @@ def test_a_class_has_its_name_alone():
     assert {name: places for name, places in found.items() if len(places) > 1} == {}
 
 
-def test_version_is_the_same_in_code_and_metadata():
-    assert ifrdem.__version__ == PROJECT["project"]["version"]
+def test_version_stands_once_but_for_the_citation():
+    assert PROJECT["tool"]["setuptools"]["dynamic"]["version"] == {
+        "attr": "ifrdem.tools.versions.__version__"
+    }
+    cited = re.findall(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    assert cited == [ifrdem.__version__]
 
 
 def run_python(*arguments: str) -> subprocess.CompletedProcess[str]:

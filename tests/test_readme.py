@@ -30,14 +30,16 @@ from ifrdem.case.gas import CaseGas
 from ifrdem.case.messages import models_in
 from ifrdem.cases import gallery
 from ifrdem.cli import main as cli
-from ifrdem.cli import program
+from ifrdem.cli import program, reference
 from ifrdem.model.observables import measure
 from ifrdem.model.walls.motion import Motion, Piston
 from ifrdem.model.walls.wall import Wall
 from ifrdem.plots import pictures
 from ifrdem.plots.analyses import PANELS
 from ifrdem.plots.pictures import LAYOUTS
+from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.theory import sheared_gas
+from ifrdem.trajectory.layout import LAYOUT_VERSION
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / ".site"))
@@ -114,6 +116,13 @@ def test_docs_shows_every_page_and_suggests_near_spellings() -> None:
         assert re.search(rf"^{topic} +{re.escape(title)}$", listing, flags=re.MULTILINE)
         assert program.page(topic).startswith(f"# {title}\n")
         assert "<!--" not in program.page(topic)
+        links = re.findall(r"\]\((?!http)([\w./#-]+|`ifrdem docs [^)]*)\)", program.page(topic))
+        for link in links:
+            place = re.fullmatch(r"`ifrdem docs (\S+)`(?:, section .*)?|(/.*)", link)
+            assert place, (topic, link)  # a relative path leads nowhere from a terminal
+            assert place[1] is None or place[1] in program.topics()
+            assert place[2] is None or Path(place[2]).is_file()
+        assert links or topic not in ("index", "notebooks")
     assert next(iter(program.topics())) == "index"
     with pytest.raises(ifrdem.InputError, match="no topic 'wals' \\(did you mean 'walls'"):
         program.page("wals")
@@ -203,6 +212,44 @@ def test_the_first_picture_of_the_readme_moves() -> None:
         assert picture.n_frames > 1
     assert (ROOT / first).stat().st_size < 3_000_000
     assert first.rpartition("/")[2] in page("gallery.md")
+
+
+@pytest.mark.parametrize("topic", reference.PAGES)
+def test_generated_parts_of_pages_are_those_of_the_program(topic: str) -> None:
+    """Run `python -m ifrdem.cli.reference` after a change of keys, options or public names."""
+    text = (program.MANUAL / f"{topic}.md").read_text(encoding="utf-8")
+    assert reference.renewed(topic, text) == text
+
+
+def test_options_of_the_manual_are_those_of_help(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each option stands once for each command that has it, and none that the program refuses."""
+    parts = re.split(r"^### ifrdem (\w+).*$", reference.commands(), flags=re.MULTILINE)
+    for name, part in zip(parts[1::2], parts[2::2], strict=True):
+        assert cli.main([name, "--help"]) == 0
+        shown = set(re.findall(r"(?<!\S)--[a-z-]+", capsys.readouterr().out)) - {"--quiet", "--verbose"}
+        listed = re.findall(r"^- (`-.*?`): ", part, flags=re.MULTILINE)
+        assert {each for line in listed for each in re.findall(r"--[a-z-]+", line)} <= shown
+        assert listed or name != "run"
+
+
+USES = {
+    "analysis": r"rdf|structure-factor|analyse \S+ clusters|psi6|pair_correlation|structure_factor|analysis\.clusters|psi_6|freud|xarray|pandas|\.dataset\(",
+    "bullet": "validate bullet",
+    "export": "--to gsd",
+    "movie": r"ifrdem movie(?!.*\.webp)",
+    "mpi": "mpiexec",
+    "readers": r"\.universe\(|MDAnalysis",
+}
+"""Words of code that needs an extra."""
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "ifrdem" / "docs").glob("*.md")), ids=lambda path: path.stem)
+def test_a_page_names_the_extras_that_its_code_needs(path: Path) -> None:
+    """Its reader would meet an ImportError."""
+    text = path.read_text(encoding="utf-8")
+    codes = re.findall(r"^```\w+\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    needed = {extra for extra, words in USES.items() if any(re.search(words, code) for code in codes)}
+    assert {extra for extra in needed if not re.search(rf"extra `{extra}`|\[{extra}\]", text)} == set()
 
 
 @pytest.mark.full(keep=1)
@@ -637,3 +684,40 @@ def test_mixture_script_stores_stress_and_named_species(
     out = capsys.readouterr().out
     assert "T of heavy / T of light" in out
     assert "a20 of light" in out
+
+
+# --- the paper, releases
+
+
+def test_the_paper_names_the_published_results_that_validate_reproduces() -> None:
+    """Each DOI of the sources of `validate gas` is in its bibliography, and each entry is cited."""
+    paper, entries = (
+        (ROOT / ".paper" / name).read_text(encoding="utf-8") for name in ("paper.md", "paper.bib")
+    )
+    sources = {
+        path.stem: path.read_text(encoding="utf-8") for path in (ROOT / "validation" / "gas").glob("*.py")
+    }
+    for name, text in sources.items():
+        reference = re.findall(r"^REFERENCE = (?:\((.*?)^\)|(.*?)$)", text, flags=re.MULTILINE | re.DOTALL)
+        found = re.findall(r"doi:([^\s;,\"]+)", "".join("".join(each) for each in reference))
+        assert [doi for doi in found if doi not in entries] == []
+        assert not found or f"`gas_{name}`" in paper
+    cited = set(re.findall(r"@(\w+\d{4})", paper))
+    assert cited == set(re.findall(r"^@\w+\{(\w+),", entries, flags=re.MULTILINE))
+    words = paper.split("---", 2)[2].split()
+    assert len(words) < 1750  # the journal asks for 750 to 1750
+
+
+def test_the_page_on_compatibility_has_the_numbers_of_the_program() -> None:
+    text = page("compatibility.md")
+    layout_version = ".".join(map(str, LAYOUT_VERSION))
+    assert f"| layout {layout_version} | layouts 1.0 to {layout_version} |" in text
+    assert f"| format {checkpoint.FORMAT} | format {checkpoint.FORMAT}, " in text
+
+
+def test_a_version_has_at_most_a_page_of_changes() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    sections = re.findall(r"^## (\d+\.\d+\.\d+.*?)$(.*?)(?=^## |\Z)", text, flags=re.MULTILINE | re.DOTALL)
+    assert sections
+    for name, body in sections:
+        assert len(body.splitlines()) <= 45, name

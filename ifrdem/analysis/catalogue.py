@@ -176,6 +176,13 @@ def of_pairs(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation
                 raise
             notes.append(f"no g(r){of}: {error}")
             continue
+        of_second = radius[first if second is None else second].min()
+        core = (found.r + 0.5 * (found.r[1] - found.r[0]) <= radius[first].min() + of_second) & (
+            found.pairs == 0.0
+        )
+        found = replace(
+            found, g_error=np.where(core, 0.0, found.g_error)
+        )  # disks cannot overlap: g is 0 exactly
         results[name] = found
         if not walled:
             sizes = {} if second is None else {"radius_of_others": radius[second]}

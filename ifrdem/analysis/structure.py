@@ -61,11 +61,11 @@ class PairCorrelation(Brief, ResultPlot):
 
         They are those of a number of independent events with this relative error (`tools.intervals.of_count`). Of bins
         without pairs only the error of one pair is known, which counts from both ends or from one: it is taken from
-        both.
+        both. Where no pair can be, the error is 0 (`ifrdem analyse FILE rdf`, which knows the radii).
         """
         some = self.pairs > 0.0
         g = np.where(some, self.g, 1.0)
-        low, high = of_count(np.where(some, (self.g / self.g_error) ** 2, 0.0))
+        low, high = of_count(np.where(some, g / np.where(some, self.g_error, 1.0), 0.0) ** 2)
         scale = np.where(some, self.g_error**2 / g, 2.0**0.5 * self.g_error)
         return low * scale, high * scale
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import textwrap
 from pathlib import Path
 
 from ..errors import InputError, nearest, nearest_file
@@ -59,20 +60,45 @@ def find(given: str) -> Path:
     raise InputError(f"{text}; shipped are {', '.join(names())} (`ifrdem cases`)")
 
 
-def new(kind: str) -> str:
+STUDY, NOTEBOOK = "study", "notebook"
+"""Kinds of `ifrdem new` that are no cases: a study, and the notebooks of the manual."""
+KINDS = {
+    **{name: each.title for name, each in template.TEMPLATES.items()},
+    STUDY: "Many gases at once: the values of keys, and seeds.",
+    NOTEBOOK: "The Jupyter notebooks of the manual (.ipynb).",
+}
+"""Title of each kind of file that `ifrdem new` writes beside the shipped cases."""
+
+
+def kinds() -> str:
+    """A line for each kind of file to start from, and one on the shipped cases."""
+    width = max(map(len, KINDS))
+    lines = [f"{name:<{width}}  {text}" for name, text in KINDS.items()]
+    copies = textwrap.fill(f"Copies of shipped cases: {', '.join(_cases())}", 110, subsequent_indent="  ")
+    return "\n".join(("`ifrdem new KIND` writes a file to start from. KIND:", *lines, "", copies))
+
+
+def _cases() -> list[str]:
+    return [f"cases/{each}.toml" for each in names()]
+
+
+def new(kind: str, *, short: bool = False) -> str:
     """The text of a case file to start from: a template by its name, or a shipped case by its name or path.
 
-    Where a template and a shipped case have one name, "cases/NAME.toml" is the shipped case.
+    Where a template and a shipped case have one name, "cases/NAME.toml" is the shipped case. A `short` text has only
+    the keys that make the gas.
 
-    Raises InputError if there is neither.
+    Raises InputError if there is neither, or no short text.
     """
     name = kind.removeprefix("cases/").removesuffix(".toml")
+    if short and kind not in template.TEMPLATES:
+        raise InputError(
+            f"--short: goes with a template only, which '{kind}' is not: {', '.join(template.TEMPLATES)}"
+        )
     if kind in template.TEMPLATES:
-        return template.write(kind)
+        return template.write_short(kind) if short else template.write(kind)
     if name in names() and kind in (name, f"cases/{name}", f"cases/{name}.toml"):
         return (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
-    cases = [f"cases/{each}.toml" for each in names()]
-    kinds = [*template.TEMPLATES, template.STUDY]
-    close = nearest(kind, [*kinds, *names(), *cases])
-    text = f"no template or shipped case is called '{kind}'{close}; templates: {', '.join(kinds)}"
-    raise InputError(f"{text}; cases: {', '.join(cases)}")
+    close = nearest(kind, [*KINDS, *names(), *_cases()])
+    text = f"no template or shipped case is called '{kind}'{close}; templates: {', '.join(KINDS)}"
+    raise InputError(f"{text}; cases: {', '.join(_cases())}")

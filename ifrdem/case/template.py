@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import textwrap
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,8 +33,6 @@ _COIN = 'name = "coins", material = "aluminium", mass = 1.19e-3, diameter = 21.0
 _ALUMINIUM = 'material = [{ name = "aluminium", e_n = 0.87, e_t = -0.88, mu = 0.21 }]'
 _REST = 'start = { positions = "random" }\noutput = { frames = 100 }'
 
-STUDY = "study"
-"""Kind of file of the template that `ifrdem.study.plan` has: not a case, but many."""
 TEMPLATES: Mapping[str, Template] = {
     "cooling": Template(
         "A gas of aluminium coins that starts without spin, moves freely and cools by its collisions.",
@@ -115,6 +114,34 @@ def write(kind: str) -> str:
         else:
             blocks.append(_table(f"[{name}]", kinds, given or {}))
     return "\n".join(blocks)
+
+
+def write_short(kind: str) -> str:
+    """The text of a case file with the keys of a template alone, each with its unit, by a key of `TEMPLATES`."""
+    if kind not in TEMPLATES:
+        raise InputError(f"no template is called '{kind}'{there_are(kind, TEMPLATES)}")
+    template, values = TEMPLATES[kind], TEMPLATES[kind].values
+    more = f"`ifrdem new {kind}` explains every key, `ifrdem docs case` too."
+    blocks = [_comment(template.title) + _comment(more)]
+    for name, field in CaseSections.model_fields.items():
+        if name not in values:
+            continue
+        kinds = models_in(field.annotation)
+        listed = get_origin(field.annotation) is list
+        for given in values[name] if listed else [values[name]]:
+            model = next((each for each in kinds if kind_of(each) == given.get(each.kind_key)), kinds[0])
+            lines = [f"[[{name}]]\n" if listed else f"[{name}]\n"]
+            for key, value in given.items():
+                unit = _unit(model.about(key)[0])
+                lines.append(f"{f'{key} = {toml(value)}':<31} {unit}".rstrip() + "\n")
+            blocks.append("".join(lines))
+    return "\n".join(blocks)
+
+
+def _unit(about: str) -> str:
+    """The unit in a key's text as a comment; empty for a pure number, and for what is no number."""
+    found = re.search(r"\[(?:kg|m|s|rad|1/|J|N|W|Pa)\S*\]", about)
+    return f"# {found[0]}" if found else ""
 
 
 def _table(heading: str, kinds: Sequence[type[Section]], given: Mapping[str, Any]) -> str:

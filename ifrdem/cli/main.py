@@ -30,7 +30,7 @@ from .. import mpi
 from ..errors import EngineError, InputError, cut, nearest, on_command_line, there_are
 from ..tools.arguments import forget, unfailing_messages
 from ..tools.files import check_files
-from ..tools.versions import SHOWN
+from ..tools.versions import shown
 from . import analyse, console, fit, program, run, trajectory
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
 from .options import flag
@@ -59,7 +59,7 @@ app: App = _Program(
     name="ifrdem",
     help="Event-exact simulation of granular gases of rough disks that collide by the independent "
     "friction-restitution law.",
-    version=SHOWN,
+    version=shown,
     help_format="plaintext",
     default_parameter=Parameter(
         negative_bool=(),
@@ -131,9 +131,7 @@ def _any(
         raise InputError("--quiet: cannot be combined with --verbose")
     console.set_level(quiet=quiet, verbose=verbose)
     _refuse_empty(words)
-    if not words:
-        raise InputError(f"COMMAND is missing: must be one of {', '.join(_commands())} (see `ifrdem --help`)")
-    return app(words, exit_on_error=False, print_error=False)
+    return app(words or ("--help",), exit_on_error=False, print_error=False)
 
 
 def _refuse_empty(words: Sequence[str]) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json as json_format
+import os
 import re
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -205,8 +207,6 @@ def _pages_on(word: str, known: Mapping[str, str]) -> str:
 def page(topic: str | None) -> str:
     """Text of a page of the manual; without a topic, the list of topics.
 
-    The pages `case` and `api` end with references that are generated from the program.
-
     Raises InputError if no page has this name.
     """
     known = topics()
@@ -217,12 +217,20 @@ def page(topic: str | None) -> str:
     if topic not in known:
         raise InputError(f"the manual has no topic '{topic}'{_pages_on(topic, known)}")
     text = (MANUAL / f"{topic}.md").read_text(encoding="utf-8")
-    if topic == "case":
-        from ..case import keys
+    text = re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE)  # marks for the tests and the site
+    return LINK.sub(partial(_resolved, MANUAL / f"{topic}.md", known), text)
 
-        text = text.rstrip() + f"\n\n{keys.reference()}\n"
-    if topic == "api":
-        from . import api
 
-        text = text.rstrip() + f"\n\n{api.reference()}\n"
-    return re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE)  # marks for the tests and the site
+LINK = re.compile(r"\]\(([\w./-]*\.(?:md|py|png|webp))?(?:#([\w-]+))?\)")
+"""The target of a link to a page, its section, or a file of the manual."""
+
+
+def _resolved(page: Path, known: Mapping[str, str], link: re.Match[str]) -> str:
+    """A link of a page for a terminal: `ifrdem docs TOPIC`, the path of a file, and the words of a section."""
+    file, section = link[1], link[2]
+    target = (page.parent / file).resolve() if file else page
+    topic = Path(os.path.relpath(target, MANUAL.resolve())).with_suffix("").as_posix()
+    places = [f"`ifrdem docs {topic}`" if topic in known else str(target)] if file else []
+    if section:
+        places.append(f"section {section.replace('-', ' ')}")
+    return f"]({', '.join(places)})"

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from .. import mpi
-from ..errors import InputError, Stopped, TrajectoryError
+from ..errors import InputError, Stopped, TrajectoryError, refuse
+from ..tools.files import check_files, write_bytes, write_text
 from ..tools.values import Count, Integer, Number
 from .console import FAILED, UNFINISHED, complain, echo, note, ranks, warn
 from .options import (
@@ -295,22 +296,20 @@ def check(case: Case, /, *, set: Set = None) -> None:
     comm.run_on_root(report)
 
 
-KIND = (
-    "cooling (one kind of coins), driven (random kicks), two_species (two kinds and their pair), walls (a shaken "
-    "floor), study (many gases at once), or cases/NAME.toml"
-)
+KIND = "kind of file, or a shipped case as cases/NAME.toml (default: list the kinds)"
 
 
 def new(
-    kind: Annotated[str, Parameter(name="KIND", help=KIND)],
+    kind: Annotated[str | None, Parameter(name="KIND", help=KIND)] = None,
     /,
     *,
+    short: Annotated[bool, flag("of a template, only the keys that make the gas")] = False,
     output: Annotated[
         str | None,
         option(
             str,
             "FILE",
-            "file to write (default: KIND.toml; - prints it)",
+            "file to write (default: KIND.toml; - prints it); of notebooks, the folder",
             "--output",
             "-o",
             allow_leading_hyphen=True,
@@ -320,19 +319,27 @@ def new(
 ) -> None:
     """Write a commented case file to start from.
 
-    A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`).
+    A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`). `ifrdem new study`
+    writes a study, `ifrdem new notebook` the notebooks of the manual for Jupyter.
     """
-    from ..case import shipped, template
-    from ..tools.files import check_files, write_bytes, write_text
+    from ..case import shipped
 
+    if kind is None:
+        unused = ("--short", short), ("-o", output is not None), ("--force", force)
+        refuse([f"{name}: requires a KIND" for name, given in unused if given])
+        echo(shipped.kinds())
+        return
     if output is not None and not output.strip():
         raise InputError(f"-o {output!r}: must be the path of a file")
-    if kind == template.STUDY:
+    if kind == shipped.NOTEBOOK and not short:
+        _new_notebooks(output, force=force)
+        return
+    if kind == shipped.STUDY and not short:
         from ..study import plan  # imports h5py
 
         text = plan.TEMPLATE
     else:
-        text = shipped.new(kind)
+        text = shipped.new(kind, short=short)
     if output == "-":
         echo(text, end="")
         return
@@ -346,8 +353,23 @@ def new(
     for each in data:
         write_bytes(path.with_name(each.name), each.read_bytes())
     quoted = shlex.quote(str(path))
-    try_first, run = ("study --dry-run", "study") if kind == template.STUDY else ("check", "run")
+    try_first, run = ("study --dry-run", "study") if kind == shipped.STUDY else ("check", "run")
     note(f"wrote {path}: look at it with `ifrdem {try_first} {quoted}`, run it with `ifrdem {run} {quoted}`")
+
+
+def _new_notebooks(output: str | None, *, force: bool) -> None:
+    """Write the notebooks of the manual into a folder, or into the current one."""
+    from . import notebooks
+
+    folder = Path(output or ".")
+    if not folder.is_dir():
+        raise InputError(f"-o {output}: must be a folder that exists, for the notebooks")
+    sources = sorted(notebooks.FOLDER.glob("*.py"))
+    paths = [folder / f"{each.stem}.ipynb" for each in sources]
+    check_files(paths, force=force)
+    for path, source in zip(paths, sources, strict=True):
+        write_text(path, notebooks.as_ipynb(source.read_text(encoding="utf-8")))
+    note(f"wrote {', '.join(map(str, paths))}: open them with Jupyter (`pip install jupyterlab`) or VS Code")
 
 
 def cases() -> None:

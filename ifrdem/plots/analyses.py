@@ -21,6 +21,7 @@ from . import species, vortices
 from .series import AXES
 from .style import (
     ACROSS,
+    HATCH,
     KINDS,
     OPEN,
     RATIO,
@@ -28,19 +29,21 @@ from .style import (
     TRANSLATION,
     bars,
     color_bar,
+    dashes,
     few_labels,
     from_zero,
     grid,
     label,
     legend,
     legend_above,
+    marked_line,
+    marks,
     place_axes,
     plain,
     unit_of,
     with_unit,
 )  # fmt: skip
 
-MARKERS = "os^Dv<>P"
 BARS: dict[str, Any] = {"color": ACROSS, "ec": TRANSLATION, "ecolor": ROTATION, "capsize": 3.0}
 POINTS: dict[str, Any] = {"fmt": "o", "lw": 0.8, "mfc": "none", "color": TRANSLATION}
 
@@ -55,7 +58,7 @@ def velocity(left: Axes, *rest: Any) -> None:
     x = np.linspace(-5.0, 5.0, 400)
     lowest = highest = float(analysis.gaussian(x).max())
     for i, (name, found) in enumerate(evaluation.result.items()):
-        style = OPEN | {"color": KINDS[i % 8], "marker": MARKERS[i % 8], "ms": 4, "lw": 0.8}
+        style = marks(KINDS[i % len(KINDS)], ms=4, lw=0.8)
         for axes, middle, density, error in (
             (left, found.speed, found.density, found.density_error),
             (right, found.spin, found.spin_density, found.spin_density_error),
@@ -125,11 +128,10 @@ def pairs(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> 
     whole, *of_pairs = evaluation.result.items()
     for i, (name, found) in enumerate(of_pairs):
         r, g, error = merged(found)
-        style: dict[str, Any] = {"color": KINDS[i % len(KINDS)]}
-        axes.fill_between(r / unit, g - error, g + error, lw=0.0, alpha=0.3, **style)
-        axes.plot(
-            r / unit, g, "-", lw=1.2, label=f"{plain(name)}{', band: standard error' * (not i)}", **style
-        )
+        color = KINDS[i % len(KINDS)]
+        axes.fill_between(r / unit, g - error, g + error, lw=0.0, alpha=0.3, color=color)
+        text = f"{plain(name)}{', band: standard error' * (not i)}"
+        axes.plot(r / unit, g, lw=1.2, label=text, **dashes(color))
     found = whole[1]
     if not of_pairs:
         _all_pairs(axes, trajectory, evaluation, found, unit)
@@ -189,7 +191,7 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
         later = found.lag > 0.0
         t, value = found.lag[later], found.value[later] / unit
         lowest, highest = min(lowest, value.min()), max(highest, value.max())
-        style = POINTS if alone else POINTS | {"color": KINDS[i % len(KINDS)]}
+        style = POINTS if alone else marks(KINDS[i % len(KINDS)], lw=0.8)
         half = student_t(found.disks) * found.error[later] / unit
         text = f"{'disks' if alone else plain(name)}, {PERCENT} intervals" if not i else plain(name)
         axes.errorbar(t, value, half, ms=3.5, label=text, **style)
@@ -210,9 +212,9 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
             text = "straight line (the gas is not stationary: no $D$)"
         if abs(fit.exponent - 1.0) > 0.2:
             text += f"\n(no diffusion: exponent {fit.exponent:.2f})"
-        line_color = ROTATION if alone else KINDS[i % len(KINDS)]
         used &= line > 0.0  # a logarithmic axis would draw a line that falls below 0 as a vertical one
-        axes.plot(t[used], line[used], "-", color=line_color, lw=2.0, zorder=5, label=text)
+        look = {"color": ROTATION} if alone else dashes(KINDS[i % len(KINDS)])
+        axes.plot(t[used], line[used], lw=2.0, zorder=5, label=text, **look)
     axes.set(xscale="log", yscale="log", ylim=(0.5 * lowest, 3.0 * highest))
     few_labels(axes)
     axes.set_xlabel(OWN_LAG if own_time else label(trajectory, "lag $t$", "time"))
@@ -234,9 +236,7 @@ def vacf(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> N
         # Evenly spaced frames have steps of one length, those due at collisions of a cooling gas longer ones.
         logarithmic = len(step) > 2 and step.max() > 10.0 * step.min()
         t, value, error = (each[int(logarithmic) :] for each in (found.lag, found.value, found.error))
-        style = (
-            POINTS | {"fmt": "o-"} | ({} if len(evaluation.result) == 1 else {"color": KINDS[i % len(KINDS)]})
-        )
+        style = marked_line(KINDS[i % len(KINDS)], lw=0.8)
         half = student_t(found.disks) * error / found.value[0]
         axes.errorbar(t, value / found.value[0], half, ms=3.5, label=plain(name), **style)
         if logarithmic:
@@ -265,9 +265,9 @@ def profiles(*axes_and_rest: Any) -> None:
     else:
         density, flow, temperatures, stress, heat, last = axes
         _density(density, found)
-        for (i, j), color, marker in zip(INDICES, COLORS, "os^x", strict=True):
+        for (i, j), color in zip(INDICES, COLORS, strict=True):
             text = f"$P_{{{found.directions[i]}{found.directions[j]}}}$"
-            _curve(stress, found, f"stress{part}", (i, j), text, color, marker)
+            _curve(stress, found, f"stress{part}", (i, j), text, color)
         stress.set_ylabel(label(trajectory, f"pressure tensor{words}", "energy/length^2"))
         _components(
             heat, trajectory, found, f"heat_flux{part}", "q", f"heat flux{words}", "energy/(length time)"
@@ -276,12 +276,12 @@ def profiles(*axes_and_rest: Any) -> None:
     _temperatures(temperatures, trajectory, found)
     if found.species:
         for i, (name, one) in enumerate(found.species.items()):
-            _curve(last, one, "temperature", (), plain(name), KINDS[i % 8], MARKERS[i % 8])
+            _curve(last, one, "temperature", (), plain(name), KINDS[i % len(KINDS)])
         last.set_ylabel(label(trajectory, "temperature $T$ of species", "energy"))
     elif not np.any(np.nan_to_num(found.mean.theta)):
         last.set_visible(False)  # nothing spins
     else:
-        _curve(last, found, "theta", (), "", ROTATION, "o")
+        _curve(last, found, "theta", (), "", ROTATION)
         last.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
     last.set_ylim(bottom=0.0)
     for one in axes:
@@ -307,7 +307,6 @@ def _curve(
     at: tuple[int, ...],
     text: str,
     color: str,
-    marker: str,
 ) -> None:
     """A component of a quantity along the bins, with its 95 % interval.
 
@@ -318,7 +317,7 @@ def _curve(
     """
     value, error, n_eff = (getattr(one, name)[(..., *at)] for one in (found.mean, found.error, found.n_eff))
     half = np.nan_to_num(error * student_t(n_eff))
-    style = OPEN | {"color": color, "marker": marker, "ms": 3.5, "lw": 0.9, "ls": "-"}
+    style = marked_line(color, ms=3.5, lw=0.9)
     shown, filled = np.isfinite(value), found.disks >= FEWEST
     if name in OF_DISKS:
         shown = shown & filled
@@ -340,18 +339,18 @@ def _curve(
 
 
 def _density(axes: Axes, found: analysis.BinAverages) -> None:
-    _curve(axes, found, "packing_fraction", (), "all" if found.species else "", TRANSLATION, "o")
+    _curve(axes, found, "packing_fraction", (), "all" if found.species else "", TRANSLATION)
     for i, (name, one) in enumerate(found.species.items()):
-        _curve(axes, one, "packing_fraction", (), plain(name), KINDS[(i + 1) % 8], MARKERS[(i + 1) % 8])
+        _curve(axes, one, "packing_fraction", (), plain(name), KINDS[(i + 1) % len(KINDS)])
     axes.set_ylabel(r"packing fraction $\phi$")
     axes.set_ylim(bottom=0.0)
 
 
 def _temperatures(axes: Axes, trajectory: Trajectory | None, found: analysis.BinAverages) -> None:
     for i, color in enumerate((TRANSLATION, RATIO)):
-        _curve(axes, found, "temperatures", (i,), f"$T_{found.directions[i]}$", color, "os"[i])
+        _curve(axes, found, "temperatures", (i,), f"$T_{found.directions[i]}$", color)
     if np.any(np.nan_to_num(found.mean.rotational_temperature)):
-        _curve(axes, found, "rotational_temperature", (), r"$T_\mathrm{rot}$", ROTATION, "^")
+        _curve(axes, found, "rotational_temperature", (), r"$T_\mathrm{rot}$", ROTATION)
     axes.set_ylabel(label(trajectory, "temperature", "energy"))
     axes.set_ylim(bottom=0.0)
 
@@ -361,7 +360,7 @@ def _components(
     quantity: str,
 ) -> None:  # fmt: skip
     for i, direction in enumerate(found.directions):
-        _curve(axes, found, name, (i,), f"${symbol}_{direction}$", (TRANSLATION, ROTATION)[i], "os"[i])
+        _curve(axes, found, name, (i,), f"${symbol}_{direction}$", (TRANSLATION, ROTATION)[i])
     axes.set_ylabel(label(trajectory, text, quantity))
 
 
@@ -540,22 +539,21 @@ def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: E
     """The pressure tensor in blocks of time, and the kinetic and collisional part of its mean."""
     found = evaluation.result
     names, at = TENSOR, INDICES
-    for name, (a, b), color, marker in zip(names, at, COLORS, "os^x", strict=True):
-        style: dict[str, Any] = {"ms": 4.5, "mfc": "none", "lw": 1.0, "color": color}
-        line = "" if name == "yx" else "-"  # almost the same as xy
-        left.plot(found.time, found.blocks[:, a, b], f"{marker}{line}", label=f"$P_{{{name}}}$", **style)
+    for name, (a, b), color in zip(names, at, COLORS, strict=True):
+        style = marks if name == "yx" else marked_line  # almost the same as xy
+        left.plot(found.time, found.blocks[:, a, b], label=f"$P_{{{name}}}$", **style(color, ms=4.5, lw=1.0))
         left.axhline(found.stress.total[a, b], color=color, ls=":", lw=0.8)
     left.set(xlabel=label(trajectory, "time $t$", "time"))
     left.set_ylabel(label(trajectory, "$P_{ab}$, mean over a block of time", "energy/length^2"))
     left.axhline(0.0, color="0.7", lw=0.8, zorder=0)
     legend_above(left, 4)
     labels, place = [f"$P_{{{name}}}$" for name in names], np.arange(4.0)
-    parts = (
-        ("kinetic", found.stress.kinetic, TRANSLATION),
-        ("collisional", found.stress.collisional, ROTATION),
+    parts: tuple[tuple[str, Any, dict[str, Any]], ...] = (
+        ("kinetic", found.stress.kinetic, {"color": TRANSLATION}),
+        ("collisional", found.stress.collisional, {"color": ROTATION, "hatch": HATCH, "edgecolor": "white"}),
     )
-    for i, (name, part, color) in enumerate(parts):
-        right.bar(place + 0.27 * (i - 1), [part[one] for one in at], 0.25, color=color, label=name)
+    for i, (name, part, look) in enumerate(parts):
+        right.bar(place + 0.27 * (i - 1), [part[one] for one in at], 0.25, label=name, **look)
     error = np.nan_to_num([found.error[one] for one in at])
     total = [found.stress.total[one] for one in at]
     right.bar(place + 0.27, total, 0.25, yerr=error, **BARS, label="sum, with standard error")

@@ -18,7 +18,7 @@ from ..model.state import Disks
 from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
 from .run import PicturePath, Run, save
-from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid, legend, plain
+from .style import RATIO, ROTATION, TRANSLATION, grid, legend, marks, plain
 
 
 @validated
@@ -45,12 +45,11 @@ def impact_scan(run: Run, path_png: PicturePath = None) -> Figure:
     by_law, sticking = predicted(law, disks, fine)
     upper.plot(fine, by_law, "-", color=RATIO, lw=1.0, label="the law", zorder=1)
     _, stuck = predicted(law, disks, tan_psi)
-    for chosen, colour, marker, label in (
-        (stuck, TRANSLATION, "o", "simulated, sticking"),
-        (~stuck, ROTATION, "s", "simulated, sliding"),
+    for chosen, colour, label in (
+        (stuck, TRANSLATION, "simulated, sticking"),
+        (~stuck, ROTATION, "simulated, sliding"),
     ):
-        style = OPEN | {"marker": marker, "ms": 4, "color": colour, "label": label, "zorder": 2}
-        upper.plot(tan_psi[chosen], tan_delta[chosen], **style)
+        upper.plot(tan_psi[chosen], tan_delta[chosen], ms=4, label=label, zorder=2, **marks(colour))
     changes = np.flatnonzero(sticking[1:] != sticking[:-1])
     for at in (_change(law, disks, fine[i], fine[i + 1]) for i in changes):
         name_of = rf"sticking and sliding meet, $\tan\psi$ = {at:.4g}"

@@ -1,8 +1,9 @@
-"""Figures in the style "poster": disks on black, with a scale bar instead of titles and axes."""
+"""Figures in the style "poster": disks on black, with a scale bar and a key of the colours instead of titles and axes."""
 
 from __future__ import annotations
 
 import math
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..tools.checked import Array
 from . import disks
-from .style import Gas, unit_of
+from .style import Gas, color_bar, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,13 +47,32 @@ def frame(axes: Axes, view: View, color: str) -> None:
         axes.imshow(picture, origin="lower", extent=extent, interpolation="antialiased")
     else:
         disks.add_colored(axes, view, colour)
+    if colour is not None:
+        _color_bar(axes, view, colour)
     disks.draw_walls(axes, view, view.time, disks.collisions_of(view.moving))
     finish(axes, view, region)
 
 
+def _color_bar(axes: Axes, view: View, colour: Colour) -> None:
+    """The colour bar of a frame, of which `finish` makes the key; none where all disks have one colour."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    values = colour.values(view)
+    if not len(values) or np.all(values == values[:1]):
+        return
+    low, high = disks.limits(colour.scale, values)
+    map_ = disks.colour_map(colour.scale, dark=True, kinds=round(high + 0.5))
+    color_bar(axes, ScalarMappable(Normalize(low, high), map_), colour.label(view), names=colour.names(view))
+
+
 def finish(axes: Axes, gas: Gas, region: Array, panels: int = 1) -> None:
-    """Remove titles, axes and colour bars, and add the scale bar below the map, its text larger with more `panels`."""
+    """Remove titles and axes; add the scale bar and the key of the colours below the map.
+
+    The key is made of the colour bar, which goes. Texts are larger with more `panels`.
+    """
     axes.set(title="", xlabel="", ylabel="", xticks=[], yticks=[])
+    bars = [bar for each in axes.child_axes if (bar := getattr(each, "_colorbar", None)) is not None]
     for each in (*axes.child_axes,):
         each.remove()
     width = float(np.ptp(region[0]))
@@ -73,6 +93,48 @@ def finish(axes: Axes, gas: Gas, region: Array, panels: int = 1) -> None:
     text = f"{count:g} {unit}"
     style |= {"color": "white", "va": "center", "fontsize": 10.0 * min(panels, 2)}
     axes.text(left + length + 0.012 * width, down, text, **style)
+    points = 72.0 * STRIP * float(axes.get_figure(root=True).get_figwidth()) / panels  # type: ignore[union-attr]
+    for bar in bars:
+        _key(axes, bar, down, min(0.33 * points, 8.0 * min(panels, 2)))
+
+
+KEY = (0.66, 0.2)
+"""Left end and width of the key of colours, as parts of the width of the map."""
+ARROWS = "\N{LEFTWARDS ARROW}\N{DOWNWARDS ARROW}\N{RIGHTWARDS ARROW}\N{UPWARDS ARROW}\N{LEFTWARDS ARROW}"
+"""Directions from -180 to 180 degrees."""
+
+
+def _key(axes: Axes, bar: Any, down: float, size: float) -> None:
+    """The colours of a bar, with its label, and its ends, or the directions or kinds that they mean."""
+    left, width = KEY
+    height = -0.9 * down
+    inset = axes.inset_axes((left, down - 0.5 * height, width, height))
+    inset.imshow(np.linspace(0.0, 1.0, 256)[None], cmap=bar.cmap, aspect="auto", extent=(0.0, 1.0, 0.0, 1.0))
+    inset.set(xticks=[], yticks=[])
+    for spine in inset.spines.values():
+        spine.set_visible(False)
+    style: dict[str, Any] = {"va": "center", "fontsize": size}
+    names = [each.get_text() for each in bar.ax.get_yticklabels()] if bar.cmap.N < 20 else []
+    if (bar.norm.vmin, bar.norm.vmax) == (-180.0, 180.0):
+        for i, arrow in enumerate(ARROWS):
+            inset.text(
+                (0.02, 0.25, 0.5, 0.75, 0.98)[i],
+                0.5,
+                arrow,
+                color="black",
+                ha="center",
+                weight="bold",
+                **style,
+            )
+    elif len(names) == bar.cmap.N:
+        for i, name in enumerate(names):
+            inset.text((i + 0.5) / len(names), 0.5, name, color="black", ha="center", **style)
+    else:
+        style |= {"color": "white", "transform": axes.transAxes}
+        text = textwrap.fill(str(bar.ax.get_ylabel()).splitlines()[0], 36)
+        axes.text(left - 0.01, down, f"{bar.norm.vmin:.3g}", ha="right", **style)
+        axes.text(left + width + 0.01, down, f"{bar.norm.vmax:.3g}", ha="left", **style)
+        axes.text(left - 0.08, down, text, ha="right", **style | {"fontsize": 0.8 * size})
 
 
 def scale_length(width: float) -> float:

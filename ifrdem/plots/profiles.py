@@ -15,7 +15,7 @@ from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .analyses import FEWEST
 from .disks import HOT
-from .style import ACROSS, RATIO, ROTATION, TRANSLATION, foreground, grid, label
+from .style import ACROSS, RATIO, ROTATION, TRANSLATION, foreground, grid, label, marked_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -96,15 +96,15 @@ def _temperatures(axes: Axes, trajectory: Trajectory, profile: BinAverages) -> N
     mean, axis = profile.mean, "xy".index(profile.axes[0])
     known = np.isfinite(mean.rotational_temperature).any()
     spins = "" if known else ": the file holds no angular_velocity"
-    for values, colour, style, text in (
-        (mean.temperatures[:, axis], TRANSLATION, "o-", rf"$T_{along}$, along"),
-        (mean.temperatures[:, 1 - axis], ACROSS, "s--", rf"$T_{across}$, across"),
-        (mean.rotational_temperature, ROTATION, "^:", rf"$T_\mathrm{{rot}}${spins}"),
+    for values, colour, text in (
+        (mean.temperatures[:, axis], TRANSLATION, rf"$T_{along}$, along"),
+        (mean.temperatures[:, 1 - axis], ACROSS, rf"$T_{across}$, across"),
+        (mean.rotational_temperature, ROTATION, rf"$T_\mathrm{{rot}}${spins}"),
     ):
         if known and values is mean.rotational_temperature and not np.any(np.nan_to_num(values)):
             continue  # nothing spins
         values = np.where(profile.disks >= FEWEST, values, np.nan)
-        _line(axes, profile, values, color=colour, marker=style[0], ls=style[1:], ms=3, lw=1.2, label=text)
+        _line(axes, profile, values, label=text, **marked_line(colour, ms=3, lw=1.2))
     text = "thermal wall"
     for wall in trajectory.walls:
         if wall.temperature is None or wall.shape != "line" or wall.towards[axis] == 0.0:
@@ -118,10 +118,9 @@ def _temperatures(axes: Axes, trajectory: Trajectory, profile: BinAverages) -> N
 
 
 def _velocities(axes: Axes, trajectory: Trajectory, profile: BinAverages) -> None:
-    for i, colour, style in ((0, TRANSLATION, "o-"), (1, ACROSS, "s--")):
-        line_style = {"color": colour, "marker": style[0], "ls": style[1:], "ms": 3, "lw": 1.2}
+    for i, colour in ((0, TRANSLATION), (1, ACROSS)):
         values = np.where(profile.disks >= FEWEST, profile.mean.velocity[:, i], np.nan)
-        _line(axes, profile, values, label=rf"$u_{'xy'[i]}$", **line_style)
+        _line(axes, profile, values, label=rf"$u_{'xy'[i]}$", **marked_line(colour, ms=3, lw=1.2))
     _value_axis(axes, profile, label(trajectory, "mean velocity", "length/time"), from_zero=False)
     axes.legend(loc="best", frameon=False, fontsize="small")
 

@@ -15,7 +15,22 @@ from ..quantities import PISTON_SERIES
 from ..tools.checked import Array
 from ..tools.intervals import PERCENT, student_t
 from ..trajectory.reader import Trajectory
-from .style import ACROSS, KINDS, RATIO, ROTATION, TRANSLATION, grid, label, legend_above, plain
+from .style import (
+    ACROSS,
+    KINDS,
+    LOOKS,
+    RATIO,
+    ROTATION,
+    TRANSLATION,
+    dashes,
+    few_labels,
+    grid,
+    label,
+    legend_above,
+    plain,
+    positive,
+    some_marks,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,8 +67,17 @@ def _finish(axes: Axes, trajectory: Trajectory, text: str, over: str, columns: i
     legend_above(axes, columns)
 
 
+def cools(trajectory: Trajectory) -> bool:
+    """True for a gas without walls, forces and shear."""
+    driven = trajectory.box.shear_rate or trajectory.record("forces", bool, "[]")
+    return not (trajectory.free_area.all_walls or driven)
+
+
 def energy(trajectory: Trajectory, over: str, axes: Axes) -> None:
-    """Translational, rotational and potential energy against time, and that of the pistons."""
+    """Translational, rotational and potential energy against time, and that of the pistons.
+
+    Logarithmic for a gas that cools, whose energy falls over decades.
+    """
     names = ["translational_energy", "rotational_energy"]
     x, values = series(trajectory, over, *names)
     for name, value, colour, style in zip(names, values, (TRANSLATION, ROTATION), ("-", "--"), strict=True):
@@ -65,7 +89,13 @@ def energy(trajectory: Trajectory, over: str, axes: Axes) -> None:
         x, (value,) = series(trajectory, over, "piston_energy")
         name = "pistons (kinetic and potential)"
         axes.plot(x, value.sum(axis=1), ":", color=INPUT, lw=1.8, label=name)
-    if all(np.min(np.asarray(line.get_ydata()), initial=0.0) >= 0.0 for line in axes.lines):
+    drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
+    if cools(trajectory) and np.any(drawn > 0.0) and np.all(drawn >= 0.0):
+        for line in axes.lines:
+            line.set_ydata(positive(np.asarray(line.get_ydata())))
+        axes.set_yscale("log")
+        few_labels(axes, "y")
+    elif np.all(drawn >= 0.0):
         axes.set_ylim(bottom=0.0)
     _finish(axes, trajectory, "energy", over)
 
@@ -82,14 +112,14 @@ def ledger(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = 
     upper.plot(x, present, "-", color=TRANSLATION, lw=1.5, label="present (kinetic and potential)")
     upper.plot(x, dissipated, "--", color=DISSIPATED, lw=1.5, label="dissipated by collisions")
     total = present + dissipated
-    for name, colour, text in (
-        ("energy_input", INPUT, "put in by forces or shear"),
-        ("wall_work", ACROSS, "work of walls"),
-        ("wall_heat", HEAT, "heat of walls"),
+    for name, colour, line, text in (
+        ("energy_input", INPUT, "-.", "put in by forces or shear"),
+        ("wall_work", ACROSS, (0, (3.0, 1.0)), "work of walls"),
+        ("wall_heat", HEAT, (0, (8.0, 1.5, 1.0, 1.5, 1.0, 1.5)), "heat of walls"),
     ):
         if name in trajectory.observables and np.any(trajectory.observables[name]):
             _, (value,) = result.series(trajectory, name)
-            upper.plot(x, value, "-.", color=colour, lw=1.5, label=text)
+            upper.plot(x, value, ls=line, color=colour, lw=1.5, label=text)
             total = total - value
     upper.plot(x, total, ":", color=RATIO, lw=1.8, label="present + dissipated $-$ put in")
     _finish(upper, trajectory, "energy", over)
@@ -106,11 +136,11 @@ def mechanisms(trajectory: Trajectory, over: str, axes: Axes) -> None:
     x, (values,) = series(trajectory, over, "dissipated_by_mechanism")
     names = ("normal", "tangential restitution", "sliding", "sticking", "rolling", "walls", "rest")
     colours = (TRANSLATION, ROTATION, INPUT, HEAT, DISSIPATED, RATIO, ACROSS)
-    styles = ("-", "--", "-.", ":", "-", "--", "-.")
+    styles = [line for _, _, line in LOOKS.values()]
     # Files of before disks could rest have six.
-    for name, colour, style, value in zip(names, colours, styles, values.T, strict=False):
+    for name, colour, line, value in zip(names, colours, styles, values.T, strict=False):
         if np.any(value):
-            axes.plot(x, value, style, color=colour, lw=1.5, label=name)
+            axes.plot(x, value, ls=line, color=colour, lw=1.5, label=name)
     _finish(axes, trajectory, "energy dissipated", over, columns=4)
 
 
@@ -130,7 +160,7 @@ def piston(trajectory: Trajectory, over: str, *panels: Axes) -> None:
     for panel, values, (text, unit) in zip(panels, columns, texts, strict=False):
         for i, (number, wall) in enumerate(pistons):
             name = plain(wall.group or f"wall {number} {wall.shape}")
-            panel.plot(x, values[:, i], "-", color=KINDS[i % len(KINDS)], lw=1.2, label=name)
+            panel.plot(x, values[:, i], lw=1.2, label=name, **dashes(KINDS[i % len(KINDS)]))
         panel.set_ylabel(label(trajectory, f"{text} of the piston{'s' * (len(pistons) > 1)}", unit))
     panels[-1].set_xlabel(axis_label(trajectory, over))
     grid(*panels)
@@ -217,20 +247,20 @@ def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, *given: 
     rows = intervals(sums.time)
     steps = np.repeat(along(trajectory, sums.time[rows], over), 2)[1:-1]
 
-    def draw(panel: Axes, quantity: str, name: str, line: str, colour: str, text: str | None = None) -> None:
+    def draw(panel: Axes, quantity: str, name: str, line: str, i: int, text: str | None = None) -> None:
         mean, half = means(sums.time, -sums[f"walls_{quantity}/{name}"].astype(float), rows)
         y, part = np.repeat(mean, 2), np.repeat(half, 2)
-        panel.plot(steps, y, line, color=colour, lw=1.2, label=text)
+        panel.plot(steps, y, lw=1.2, label=text, **some_marks(KINDS[i], i, ls=line))
         if np.isfinite(part).any():
-            panel.fill_between(steps, y - part, y + part, color=colour, alpha=0.2, lw=0.0)
+            panel.fill_between(steps, y - part, y + part, color=KINDS[i], alpha=0.2, lw=0.0)
 
-    for name, colour in zip(names, KINDS, strict=False):
-        draw(force, "momentum_y", name, "-", colour, plain(name))
-        draw(force, "momentum_x", name, ":", colour)
-        draw(torque, "torque", name, "-", colour)
+    for i, name in enumerate(names[: len(KINDS)]):
+        draw(force, "momentum_y", name, "-", i, plain(name))
+        draw(force, "momentum_x", name, ":", i)
+        draw(torque, "torque", name, "-", i)
         for panel, quantity in zip(given, quantities, strict=True):
             values = sums[f"walls_{quantity}/{name}"]
-            panel.plot(along(trajectory, sums.time, over), values, "-", color=colour, lw=1.2)
+            panel.plot(along(trajectory, sums.time, over), values, lw=1.2, **some_marks(KINDS[i], i))
     turning = sum(wall.turn != Turn() for wall in trajectory.walls)
     sides = sum(not each for each in trajectory.box.periodic)
     centre = "the centre of its turn"

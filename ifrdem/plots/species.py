@@ -12,7 +12,7 @@ from ..errors import InputError, option_name
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .series import AXES
-from .style import KINDS, foreground, from_zero, grid, label, legend_above, plain, positive
+from .style import KINDS, foreground, from_zero, grid, label, legend_above, plain, positive, some_marks
 
 
 def temperatures(
@@ -29,12 +29,13 @@ def temperatures(
             f"{option_name('--over', 'over =')} tau: {trajectory.path} does not count collisions; must be t"
         )
     x = found.time if tau is None else tau
-    thetas: list[tuple[Array, str, dict[str, Any]]] = []
+    thetas: list[tuple[Array, dict[str, Any]]] = []
     names = [*map(plain, found.names)]
     for i, name in enumerate(names):
         style: dict[str, Any] = {"color": KINDS[i % len(KINDS)], "lw": 1.2}
+        marked = some_marks(KINDS[i % len(KINDS)], i)
         T, T_rot = found.temperature[:, i], found.rotational_temperature[:, i]
-        upper.plot(x, positive(T), "-", label=f"$T$ of {name}", **style)
+        upper.plot(x, positive(T), label=f"$T$ of {name}", **style | marked)
         curves = [(T, T_rot, found.temperature[:, 0], "-")]
         if found.theory is not None:
             by_theory, rotational = (each[:, i] for each in found.theory)
@@ -45,13 +46,22 @@ def temperatures(
             with np.errstate(divide="ignore", invalid="ignore"):
                 if i:
                     text = f"$T$ of {name} / $T$ of {names[0]}"
-                    lower.plot(x, one / first, line, label=text if shown else None, **style)
+                    lower.plot(
+                        x,
+                        one / first,
+                        label=text if shown else None,
+                        **style | (marked if shown else {"ls": line}),
+                    )
                 if np.any(spin > 0.0):
-                    kept = {**style, "lw": 0.8, "alpha": 0.7}
+                    kept = (
+                        style
+                        | {"lw": 0.8, "alpha": 0.7, "ls": line}
+                        | (marked | {"ls": ":"} if shown else {})
+                    )
                     text = rf"$\theta$ of {name}"
-                    thetas.append((spin / one, line, {**kept, "label": text if shown else None}))
-    for theta, line, kept in thetas:  # in the legend after all ratios
-        lower.plot(x, theta, line, **kept)
+                    thetas.append((spin / one, {**kept, "label": text if shown else None}))
+    for theta, kept in thetas:  # in the legend after all ratios
+        lower.plot(x, theta, **kept)
     if found.theory is not None:
         upper.plot([], [], "--", color=foreground(upper), label="kinetic theory")
     T = found.temperature

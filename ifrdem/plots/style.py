@@ -18,8 +18,8 @@ from ..trajectory.descriptions import REDUCED
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's blue and vermilion: distinct with every kind of colour blindness, and in grey; and a grey that
-# stands out against black and white.
+# Okabe and Ito's blue and vermilion: distinct with every kind of colour blindness, hardly in grey (L* 46 and 54: `marks`
+# and `dashes` tell them apart); and a grey that stands out against black and white.
 TRANSLATION, ROTATION, RATIO = "#0072B2", "#D55E00", "#777777"
 OPEN: dict[str, Any] = {"mfc": "none", "ls": "none"}
 """Open markers, so that a curve below shows."""
@@ -28,6 +28,43 @@ ACROSS = "#56B4E9"  # their sky blue: the part of the translation that is across
 
 # Okabe and Ito's colours for kinds of disks and curves.
 KINDS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#999999")
+
+
+LOOKS: dict[str, tuple[str, bool, Any]] = dict(
+    zip(
+        (*KINDS, RATIO),
+        (
+            ("o", False, "-"), ("^", True, (0, (6.0, 1.8))), ("s", False, (0, (6.0, 1.5, 1.0, 1.5))), ("D", True, (0, (1.2, 1.2))),
+            ("v", False, (0, (9.0, 1.5, 1.0, 1.5, 1.0, 1.5))), ("P", True, (0, (2.5, 1.5))), ("<", False, (0, (5.0, 5.0))),
+            ("X", True, (0, (1.0, 3.5))), ("x", False, (0, (3.0, 1.5, 1.0, 1.5, 1.0, 1.5))),
+        ),
+        strict=True,
+    )
+)  # fmt: skip
+"""Marker of a colour, whether it is filled, and dashes: series of one figure differ without colours, too."""
+HATCH = "////"
+"""Hatching of the second of two kinds of bars."""
+
+
+def marks(color: str, **more: Any) -> dict[str, Any]:
+    """Markers of a series, by its colour: hollow ones show a curve below; `more` goes before."""
+    marker, filled, _ = LOOKS[color]
+    return {"color": color, "marker": marker, "mfc": color if filled else "none", "ls": "none", **more}
+
+
+def dashes(color: str, **more: Any) -> dict[str, Any]:
+    """Line of a series, by its colour."""
+    return {"color": color, "ls": LOOKS[color][2], **more}
+
+
+def marked_line(color: str, **more: Any) -> dict[str, Any]:
+    """Line and markers of a series, by its colour."""
+    return marks(color) | dashes(color, **more)
+
+
+def some_marks(color: str, place: int, **more: Any) -> dict[str, Any]:
+    """A line with a few markers, by its colour, which are at other places for the next `place`."""
+    return marks(color, ms=4.0, markevery=(place % 8 / 64.0, 0.125), **{"ls": "-", **more})
 
 
 class Bounded(Protocol):

@@ -13,7 +13,18 @@ from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
 from .disks import shown_region
 from .run import PicturePath, Run, drawing
-from .style import RATIO, ROTATION, TRANSLATION, color_bar, grid, label, legend_above, place_axes, positive
+from .style import (
+    RATIO,
+    ROTATION,
+    TRANSLATION,
+    color_bar,
+    grid,
+    label,
+    legend_above,
+    marks,
+    place_axes,
+    positive,
+)
 
 MOST_PATHS = 2000
 """Above this many disks, their paths are a grey haze: only the final places are drawn."""
@@ -49,7 +60,7 @@ def _energies(axes: Axes, trajectory: Trajectory) -> None:
         ("rotational_energy", ROTATION, r"rotational, $\sum I \omega^2 / 2$"),
     ):
         values = trajectory.observables[name]
-        axes.plot(trajectory.times, positive(values), "-o", ms=3, color=colour, label=text)
+        axes.plot(trajectory.times, positive(values), ms=3, label=text, **marks(colour, ls="-"))
         if np.any(values > 0.0):
             axes.set_yscale("log")
     axes.set_ylabel(label(trajectory, "energy of all disks", "energy"))

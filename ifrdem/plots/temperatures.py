@@ -15,7 +15,7 @@ from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Driving
 from ..tools.intervals import PERCENT, student_t
 from ..trajectory.reader import Trajectory
-from .series import along, axis_label
+from .series import along, axis_label, cools
 from .style import (
     RATIO,
     ROTATION,
@@ -26,6 +26,7 @@ from .style import (
     grid,
     label,
     legend,
+    marks,
     positive,
 )
 
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = (TRANSLATION, ROTATION, RATIO)
+# Of T, T_rot and their ratio: long and short dashes, and near and far dots.
+THEORY = (0, (6.0, 2.0)), (0, (2.5, 1.5)), (0, (6.0, 2.0))
+STEADY = (0, (1.0, 1.5)), (0, (1.0, 4.0)), (0, (1.0, 1.5))
 NAMES = (
     r"translational, $T = \langle m v^2 \rangle / 2$",
     r"rotational, $T_\mathrm{rot} = \langle I \omega^2 \rangle$",
@@ -92,19 +96,19 @@ def draw(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = No
     logarithmic and leaves out zeros, that is disks at rest.
     """
     walled = bool(trajectory.free_area.all_walls)
-    cools = not (walled or trajectory.box.shear_rate or trajectory.record("forces", bool, "[]"))
+    free = cools(trajectory)
     T, T_rot = (trajectory.observables[name] for name in ("temperature", "rotational_temperature"))
     known = np.concatenate((T[T > 0.0], T_rot[T_rot > 0.0]))
     decades = walled and len(known) > 0 and np.quantile(known, 0.1) < 0.01 * known.max()
     lower = None if walled else lower
     # Time 0 has no place on a logarithmic axis.
-    shown = (trajectory.times > 0.0) | (over != "t" or not cools)
+    shown = (trajectory.times > 0.0) | (over != "t" or not free)
     _points(upper, lower, trajectory, shown, over, zeros=walled and not decades)
     if not walled:
         _theory(upper, lower, over, *theory(trajectory, over))
     if decades:
         upper.set_yscale("log")
-    elif cools and np.any(T[shown] > 0.0):
+    elif free and np.any(T[shown] > 0.0):
         upper.set(xscale="log" if over == "t" else "linear", yscale="log")
     upper.set_ylabel(label(trajectory, "temperature", "energy"))
     (lower or upper).set_xlabel(axis_label(trajectory, over))
@@ -114,7 +118,7 @@ def draw(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = No
         from_zero(lower)
         grid(lower)
         upper.tick_params(which="both", labelbottom=False)
-    if not (cools or decades):
+    if not (free or decades):
         from_zero(upper)
     legend(upper)
     if upper.get_xscale() == "log":
@@ -145,7 +149,7 @@ def _points(
             continue
         y, part = value[shown] if zeros else positive(value[shown]), float(student_t(n)) * variance**0.5
         # Open, so that the theory shows where it agrees.
-        axes.plot(x, y, "o", ms=5, mfc="none", color=colour, label=name)
+        axes.plot(x, y, ms=5, label=name, **marks(colour))
         axes.fill_between(x, y * max(1.0 - part, 0.0), y * (1.0 + part), color=colour, alpha=0.25, lw=0.0)
     upper.fill_between(
         [], [], [], color=RATIO, alpha=0.4, lw=0.0, label=f"{PERCENT} interval, {n} independent disks"
@@ -159,14 +163,17 @@ def _theory(
     if drawn is not None:
         when, T, T_rot, tau = drawn
         T = positive(T)  # disks may begin at rest
-        for axes, values, colour in zip((upper, upper, lower), (T, T_rot, T_rot / T), COLOURS, strict=True):
+        curves = zip((upper, upper, lower), (T, T_rot, T_rot / T), COLOURS, THEORY, strict=True)
+        for axes, values, colour, line in curves:
             if axes is not None:
-                axes.plot(when if over == "t" else tau, positive(values), "--", lw=1.5, color=colour)
+                axes.plot(when if over == "t" else tau, positive(values), ls=line, lw=1.5, color=colour)
     style = "--" if drawn is not None else "none"
     upper.plot([], [], color=foreground(upper), ls=style, lw=1.5, label=textwrap.fill(note, 60))
     if steady is not None:
         ratio = steady[1] / steady[0]
-        for axes, value, colour in zip((upper, upper, lower), (*steady, ratio), COLOURS, strict=True):
+        for axes, value, colour, line in zip(
+            (upper, upper, lower), (*steady, ratio), COLOURS, STEADY, strict=True
+        ):
             if axes is not None and np.isfinite(value):
-                axes.axhline(value, ls=":", lw=1.5, color=colour)
+                axes.axhline(value, ls=line, lw=1.5, color=colour)
         upper.plot([], [], color=foreground(upper), ls=":", lw=1.5, label="steady state of kinetic theory")

@@ -10,7 +10,20 @@ from ..analysis.result import Columns, Evaluation
 from ..tools.intervals import PERCENT
 from ..trajectory.reader import Trajectory
 from .series import AXES
-from .style import OPEN, RATIO, ROTATION, TRANSLATION, bars, from_zero, grid, label, legend, with_unit
+from .style import (
+    OPEN,
+    RATIO,
+    ROTATION,
+    TRANSLATION,
+    bars,
+    dashes,
+    from_zero,
+    grid,
+    label,
+    legend,
+    marks,
+    with_unit,
+)
 
 
 def correlation_alone(axes: Axes, trajectory: Trajectory | None, found: VelocityCorrelation) -> None:
@@ -22,7 +35,7 @@ def correlation_alone(axes: Axes, trajectory: Trajectory | None, found: Velocity
         (found.across, found.across_error, ROTATION, r"across $r$, $C_\perp$"),
     ):
         r, value, error = found.r[shown], value[shown], error[shown]
-        axes.plot(r, value, "-", color=colour, lw=1.2, label=text)
+        axes.plot(r, value, lw=1.2, label=text, **dashes(colour))
         axes.fill_between(r, value - error, value + error, color=colour, alpha=0.25, lw=0.0)
     axes.axhline(0.0, color=RATIO, ls=":", lw=1.2)
     if np.isfinite(found.length):
@@ -46,9 +59,7 @@ def spectrum_alone(axes: Axes, trajectory: Trajectory | None, found: VelocitySpe
         (found.across, found.across_ends, ROTATION, "across $k$"),
         (found.along, found.along_ends, TRANSLATION, "along $k$"),
     ):
-        axes.errorbar(
-            found.k, value, bars(value, ends), fmt="o", ms=3.5, lw=0.8, color=colour, mfc="none", label=text
-        )
+        axes.errorbar(found.k, value, bars(value, ends), ms=3.5, lw=0.8, label=text, **marks(colour))
     axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label=f"independent velocities; bars: {PERCENT} intervals")
     axes.set(xscale="log", yscale="log")
     axes.set_xlabel(label(trajectory, "$k$", "1/length"))

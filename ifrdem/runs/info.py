@@ -13,6 +13,7 @@ from ..case.summary import size
 from ..errors import InputError, counted, printable
 from ..model.box import describe_sides
 from ..tools.files import checkpoint_of
+from ..tools.versions import described
 from ..trajectory import damage, layout, views
 from ..trajectory.reader import Trajectory
 from . import status
@@ -38,6 +39,8 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     box, times, units = trajectory.box, trajectory.times, trajectory.units
     length, time, mass = (f" {units[name]}" if name in units else "" for name in ("length", "time", "mass"))
     yield "size on disk", size(trajectory.path.stat().st_size)
+    record = trajectory.parameters
+    yield "written by", described(record.get("versions/ifrdem"), record.get("git"))
     if (parts := trajectory.parts) is not None:
         for number in range(len(parts)):
             own, part_path = parts.disks(number), parts.path_of(trajectory.path, number)

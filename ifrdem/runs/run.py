@@ -36,7 +36,6 @@ from ..simulation.simulation import Simulation
 from ..simulation.steps.schedule import RunPlan, RunPoint, end_at
 from ..tools.checked import Array
 from ..tools.progress import DELAY, Progress, Stage, drawing, shown_stages
-from ..tools.versions import revision
 from ..trajectory import layout, parts
 from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
@@ -631,6 +630,5 @@ def _record(file: CaseFile, cores: int, ranks: int = 1) -> dict[str, str | int |
         "device": device_of(case) if ranks == 1 else how(case, cores, ranks),
         "threads": case.run.threads or cores,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "git": revision(),
         **({} if ranks == 1 else {"ranks": ranks}),
     }

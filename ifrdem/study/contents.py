@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import option_name, printable
 from ..plots.style import written
 from ..tools.intervals import FEW, PERCENT
+from ..tools.versions import described
 from ..trajectory.descriptions import REDUCED
 from .results import N_EFF, ROWS, SEED, START, Results, averaged, half_interval, warnings_of
 
@@ -32,6 +33,7 @@ def describe(path: str | os.PathLike[str], start: float | None = None) -> str:
         series = f"from {start:g} on, in what ends the runs"
     keys = [key for names in results.axes.values() for key in names]
     lines = [f"{path}: {results.attributes.get('title', 'results of a study')}"]
+    lines.append(f"  written by {described(results.attributes.get('ifrdem'), results.attributes.get('git'))}")
     lines.append(f"  seeds  {', '.join(map(str, results.values(SEED)))}")
     lines += [f"  ! {line}" for line in warnings_of(results)]
     intervals = len(results.values(SEED)) < FEW

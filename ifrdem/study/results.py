@@ -31,7 +31,7 @@ from ..tools import files
 from ..tools.checked import is_number
 from ..tools.files import NO_VALUES
 from ..tools.intervals import student_t
-from ..tools.versions import __version__
+from ..tools.versions import __version__, revision
 from ..trajectory.descriptions import REDUCED
 from ..trajectory.file import new_file
 from ..trajectory.tables import optional_import
@@ -275,6 +275,7 @@ def collect(
         "path": str(plan.path.resolve()),
         "overrides": "\n".join(plan.overrides),
         "ifrdem": __version__,
+        "git": revision(),
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     kept = {name for name, one in variables.items() if len(one.dims) != 1 or one.dims[0] in {*used, *swept}}

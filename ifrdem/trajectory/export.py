@@ -27,7 +27,7 @@ from .species import named_species
 
 FORMATS = ("gsd", "extxyz", "csv", "h5")
 EXTXYZ_NAMES = {"position": "pos", "velocity": "velo"}  # what OVITO calls them
-CONSTANT = ("radius", "mass", "material")  # properties of disks that other formats are given
+CONSTANT = ("radius", "mass", "k", "material", "species")  # properties of disks that other formats are given
 TEXTS_AT_ONCE = 1 << 16
 """Disks of a frame that are written together, as text."""
 CSV_KEYS = ("frame", "time", "id")  # first columns of a CSV
@@ -157,6 +157,7 @@ def _extxyz(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:
             properties.append("kind:S:1")
             columns.append(names[named[1][disks]].tolist())
         stored = _stored(trajectory, index, disks)
+        del stored["species"]  # the word is that of chemical elements here
         mass = stored["mass"]
         if "velocity" in stored:  # immovable disks are at rest
             weight = np.where(np.isfinite(mass), mass, 0.0)

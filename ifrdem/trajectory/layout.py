@@ -24,7 +24,7 @@ from ..kernels.compiler.runtime import of_versions
 from ..model.box import Box
 from ..model.state import Disks
 from ..quantities import EVENT, FIELDS, PRECISIONS, START, Quantity
-from ..tools.versions import package_versions
+from ..tools.versions import package_versions, revision
 from . import damage
 from . import parts as part_files
 from .descriptions import REDUCED, describe
@@ -146,6 +146,7 @@ def create(
     record = {f"versions/{package}": version for package, version in versions.items()}
     record |= {"units": REDUCED} if reduced else {f"units/{name}": unit for name, unit in units.items()}
     record[RUNTIMES] = " ".join(of_versions(versions))
+    record["git"] = revision()
     for name, value in {**record, **parameters}.items():
         stored.create_dataset(name, data=value, dtype=RUNTIMES_TYPE if name == RUNTIMES else None)
     file.create_group("observables")

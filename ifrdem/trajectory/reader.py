@@ -48,6 +48,7 @@ from . import damage, history, layout, tables
 from . import parts as part_files
 from .history import History
 from .parts import Part, Parts
+from .species import named_species, species_of_disks
 
 if TYPE_CHECKING:
     import MDAnalysis
@@ -559,17 +560,26 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
 
     @validated
     def constants(self, name: str, disks: slice | int = slice(None)) -> NDArray[Any]:
-        """Radii, masses, k or materials of some disks: "radius", "mass", "k", "material".
+        """Radii, masses, k, materials or species of some disks: "radius", "mass", "k", "material", "species".
+
+        Materials and species are numbers; species those of the parameter `species`, or of materials where none are
+        named.
 
         Raises InputError if there is no such constant or disk, or it cannot be read (`DamageError`).
         """
-        if name not in layout.STATIC:
-            raise NameMissing(f"there is no constant {name!r}{there_are(str(name), layout.STATIC)}")
+        known = (*layout.STATIC, "species")
+        if name not in known:
+            raise NameMissing(f"there is no constant {name!r}{there_are(str(name), known)}")
         (some,), turned = _forward("disks", disks, (self.n,))
         return np.flip(self._reopening(lambda: self._constants(name, some)), axis=turned)
 
     def _constants(self, name: str, disks: slice | int = slice(None)) -> NDArray[Any]:
         path = f"{layout.PARTICLES}/{name}"
+        if name == "species" and layout.version_of(self._opened()) < (1, 6):  # which held materials there
+            named = named_species(self.parameters, self.n)
+            if named is None:
+                return self._constants("material", disks)
+            return np.asarray(species_of_disks(tuple(named.values()), 0, self.n)[disks])
         if self._parts is None:
             return damage.read(self._opened()[path], disks)
         return self._parts.read(self.path, path, disks, axis=0)
@@ -930,7 +940,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def universe(self) -> MDAnalysis.Universe:
         """A universe of MDAnalysis over this file, in the units of the file (nothing is converted).
 
-        It has an atom for each disk, with masses, radii and types (materials); coordinates are single precision.
+        It has an atom for each disk, with masses, radii and types (names of species, of materials where no species are named, or their numbers); coordinates are single precision.
         MDAnalysis takes all sides as periodic: a side between walls is twice as long there (`Box.cell`), and a box
         without periodic sides has no dimensions.
 

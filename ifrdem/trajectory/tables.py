@@ -61,7 +61,7 @@ def frame_columns(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]
         found.update(columns(name, frame[name]))
     for name in STATIC:
         found[name] = getattr(disks, name)
-    return found
+    return found | {"species": trajectory.constants("species")}
 
 
 def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFrame:
@@ -112,6 +112,7 @@ def _dataset(xarray: Any, trajectory: Trajectory) -> xarray.Dataset:
         data[name] = _lazy(xarray, trajectory, name, dims)
     for name in STATIC:
         data[name] = ("disk", getattr(trajectory.disks, name))
+    data["species"] = ("disk", trajectory.constants("species"))
     coordinates: dict[str, Any] = {
         "time": trajectory.times, "disk": np.arange(trajectory.n), "axis": list(AXES["axis"]),
         **({"mechanism": list(MECHANISMS)} if "dissipated" in trajectory.fields else {}),
@@ -282,6 +283,8 @@ def _stored(trajectory: Trajectory, name: str) -> Any:
 
 def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
     """Implement `Trajectory.universe`."""
+    from .export import kinds
+
     mda: Any = optional_import("MDAnalysis", "readers")
     trajectory.dataset("position")  # raises if it, or a part of it, is missing
     disks = trajectory.disks
@@ -289,11 +292,13 @@ def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
         converted(
             name, trajectory[0][name], np.float32, "MDAnalysis computes in it: export to xarray instead"
         )
+    names, number = kinds(trajectory) or (None, disks.material)
+    types = number.astype(str) if names is None else np.array(names, dtype=object)[number]
     made = mda.Universe.empty(disks.n, trajectory=True, velocities="velocity" in trajectory.fields)
     for name, values in (
         ("masses", disks.mass),
         ("radii", disks.radius),
-        ("types", disks.material.astype(str)),
+        ("types", types),
     ):
         made.add_TopologyAttr(name, values)
     # MDAnalysis has a time step besides the times of frames: 1 if none is given, with a warning where it is used.

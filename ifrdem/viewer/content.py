@@ -42,7 +42,7 @@ class DiskColour:
 
     label: str
     unit: str
-    kind: str  # "diverging" about 0, "rising" or "names"
+    kind: str  # "diverging" about 0, "rising", "cyclic" (degrees) or "names"
     field: str  # that the file must hold
     values: Callable[[Content, Frame], Array]
 
@@ -70,7 +70,9 @@ def levels(values: Array, kind: str) -> tuple[NDArray[np.uint8], list[float]]:
     """Levels 0 to `LEVELS` of values (n,), `UNKNOWN` for nan; and the range [low, high] that they stand for."""
     known = values[np.isfinite(values)]
     low, high = 0.0, 1.0
-    if known.size and kind == "diverging":  # a heavy tail of fast spins must not wash out all others
+    if kind == "cyclic":
+        low, high = -180.0, 180.0
+    elif known.size and kind == "diverging":  # a heavy tail of fast spins must not wash out all others
         high = float(np.quantile(np.abs(known), FULL)) or 1.0
         low = -high
     elif known.size:
@@ -127,8 +129,11 @@ class Content:
             return ""
         return status.line(content) if content["state"] == status.RUNNING else ""
 
-    def head(self) -> dict[str, Any]:
-        """The content except the disks, for JSON."""
+    def head(self, opening: int | None = None) -> dict[str, Any]:
+        """The content except the disks, for JSON.
+
+        `opening` is the frame that the page opens with: without it the first one, or of a live run the last one.
+        """
         it = self.trajectory
         available, absent = self.colours
         tracked = it.tracked
@@ -143,6 +148,10 @@ class Content:
             "reduced": not it.units,
             "box": None if it.box.is_open else {"lengths": it.box.lengths, "periodic": it.box.periodic},
             "colours": available,
+            "colour": self._varying(
+                [one["name"] for one in available],
+                opening if opening is not None else -1 if self.status else 0,
+            ),
             "absent": absent,
             "names": names[0] if names else [],
             "marks": "angle" in it.fields,
@@ -160,7 +169,7 @@ class Content:
         return quantity.startswith("angle") * "rad" + unit
 
     @property
-    def colours(self) -> tuple[list[dict[str, str]], dict[str, str]]:
+    def colours(self) -> tuple[list[dict[str, Any]], dict[str, str]]:
         """Quantities by which disks can be coloured, and reasons why others cannot."""
         it, found, absent = self.trajectory, [], {}
         for name, one in COLOURS.items():
@@ -173,8 +182,19 @@ class Content:
             if not absent.get(name):
                 absent.pop(name, None)
                 label = one.label + (" relative to the flow" if name == "speed" and it.box.shear_rate else "")
-                found.append({"name": name, "label": label, "unit": self._unit(one.unit), "kind": one.kind})
+                entry = {"name": name, "label": label, "unit": self._unit(one.unit), "kind": one.kind}
+                # From -180 degrees, as plots have them.
+                stops = [*plot_disks.DIRECTIONS[4:], *plot_disks.DIRECTIONS[1:5]]
+                found.append(entry | ({"stops": stops} if one.kind == "cyclic" else {}))
         return found, absent
+
+    def _varying(self, names: Sequence[str], index: int) -> str:
+        """The first of these colours that differs among the disks of a frame: spins may all be 0 at the start."""
+        for name in names if len(self.trajectory) else ():
+            values = COLOURS[name].values(self, self.trajectory[index])
+            if len(values) and not np.all(values == values[0]):
+                return name
+        return names[0] if names else ""
 
     def _kinds(self) -> tuple[Sequence[str], NDArray[np.intp]]:
         material = self.trajectory.disks.material.astype(np.intp)
@@ -378,11 +398,17 @@ def _speed(_content: Content, frame: Frame) -> Array:
     return np.hypot(velocity[:, 0], velocity[:, 1])
 
 
+def _direction(_content: Content, frame: Frame) -> Array:
+    velocity = frame.peculiar_velocity
+    return np.where(velocity.any(axis=1), np.degrees(np.arctan2(velocity[:, 1], velocity[:, 0])), np.nan)
+
+
 COLOURS = {
     "spin": DiskColour(
         "spin (counter-clockwise +)", "angle/time", "diverging", SPIN, lambda _, frame: frame.spin
     ),
     "speed": DiskColour("speed", "length/time", "rising", "velocity", _speed),
+    "direction": DiskColour("direction of the velocity", "", "cyclic", "velocity", _direction),
     "species": DiskColour(
         "species", "", "names", "species", lambda content, _: content._kinds()[1].astype(float)
     ),

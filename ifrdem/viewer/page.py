@@ -67,7 +67,7 @@ def page(
         raise InputError(
             f"{trajectory.path}: {trajectory.n} disks are too many for one file ({MOST_DISKS} at most)"
         )
-    head = content.head()
+    head = content.head(frames[0])
     share = MOST_EVENTS // max(len(head["tracked"]), 1)
     head |= {"times": [head["times"][i] for i in frames], "status": ""}
     histories = {

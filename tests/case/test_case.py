@@ -106,6 +106,14 @@ def test_temperature_instead_of_speed(case: MakeCase) -> None:
 
 
 @pytest.mark.parametrize("kind", template.TEMPLATES)
+def test_the_short_template_has_the_same_values_in_a_page(kind):
+    text = template.write_short(kind)
+    assert tomllib.loads(text) == template.TEMPLATES[kind].values
+    assert len(text.splitlines()) <= 50
+    assert "mass = 0.00119                  # [kg]" in text or kind == "two_species"
+
+
+@pytest.mark.parametrize("kind", template.TEMPLATES)
 def test_template_passes_every_check(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
     path.write_text(template.write(kind), encoding="utf-8")

@@ -18,7 +18,8 @@ import pytest
 from support.cases import case_text
 
 import ifrdem
-from ifrdem.case import starts
+from ifrdem.case import shipped, starts
+from ifrdem.cli import notebooks
 from ifrdem.cli.main import app, main
 from ifrdem.errors import EngineError, InputError, TrajectoryError
 from ifrdem.model.observables import Measure
@@ -117,7 +118,6 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
     ("arguments", "says"),
     [
         (["rum", "tiny.toml"], r"unknown command 'rum' \(did you mean 'run'\?\); there are run, resume"),
-        ([], "COMMAND is missing: must be one of run, resume"),
         (["run"], r"CASE: must have a value \(see `ifrdem run --help`\)"),
         (["run", "tiny.toml", "--device"], r"--device: must have a value \(see `ifrdem run --help`\)"),
         (["--versoin"], r"unknown option --versoin \(did you mean '--version'\?\)"),
@@ -126,7 +126,13 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
         (["run", "tiny.toml", "--sed", "3"], r"unknown option --sed \(did you mean '--seed'\?\)"),
         (["run", "tiny.toml", "more"], "unexpected argument 'more'"),
         (["new", "coolin"], r"no template or shipped case is called 'coolin' \(did you mean 'cooling'\?\)"),
-        (["new", "nosuch"], r"templates: .*, study; cases: "),
+        (["new", "nosuch"], r"templates: .*, study, notebook; cases: "),
+        (
+            ["new", "cases/mixture.toml", "--short"],
+            "--short: goes with a template only, which 'cases/mixture.toml' is",
+        ),
+        (["new", "--short", "-o", "x.toml"], "--short: requires a KIND"),
+        (["new", "notebook", "-o", "nowhere"], "-o nowhere: must be a folder that exists"),
         (["new", "cooling", "-o", ""], "-o '': must be a text, not empty"),
         (["new", "cooling", "-o", "nowhere/a.toml"], "output folder nowhere: does not exist"),
         (["new", "cooling", "-o", "tiny.toml"], "exists already"),
@@ -171,6 +177,40 @@ def test_new_writes_a_template_that_check_likes(folder: Path, capsys: pytest.Cap
     assert tomllib.loads(printed[printed.index("# Two kinds") :])["run"]["name"] == "two_species"
     assert main(["new", "two_species", "-o", "cooling.toml", "--force"]) == 0
     assert "two_species" in (folder / "cooling.toml").read_text(encoding="utf-8")
+
+
+def test_the_program_alone_prints_its_help_and_new_alone_its_kinds(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([]) == 0
+    alone = capsys.readouterr().out
+    assert main(["--help"]) == 0
+    assert capsys.readouterr().out == alone
+    assert main(["new"]) == 0
+    listed = capsys.readouterr().out
+    for kind in shipped.KINDS:
+        assert re.search(rf"^{kind} ", listed, re.MULTILINE)
+    assert all(f"cases/{name}.toml" in listed for name in shipped.names())
+    assert names(folder) == ["tiny.toml"]
+
+
+def test_notebooks_are_written_for_jupyter(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The keys that nbformat 4.5 requires, and the cells of the manual's text files in their order."""
+    assert main(["new", "notebook"]) == 0
+    sources = sorted(notebooks.FOLDER.glob("*.py"))
+    assert names(folder) == sorted(["tiny.toml", *(f"{each.stem}.ipynb" for each in sources)])
+    for source in sources:
+        book = json.loads((folder / f"{source.stem}.ipynb").read_text(encoding="utf-8"))
+        assert (book["nbformat"], book["nbformat_minor"]) == (4, 5)
+        cells = [(each["cell_type"] == "markdown", "".join(each["source"])) for each in book["cells"]]
+        assert cells == notebooks.cells(source.read_text(encoding="utf-8"))
+        assert len({each["id"] for each in book["cells"]}) == len(cells) > 3
+        for each in book["cells"]:
+            required = {"cell_type", "id", "metadata", "source"}
+            code = {"outputs", "execution_count"} if each["cell_type"] == "code" else set()
+            assert set(each) == required | code
+    assert main(["new", "notebook"]) == 2
+    assert "exists already" in capsys.readouterr().err
 
 
 def test_check_prints_estimates(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -556,11 +596,6 @@ def test_coins_stay_a_mapping_when_their_module_is_imported() -> None:
     from ifrdem.model.laws.coin_table import Coin
 
     assert isinstance(ifrdem.coins["1 pta"], Coin)
-
-
-def test_version_is_that_of_the_package() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert ifrdem.__version__ == project["version"]
 
 
 def test_a_place_that_is_no_place_and_a_file_larger_than_the_disk_are_refused(

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
-from support import layout_files
+from support import grey, layout_files
 from support.figures import texts
 
 import ifrdem
@@ -275,6 +275,7 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
         for each in axes:
             assert each.get_xlabel()
             assert each.has_data()
+        assert grey.least_difference(*axes) > 10.0  # as in test_grey.py
         given = pyplot.figure().subplots(1, len(axes), squeeze=False).ravel()
         one.plot(ax=given if len(given) > 1 else given[0])
         assert [each.get_xlabel() for each in given] == [each.get_xlabel() for each in axes]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support import grey
 from support.figures import texts
 
 from ifrdem import Box, Disks, InputError, Piston, State, Trajectory, TrajectoryWriter, Wall
@@ -36,6 +37,7 @@ def test_place_and_speed_of_each_piston_are_drawn_against_time(tmp_path: Path) -
     with Trajectory(write_pistons(tmp_path / "a.h5", [FLOOR, PISTON, PISTON])) as run:
         figure = pictures.figure(run, "piston")
         place, speed = figure.axes
+        assert grey.least_difference(place) > 10.0  # as in test_grey.py
         assert [line.get_label() for line in place.lines] == ["wall 1 line", "wall 2 line"]
         np.testing.assert_array_equal(place.lines[1].get_xydata(), [[0.0, 0.0], [1.0, 2.0], [2.0, 4.0]])
         np.testing.assert_array_equal(speed.lines[1].get_ydata(), 2.0)

@@ -34,8 +34,10 @@ def test_a_snapshot_has_no_title_and_no_axes_but_a_bar_of_its_length(opened, in_
     figure = pictures.figure(opened, "disks", color="speed", size=(4.0,))
     (axes,) = figure.axes
     assert figure.get_suptitle() == axes.get_title() == axes.get_xlabel() == ""
-    assert not axes.child_axes
-    assert list(axes.get_xticks()) == list(axes.get_yticks()) == []
+    (key,) = axes.child_axes  # its ends are those of the colours
+    speed = np.linalg.norm(opened[-1].velocity, axis=1)
+    assert [one.get_text() for one in axes.texts[1:]] == ["0", f"{np.quantile(speed, 0.95):.3g}", "speed"]
+    assert list(key.get_xticks()) == list(axes.get_xticks()) == list(axes.get_yticks()) == []
     assert len(axes.findobj(EllipseCollection)) == 1
     (bar,) = (line for line in axes.lines if line.get_transform() == axes.get_xaxis_transform())
     diameter = 2.0 * layout_files.some_disks(50).radius.mean()
@@ -45,6 +47,21 @@ def test_a_snapshot_has_no_title_and_no_axes_but_a_bar_of_its_length(opened, in_
     assert 0.4 * 30.0 / 8.0 <= count * diameter <= 30.0 / 8.0
     # The map fills the figure in width, and its sides have the ratio of the box.
     assert figure.get_size_inches() == pytest.approx((4.0, 4.0 * (20.0 / 30.0 + poster.STRIP)))
+
+
+def test_the_key_has_arrows_at_the_colours_of_their_directions(opened, in_style) -> None:
+    (key,) = pictures.figure(opened, "disks", color="direction").axes[0].child_axes
+    (image,) = key.images
+    for text, degrees in zip(key.texts, (-180.0, -90.0, 0.0, 90.0, 180.0), strict=True):
+        angle = {"←": 180.0, "↓": -90.0, "→": 0.0, "↑": 90.0}[text.get_text()]
+        assert np.cos(np.radians(angle - degrees)) == pytest.approx(1.0)
+        place = (degrees + 180.0) / 360.0
+        assert text.get_position()[0] == pytest.approx(place, abs=0.021)
+        np.testing.assert_allclose(image.cmap(place), disks.colour_map("cyclic", dark=True)(place))
+
+
+def test_without_a_colour_there_is_no_key(opened, in_style) -> None:
+    assert not pictures.figure(opened, "disks", color="none").axes[0].child_axes
 
 
 @pytest.mark.parametrize(

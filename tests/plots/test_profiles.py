@@ -14,6 +14,7 @@ import pytest
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from support import grey
 from support.figures import texts
 
 from ifrdem import analysis
@@ -191,6 +192,7 @@ def test_the_picture_shows_walls_profiles_and_no_theory(tmp_path: Path, drawn: l
         assert theory(trajectory)[2] == "walls: no kinetic theory here"
     assert found is not None
     density, temperatures, velocities = figure.axes[1:4]  # a surface moves, so the velocity is shown
+    assert grey.least_difference(temperatures, velocities) > 10.0  # as in test_grey.py
     np.testing.assert_array_equal(density.lines[0].get_xdata(), found.mean.packing_fraction)
     np.testing.assert_array_equal(density.lines[0].get_ydata(), found.middles[0])
     for line, values in zip(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support import grey
 from support.figures import texts
 
 from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter, Turn, Wall
@@ -53,6 +54,7 @@ def test_forces_are_the_momentum_that_walls_take_over_the_time(tmp_path: Path) -
         np.testing.assert_allclose(torque.lines[0].get_ydata(), -9.0)
         np.testing.assert_allclose(work.lines[0].get_ydata(), 6.0 * run.series.time)
         assert "mean force on the wall" in texts(figure)
+        assert grey.least_difference(*figure.axes) > 10.0  # as in test_grey.py
         figure.draw_without_rendering()
 
 

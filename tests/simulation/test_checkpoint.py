@@ -39,6 +39,7 @@ from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.not_recorded import NotRecorded
+from ifrdem.tools.versions import revision
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 STATE = (
@@ -404,6 +405,7 @@ def test_the_checkpoint_of_another_version_is_refused_with_both(tmp_path, monkey
     checkpoint.write(path, {"a": np.arange(3)}, {"n": 1})
     monkeypatch.undo()
     _, record = checkpoint.read(path)
+    assert record["git"] == revision()
     remedy = (
         "Begin a new run"
         if package == "ifrdem"

@@ -23,6 +23,7 @@ from ifrdem.study.figure import draw
 from ifrdem.study.results import Results, warnings_of
 from ifrdem.study.task import Task, Variable
 from ifrdem.study.windows import SAME_RUN, window_of
+from ifrdem.tools import versions
 
 SHEARED = case_text({
     "material[0].e_n": 0.8, "run.collisions_per_disk": None, "run.t_end": 20.0, "box.shear_rate": 1.0,
@@ -124,6 +125,7 @@ def test_warnings_of_runs_are_kept_and_counted(tmp_path, capsys):
     assert cli.main(["info", f"{tmp_path}/s.nc"]) == 0
     printed = capsys.readouterr().out
     assert "! 4 of 4 runs with warnings" in printed
+    assert f"  written by {versions.shown()}\n" in printed
     assert "analyses over time average from time = 0.75 on; n_eff of T in a run: " in printed
     assert cli.main(["plot", f"{tmp_path}/s.nc", "T", "-o", f"{tmp_path}/T"]) == 0
     assert "4 of 4 runs with warnings: `ifrdem info " in capsys.readouterr().err

@@ -113,6 +113,8 @@ def test_parts_have_the_species_of_their_disks(tmp_path, number):
             assert held[:].tolist() == [int(first + i >= 13) for i in range(len(held))]
     with ifrdem.Trajectory(path) as trajectory:
         assert trajectory.n == 20
+        assert trajectory.constants("species").tolist() == [0] * 13 + [1] * 7
+        assert trajectory.constants("species", slice(12, 14)).tolist() == [0, 1]
 
 
 def test_units_that_are_reduced_or_not_stated_say_so(tmp_path):

@@ -22,6 +22,7 @@ from ifrdem.kernels.compiler import runtime
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.runs.info import describe
+from ifrdem.tools import versions
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.rows import CommitLog
 from ifrdem.trajectory.writer import TrajectoryWriter
@@ -141,6 +142,7 @@ def test_disks_box_and_record_come_back(tmp_path):
     assert (record["case"], record["seed"], record["dt"]) == (case, 3, 0.5)
     assert record["versions/python"] == ".".join(map(str, sys.version_info[:3]))
     assert record["versions/ifrdem"] == ifrdem.__version__
+    assert record["git"] == versions.revision()
     assert record["versions/numpy"] == np.__version__
     assert record["versions/h5py"] == h5py.__version__
     assert (
@@ -159,7 +161,9 @@ def test_no_disk_and_one_disk_are_trajectories_too(tmp_path, n, compression):
         assert trajectory[1].spin.shape == (n,)
     with h5py.File(path) as file:
         assert file["particles/all/position/value"].shape == (2, n, 3)
-    assert f"disks             {n}" in describe(path)
+    text = describe(path)
+    assert f"disks             {n}" in text
+    assert f"written by        {versions.shown()}" in text
 
 
 @pytest.mark.parametrize("length", [30.0, 0.1, 0.7])

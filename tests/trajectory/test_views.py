@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from support.layout_files import BOX, FIELDS, add_series, some_state, write
+from support.layout_files import BOX, FIELDS, add_series, some_disks, some_state, write
 
 import ifrdem
 from ifrdem.case.case import UNITS
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
+from ifrdem.trajectory.export import export
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.views import write_views
 
@@ -139,6 +141,57 @@ def test_vtk_reads_every_step(viewed):
             assert np.array_equal(vtk_to_numpy(arrays.GetArray("radius")), trajectory.disks.radius)
             assert np.array_equal(vtk_to_numpy(arrays.GetArray("material")), trajectory.disks.material)
         assert np.array_equal(vtk_to_numpy(arrays.GetArray("id")), np.arange(N))
+
+
+def test_every_reader_and_export_has_the_species(tmp_path):
+    """MDAnalysis got materials in their place, and tables none; here no species has the number of its material."""
+    import ase.io
+    import gsd.hoomd
+    import pyh5md
+    import xarray
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    numbers, path = {"light": 10, "heavy": N - 10}, tmp_path / "run.h5"
+    record = [{"name": name, "number": number} for name, number in numbers.items()]
+    parameters = {"species": json.dumps(record), "materials": json.dumps(["a", "b", "c"])}
+    write(path, n=N, frames=2, parameters=parameters)
+    write_views(path)
+    number, names = np.repeat([0, 1], [10, N - 10]), np.repeat(["light", "heavy"], [10, N - 10])
+    disks = some_disks(N)
+    assert not np.array_equal(disks.material, number)
+    with pyh5md.File(str(path), "r") as file:
+        assert np.array_equal(pyh5md.element(file.particles_group("all"), "species").value[()], number)
+    reader = vtkHDFReader()
+    reader.SetFileName(str(path.with_suffix(".vtkhdf")))
+    reader.Update()
+    assert np.array_equal(vtk_to_numpy(reader.GetOutput().GetPointData().GetArray("species")), number)
+    with xarray.open_dataset(path.with_suffix(".nc"), engine="netcdf4") as data:
+        assert np.array_equal(data.species, number)
+    with Trajectory(path) as run:
+        assert run.universe().atoms.types.tolist() == names.tolist()
+        assert np.array_equal(run.to_pandas("frame").species, number)
+        assert np.array_equal(run.to_pandas("frame").k, disks.k)
+        assert np.array_equal(run.to_xarray().species, number)
+        assert run.constants("species", slice(8, 12)).tolist() == [0, 0, 1, 1]
+        for to in ("csv", "extxyz", "gsd", "h5"):
+            export(run, tmp_path / f"new.{to}", to, [1])
+    rows = np.genfromtxt(tmp_path / "new.csv", delimiter=",", names=True)
+    assert np.array_equal(rows["species"], number)
+    assert np.array_equal(rows["k"], disks.k)
+    assert np.array_equal(rows["material"], disks.material)
+    atoms = ase.io.read(tmp_path / "new.extxyz", format="extxyz")
+    assert atoms.get_array("kind").tolist() == names.tolist()
+    with gsd.hoomd.open(str(tmp_path / "new.gsd")) as file:
+        assert np.array_equal(np.array(file[0].particles.types)[file[0].particles.typeid], names)
+    with Trajectory(tmp_path / "new.h5") as run:
+        assert np.array_equal(run.constants("species"), number)
+    with h5py.File(tmp_path / "new.h5", "r+") as file:  # layout 1.5 had materials there
+        file["h5md/modules/ifrdem"].attrs["version"] = (1, 5)
+        file["particles/all/species"][...] = disks.material
+    with Trajectory(tmp_path / "new.h5") as run:
+        assert np.array_equal(run.constants("species"), number)
+        assert run.constants("species", 12) == 1
 
 
 @pytest.mark.parametrize("engine", ["netcdf4", "h5netcdf"])

@@ -194,9 +194,37 @@ def test_the_page_runs_its_own_script_alone_and_loads_nothing_from_elsewhere(ser
     assert re.findall(r"https?://|//\w+\.\w|@import|\ssrc=|\sstyle=|\son\w+=", text) == []
 
 
+def test_a_page_opens_with_a_colour_that_varies(tmp_path):
+    """Spins are all 0 at the start of most cases: every disk was black."""
+    disks, box = ifrdem.Disks(4, 1.0, 0.5), ifrdem.Box((9.0, 9.0))
+    velocity, position = (
+        [[1.0, 0.0], [0.0, 1.0], [-2.0, 0.0], [0.0, 0.0]],
+        [[2.0 * i + 1.0, 4.0] for i in range(4)],
+    )
+    with ifrdem.TrajectoryWriter(tmp_path / "a.h5", disks, box) as file:
+        for t, spin in ((0.0, [0.0] * 4), (1.0, [1.0, 2.0, 3.0, 4.0])):
+            file.write(ifrdem.State(position, velocity, spin, time=t))
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        shown = Content(trajectory)
+        assert shown.head()["colour"] == shown.head(0)["colour"] == "speed"
+        assert shown.head(1)["colour"] == "spin"
+        header, arrays = shown.frame(0, ["direction"])
+    assert header["ranges"]["direction"] == [-180.0, 180.0]
+    # 0, 90 and 180 degrees; at rest there is no direction
+    assert arrays["direction"].tolist() == [
+        content.LEVELS // 2,
+        round(0.75 * content.LEVELS),
+        content.LEVELS,
+        content.UNKNOWN,
+    ]
+
+
 def test_head_lists_colours_and_the_reasons_for_missing_ones(server, path, tmp_path):
     head = json.loads(ask(server, "head")[2])
-    assert [one["name"] for one in head["colours"]] == ["spin", "speed", "species", "collisions", "since"]
+    assert [one["name"] for one in head["colours"]] == [
+        "spin", "speed", "direction", "species", "collisions", "since",
+    ]  # fmt: skip
+    assert head["colour"] == "spin"
     assert head["times"] == [0.0, 0.1, 0.2, 0.3]
     assert head["tracked"] == [viewed.TRACKED]
     assert head["charts"][0]["lines"][0] == {"name": "T", "y": [1.0, 0.5, 0.3333333, 0.25]}
@@ -206,7 +234,7 @@ def test_head_lists_colours_and_the_reasons_for_missing_ones(server, path, tmp_p
     with Trajectory(tmp_path / "bare.h5") as trajectory:
         bare = Content(trajectory).head()
     assert [one["name"] for one in bare["colours"]] == ["species"]
-    assert set(bare["absent"]) == {"spin", "speed", "collisions", "since"}
+    assert set(bare["absent"]) == {"spin", "speed", "direction", "collisions", "since"}
     assert "output.histories" in bare["absent"]["since"]
     assert not bare["marks"]
 

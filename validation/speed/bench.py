@@ -33,7 +33,7 @@ from ...mpi import SERIAL, Communicator
 from ...simulation import backend
 from ...simulation.simulation import Simulation
 from ...tools.progress import Progress
-from ...tools.versions import __version__
+from ...tools.versions import __version__, revision
 
 RUNS, SECONDS = 5, 0.5
 LEAST_LAUNCHES = 3  # in a timed run
@@ -427,6 +427,7 @@ def environment() -> dict[str, str]:
     """Versions, processor and date of a measurement."""
     return {
         "ifrdem": __version__,
+        "git": revision(),
         "runtime": runtime.describe(),
         "python": platform.python_version(),
         "processor": backend.cpu_name(),

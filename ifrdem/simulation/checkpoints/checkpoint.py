@@ -27,7 +27,7 @@ from ...model.state import COLUMNS, Disks, State
 from ...mpi import current
 from ...tools import checked, files
 from ...tools.old_words import present_record
-from ...tools.versions import package_versions
+from ...tools.versions import package_versions, revision
 from ...trajectory import damage
 from ...trajectory.file import new_file
 
@@ -114,7 +114,7 @@ def _write(target: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str
         f".{glob.escape(target.name)}.*.part"
     ):  # by a run that was killed while it wrote
         left.unlink(missing_ok=True)
-    text = json.dumps({**record, "versions": package_versions()})
+    text = json.dumps({**record, "versions": package_versions(), "git": revision()})
     try:
         with files.replacing(target) as new, new_file(new) as file:
             # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
