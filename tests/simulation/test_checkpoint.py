@@ -223,7 +223,7 @@ def test_a_run_resumes_to_the_bit(tmp_path, make):
             assert np.array_equal(whole.wall_sums.values, goes_on.wall_sums.values)
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full(keep=("0.0",))
 @pytest.mark.parametrize("down", [-1.0, 0.0])
 def test_a_checkpoint_in_single_precision_is_taken_back(tmp_path, down):
     """At the time of a collision two disks touch, to the rounding of their places: some 1e-7 of the box.
