@@ -28,9 +28,8 @@ BOX = Box((10.0, 20.0), (False, False))
 def piston_gas(
     disks: Disks, box: Box, law: IFRLaw, state: State, walls: list[Wall], **options: Any
 ) -> Simulation:
-    """With all that one of the tests records, so that all of them share kernels."""
-    recorded: dict[str, Any] = {"record": ["dissipated", "wall_sums"], "histories": [0]}
-    return Simulation(disks, box, law, state, walls=walls, **(recorded | options))
+    """With sums of walls, so that all tests share kernels."""
+    return Simulation(disks, box, law, state, walls=walls, **({"record": ["wall_sums"]} | options))
 
 
 def piston_wall(height: float = 12.0, **options: Any) -> Wall:
@@ -120,12 +119,15 @@ def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     np.testing.assert_allclose(found[2], found[0], rtol=1e-7)
 
 
+RECORDED: dict[str, Any] = {"record": ["dissipated", "wall_sums"], "histories": range(30)}
+
+
 def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:
     walls = [
         piston_wall(mass=4.0, force=3.0, spring=0.5),
         Wall.line((0.5, 0.0), (1.0, 0.0), piston=Piston(mass=8.0, spring=3.0, low=-0.4)),
     ]
-    simulation = under_pistons(ROUGH, walls, gravity=(0.0, -0.2), histories=range(30))
+    simulation = under_pistons(ROUGH, walls, gravity=(0.0, -0.2), **RECORDED)
     before = whole_energy(simulation)
     simulation.run(t_end=12.0, progress=False)
     measured = simulation.measure()
@@ -255,7 +257,7 @@ def test_another_force_acts_from_a_time_on() -> None:
 
 
 def test_tracked_disks_record_hits_of_the_piston() -> None:
-    simulation = under_pistons(ROUGH, [piston_wall(mass=4.0, force=3.0)], histories=range(30))
+    simulation = under_pistons(ROUGH, [piston_wall(mass=4.0, force=3.0)], **RECORDED)
     simulation.run(t_end=10.0)
     events = simulation.take_events()
     at = events.partner == -2
