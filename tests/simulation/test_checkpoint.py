@@ -328,8 +328,7 @@ def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch
 
 
 def test_writing_a_checkpoint_changes_nothing(tmp_path):
-    make = dense()
-    plain, stored = make(), make()
+    plain, stored = driven(), driven()
     for end in (0.3, 0.6, 0.9):
         plain.run(t_end=end)
         stored.run(t_end=end)

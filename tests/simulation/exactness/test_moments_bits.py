@@ -109,7 +109,7 @@ REPEATED: dict[str, Callable[..., Engine]] = {
 }
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("name", REPEATED)
 def test_a_repeated_window_has_the_bits_of_one_that_is_run_again(
     name: str, monkeypatch: pytest.MonkeyPatch
