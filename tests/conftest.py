@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -22,6 +23,10 @@ from ifrdem.plots import run
 from ifrdem.simulation import backend
 
 pytest_plugins = ["support.tiers"]
+
+# Python looks for cycles among its objects each 700 new ones: with those of thousands of tests and of compiled kernels
+# a tenth of all time, a third of the time to rewrite assertions.
+gc.set_threshold(50_000, 20, 20)
 
 # A shell starts background jobs deaf to SIGINT, and children inherit that; tests interrupt some of theirs.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -683,16 +683,25 @@ FILES = [
 ]  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def calls_of_files(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    return of_files(tmp_path_factory.mktemp("files"))
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_nonsense_for_files_is_refused_by_the_name_of_its_argument(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str,
+    calls_of_files: dict[str, tuple[Callable[..., Any], dict[str, Any]]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for module in (ifrdem.plots.run, impact_angles):
         monkeypatch.setattr(module, "save", lambda figure, path: None)
-    calls = of_files(tmp_path)
-    assert set(calls) == set(FILES)
-    assert wrong_answers(*calls[name]) == []
+    assert set(calls_of_files) == set(FILES)
+    assert wrong_answers(*calls_of_files[name]) == []
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers of processor time on this system")

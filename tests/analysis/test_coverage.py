@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis
 from ifrdem.analysis import catalogue, common, steadiness
@@ -28,6 +27,8 @@ def correlated(rng: np.random.Generator, n: int, rho: float, *shape: int) -> Arr
     """Gaussian noise (n, ...) of variance 1 and correlation rho^|lag| along the first axis."""
     new = rng.normal(size=(n, *shape))
     new[1:] *= np.sqrt(1.0 - rho**2)
+    from scipy.signal import lfilter  # a second to import, and only this file does
+
     return np.asarray(lfilter([1.0], [1.0, -rho], new, axis=0))
 
 

@@ -365,6 +365,7 @@ def test_a_study_sweeps_a_coefficient_and_knows_a_changed_file(toml: Path) -> No
     assert not {task.key for task in study().tasks} & keys
 
 
+@pytest.mark.full
 @mpi.needed
 def test_two_ranks_have_the_law_of_the_root(toml: Path) -> None:
     alone, both = toml.with_name("alone.h5"), toml.with_name("both.h5")

@@ -239,6 +239,7 @@ def test_further_impacts_never_raise_an_error_of_a_robust_fit() -> None:
     np.testing.assert_allclose([each[1] for each in planned.errors.values()], expected, rtol=1e-6)
 
 
+@pytest.mark.full(keep=("True",))
 @pytest.mark.parametrize("robust", [False, True])
 def test_expected_gain_is_that_of_a_law_fitted_again(robust: bool) -> None:
     """The other law fitted to what is known and to an exact impact more, with the errors of the best law.

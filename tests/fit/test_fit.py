@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from dataclasses import replace
 
@@ -49,6 +50,18 @@ def impacts(
         },
         errors={"psi": error, **errors},
     )
+
+
+@functools.cache
+def fitted(psi: tuple[float, float] = (4.0, 75.0), noise: int | None = None) -> fit.Fit:
+    """The fit of percussion-centre sticking to impacts with two angles."""
+    return fit.fit(impacts(psi=psi, noise=noise), M=1.0, model=["ifr-percussion"])
+
+
+@functools.cache
+def compared(sticking: str) -> fit.Fit:
+    """The fit of both kinds of sticking to impacts of one of them, without intervals."""
+    return fit.fit(impacts(sticking=sticking, noise=7), M=1.0, profile=False)
 
 
 # -- What is recovered ---------------------------------------------------------------------------------------
@@ -117,9 +130,8 @@ def test_no_lower_minimum_is_found_by_differential_evolution() -> None:
 
 def test_intervals_end_where_the_profile_has_risen_by_the_quantile() -> None:
     """Profiled again by Nelder-Mead, which knows no derivatives."""
-    data = impacts(noise=5)
-    likelihood = Likelihood(data.problem(Pair(M=1.0)), LAWS["ifr-percussion"])
-    closure = fit.fit(data, M=1.0, model=["ifr-percussion"]).laws["ifr-percussion"]
+    likelihood = Likelihood(impacts(noise=5).problem(Pair(M=1.0)), LAWS["ifr-percussion"])
+    closure = fitted(noise=5).laws["ifr-percussion"]
     best = closure.values
     for i, name in enumerate(("e_n", "e_t", "mu")):
         for end in (closure.estimates[name].interval.low, closure.estimates[name].interval.high):
@@ -139,15 +151,14 @@ def test_intervals_end_where_the_profile_has_risen_by_the_quantile() -> None:
 def test_optimum_and_intervals_are_those_of_iminuit() -> None:
     """An outside witness: MIGRAD's minimum and MINOS's profile, of the same loss."""
     iminuit = pytest.importorskip("iminuit")
-    data = impacts(noise=5)
-    likelihood = Likelihood(data.problem(Pair(M=1.0)), LAWS["ifr-percussion"])
+    likelihood = Likelihood(impacts(noise=5).problem(Pair(M=1.0)), LAWS["ifr-percussion"])
     minuit = iminuit.Minuit(
         lambda *x: likelihood.at(np.array(x)).loss, 0.85, -0.9, 0.22, name=("e_n", "e_t", "mu")
     )
     minuit.errordef, minuit.limits = 1.0, [(0.0, 1.0), (-1.0, 1.0), (0.0, 10.0)]
     minuit.errors = (0.005, 0.05, 0.02)
     minuit.migrad().minos(cl=0.95)
-    mine = fit.fit(data, M=1.0, model=["ifr-percussion"]).laws["ifr-percussion"]
+    mine = fitted(noise=5).laws["ifr-percussion"]
     assert mine.chi2 == pytest.approx(minuit.fval, abs=1e-3)
     for name in ("e_n", "e_t", "mu"):
         each, merror = mine.estimates[name], minuit.merrors[name]
@@ -199,7 +210,7 @@ def test_bootstrap_agrees_with_the_profile_and_repeats_itself() -> None:
 
 @BOTH
 def test_two_angles_distinguish_the_kinds_of_sticking(sticking: str) -> None:
-    found = fit.fit(impacts(sticking=sticking, noise=7), M=1.0, profile=False)
+    found = compared(sticking)
     assert found.decided
     assert found.best == NAME[sticking]
     right = found.laws[NAME[sticking]]
@@ -236,7 +247,7 @@ def warned(found: fit.Fit, text: str, sticking: str = "percussion_center") -> bo
 
 def test_no_sliding_impact_leaves_mu_open_above() -> None:
     """Exact data, so that the last impact does not slide by chance."""
-    found = fit.fit(impacts(psi=(3.0, 32.0)), M=1.0, model=["ifr-percussion"])
+    found = fitted(psi=(3.0, 32.0))
     mu = found.laws["ifr-percussion"].estimates["mu"].interval
     assert warned(found, "no impact slides: mu is not determined")
     assert mu.high_open
@@ -343,7 +354,7 @@ def test_too_few_values_are_refused() -> None:
 
 
 def test_json_holds_every_figure_and_no_infinity() -> None:
-    found = fit.fit(impacts(psi=(3.0, 32.0)), M=1.0, model=["ifr-percussion"])
+    found = fitted(psi=(3.0, 32.0))
     read = json.loads(fit.as_json(found))
     closure = read["laws"]["ifr-percussion"]
     mine = found.laws["ifr-percussion"]
@@ -357,7 +368,7 @@ def test_json_holds_every_figure_and_no_infinity() -> None:
 
 
 def test_table_names_both_kinds_with_their_figures() -> None:
-    found = fit.fit(impacts(noise=7), M=1.0, profile=False)
+    found = compared("percussion_center")
     shown = fit.table(found)
     assert "ifr-percussion: IFR, percussion centre (Eq. 15)   <- preferred by the data" in shown
     assert "ifr-contact: IFR, contact point (Eq. 12)" in shown

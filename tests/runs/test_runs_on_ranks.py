@@ -23,6 +23,7 @@ from support.ranks.results import differing
 import ifrdem
 from ifrdem.case import file as case_file
 from ifrdem.case import shipped
+from ifrdem.cli import main as cli
 from ifrdem.mpi import communicator
 from ifrdem.tools.files import checkpoint_of
 from ifrdem.trajectory import layout
@@ -53,9 +54,7 @@ def plain(toml: Path) -> Path:
     """The trajectory of one process."""
     folder = toml.parent / "plain"
     folder.mkdir()
-    subprocess.run(
-        list(map(str, mpi.ifrdem("run", toml, "-o", f"{folder}/"))), check=True, capture_output=True
-    )
+    assert cli.main(["run", str(toml), "-o", f"{folder}/"]) == 0
     return folder / "gas.h5"
 
 
@@ -241,10 +240,7 @@ def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(toml: Path, pl
     os.kill(_rank(run.pid, 1), signal.SIGKILL)
     assert run.wait(30.0) != 0
     assert checkpoint.exists()
-    done = subprocess.run(
-        list(map(str, mpi.ifrdem("resume", folder / "gas.h5"))), capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+    assert cli.main(["resume", str(folder / "gas.h5")]) == 0
     with ifrdem.Trajectory(folder / "gas.h5") as found, ifrdem.Trajectory(plain) as expected:
         assert len(found) == 41
         assert np.array_equal(found[-1].position, expected[-1].position)

@@ -224,7 +224,7 @@ def test_a_run_resumes_to_the_bit(tmp_path, make):
             assert np.array_equal(whole.wall_sums.values, goes_on.wall_sums.values)
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full(keep=("0.0",))
 @pytest.mark.parametrize("down", [-1.0, 0.0])
 def test_a_checkpoint_in_single_precision_is_taken_back(tmp_path, down):
     """At the time of a collision two disks touch, to the rounding of their places: some 1e-7 of the box.
@@ -329,8 +329,7 @@ def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch
 
 
 def test_writing_a_checkpoint_changes_nothing(tmp_path):
-    make = dense()
-    plain, stored = make(), make()
+    plain, stored = driven(), driven()
     for end in (0.3, 0.6, 0.9):
         plain.run(t_end=end)
         stored.run(t_end=end)

@@ -195,6 +195,7 @@ def test_a_gpu_cannot_be_chosen_after_the_driver_was_asked(monkeypatch: pytest.M
     backend.show_gpu(1)  # what the driver shows already
 
 
+@pytest.mark.full(keep=("False",))
 @pytest.mark.parametrize("cache", [True, False])
 def test_the_runtime_starts_without_a_home(tmp_path: Path, cache: bool) -> None:
     """Taichi itself aborts then; batch systems and containers may leave HOME out."""

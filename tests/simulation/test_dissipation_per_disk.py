@@ -53,6 +53,7 @@ def test_a_wall_leaves_all_of_it_to_the_disk():
     np.testing.assert_allclose(run.state.dissipated, [[0, 0, 0, 0, 0, 0.72, 0], [0] * 7], rtol=1e-14)
 
 
+@pytest.mark.full
 def test_disks_lose_together_what_the_ledger_says():
     post = ifrdem.Wall.post((30.0, 20.0), 4.0)
     run = two_sizes(walls=(post,))
@@ -76,7 +77,8 @@ def test_it_depends_neither_on_frames_nor_changes_the_motion():
         without.state.dissipated.sum(axis=0)
 
 
-def test_tiles_know_what_one_tile_knows():
+@pytest.mark.parametrize("threads", [1, pytest.param(2, marks=pytest.mark.full)])
+def test_tiles_know_what_one_tile_knows(threads):
     start = two_sizes()
     state, table = dataclasses.replace(start.state), PairLaws.of(LAW, start.disks).coefficients
     found = []
@@ -88,7 +90,7 @@ def test_tiles_know_what_one_tile_knows():
             table,
             order=order,
             tile_disks=200,
-            device=Device(threads=2),
+            device=Device(threads=threads),
             record=["ledger", "dissipated"],
         )
         found.append(run_to(engine, 2.0).dissipated)

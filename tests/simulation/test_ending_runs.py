@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from support.gases import MakeGas, gas_of
 
-from ifrdem import Box, ContactTime, Device, Disks, EngineError, IFRLaw, InputError, Simulation, State
+from ifrdem import Box, ContactTime, Disks, EngineError, IFRLaw, InputError, Simulation, State
 from ifrdem.kernels.events.events import MOST_EVENTS_OF_A_LAUNCH
 from ifrdem.model.observables import Measure
 from ifrdem.model.walls.wall import Wall
@@ -60,7 +60,11 @@ def assert_same_motion(one: State, other: State) -> None:
 @pytest.mark.parametrize(
     ("way", "raised"), [("stop", None), ("raise", Halt), ("interrupt", KeyboardInterrupt)]
 )
-@pytest.mark.parametrize("options", [{}, {"collapse": ContactTime(1e-9)}], ids=["plain", "contact_time"])
+@pytest.mark.parametrize(
+    "options",
+    [{}, pytest.param({"collapse": ContactTime(1e-9)}, marks=pytest.mark.full)],
+    ids=["plain", "contact_time"],
+)
 def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
     gas: MakeGas, end: dict[str, float], way: str, raised: type[BaseException] | None, options: dict[str, Any]
 ) -> None:
@@ -242,12 +246,8 @@ def test_a_second_thread_is_refused_while_another_one_runs_a_simulation(gas: Mak
 
 
 def test_a_gas_that_was_made_in_another_thread_runs_in_this_one_and_the_other_way_round(gas: MakeGas) -> None:
-    """Taichi ends its work with an assertion if its first kernel is launched by another thread than started it.
-
-    Each device with other threads starts the runtime anew.
-    """
+    """Taichi ends its work with an assertion if its first kernel is launched by another thread than started it."""
     made: list[Simulation] = []
-    device = Device(threads=min(2, backend.cores()))
 
     def in_thread(act: Callable[[], object]) -> None:
         thread = threading.Thread(target=act)
@@ -255,11 +255,11 @@ def test_a_gas_that_was_made_in_another_thread_runs_in_this_one_and_the_other_wa
         thread.join()
 
     backend.stop()
-    in_thread(lambda: made.append(gas(device=device)))
+    in_thread(lambda: made.append(gas()))
     made[0].run(t_end=0.1)
     expected = made[0].state
     backend.stop()
-    made.append(gas(device=device))
+    made.append(gas())
     in_thread(lambda: made[1].run(t_end=0.1))
     assert_same_motion(made[1].state, expected)
 

@@ -29,7 +29,9 @@ def advance(engine: Engine, per_disk: float) -> None:
     run_to(engine, collisions=engine.collisions + int(per_disk * engine.n / 2))
 
 
-@pytest.mark.parametrize(("packing_fraction", "rate"), [(0.1, 0.5329), (0.3, 2.3996)])
+@pytest.mark.parametrize(
+    ("packing_fraction", "rate"), [pytest.param(0.1, 0.5329, marks=pytest.mark.full), (0.3, 2.3996)]
+)
 def test_elastic_gas_keeps_energy_and_momentum_and_collides_at_the_enskog_rate(
     packing_fraction: float, rate: float, device: str
 ) -> None:
@@ -291,7 +293,7 @@ def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
         Simulation(equal_disks(1), Box((2.9, 10.0)), SMOOTH, state)
 
 
-@pytest.mark.parametrize("ledger", [False, True])
+@pytest.mark.parametrize("ledger", [pytest.param(False, marks=pytest.mark.full), True])
 def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     """In addition there is the scratch space of the tiles that run at the same time, which does not grow with n."""
     disks = equal_disks(60_000)

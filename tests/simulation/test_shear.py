@@ -98,6 +98,7 @@ def test_collisions_are_those_of_a_serial_code(
     np.testing.assert_allclose(apart, 0.0, atol=1e-5)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("order", ORDERS)
 def test_collisions_of_a_mixture_are_those_of_a_serial_code(order: str) -> None:
     """Fast small disks, across rows that move against each other."""

@@ -12,7 +12,7 @@ from support.gases import equal_disks, mixture, start
 from ifrdem import VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.model.forces import PoissonKicks, RandomKicks, Rescale, SpinKicks
+from ifrdem.model.forces import Force, PoissonKicks, RandomKicks, Rescale, SpinKicks
 from ifrdem.model.laws.collision import collide
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
@@ -144,15 +144,27 @@ def between_walls() -> tuple[Box, State]:
     )
 
 
+def out_of_reach() -> list[Wall]:
+    """Walls that heat and turn, above the others: gases between walls share kernels."""
+    blade = Wall.segment((5.0, 20.0), (6.0, 20.0), turn=Turn("steady", (5.5, 20.0), rate=0.1))
+    return [Wall.line((0.0, 29.0), (0.0, -1.0), temperature=1.0), blade]
+
+
+def idle_forces() -> list[Force]:
+    """Forces that never act, likewise."""
+    return [RandomKicks(1e6, power=1.0), SpinKicks(1e6, power=1.0)]
+
+
 def test_walls_gravity_and_heat_are_in_the_path(device):
-    disks, (box, state) = equal_disks(40), between_walls()
+    disks, (box, state) = two_kinds(40), between_walls()
     walls = [
         Wall.line((0.0, 0.3), (0.0, 1.0), motion=Motion("sine", amplitude=0.2, frequency=1.0)),
         Wall.line((0.0, 7.3), (0.0, -1.0), temperature=1.5),
+        *out_of_reach(),
     ]
     simulation = Simulation(
         disks, box, COIN, state, device=device, walls=walls, gravity=(0.0, -1.0), histories=range(40),
-        collapse=VelocityCutoff(0.3),
+        collapse=VelocityCutoff(0.3), forces=idle_forces(), record=["last_partner"],
     )  # fmt: skip
     simulation.run(t_end=8.0)
     events, end = simulation.take_events(), simulation.state
@@ -180,7 +192,7 @@ def test_kicks_are_rows_so_that_driven_paths_are_exact_too(device):
     Until t = 1 there are 10 kicks of velocities, and 14 of spins alone, at 0.07 (k + 1/2).
     """
     disks, (box, state) = two_kinds(40), between_walls()
-    walls = [Wall.line((0.0, y), (0.0, up)) for y, up in ((0.3, 1.0), (7.3, -1.0))]
+    walls = [*(Wall.line((0.0, y), (0.0, up)) for y, up in ((0.3, 1.0), (7.3, -1.0))), *out_of_reach()]
     simulation = Simulation(
         disks, box, COIN, state, device=device, histories=range(40), seed=4,
         forces=[RandomKicks(0.1, power=1.0), SpinKicks(0.07, power=1.0)], record=["last_partner"], walls=walls,
@@ -211,7 +223,7 @@ def test_a_change_leaves_no_events_of_the_motion_before_it(tmp_path, alone, chan
         monkeypatch.setattr("ifrdem.simulation.windows.tiling.SINGLE_TILE", 100)
     disks = two_kinds(400)
     box, state = start(disks, 0.4)
-    gas = Simulation(disks, box, COIN, state, histories=[5, 6, 7])
+    gas = Simulation(disks, box, COIN, state, histories=[5, 6, 7], record=["last_partner"])
     gas.run(t_end=0.02)
     gas.save_checkpoint(tmp_path / "a.h5")
     for each in (gas, Simulation.from_checkpoint(tmp_path / "a.h5")):
@@ -221,7 +233,7 @@ def test_a_change_leaves_no_events_of_the_motion_before_it(tmp_path, alone, chan
         if change == "rest":
             each.set_velocities(np.zeros((400, 2)), np.zeros(400))
         elif change == "forces":
-            each.set_forces([RandomKicks(0.01, power=1.0)])
+            each.set_forces([RandomKicks(0.01, power=1.0), *idle_forces()[1:]])
         else:
             each.set_law(ROLLING)
         each.run(t_end=0.3)
@@ -264,7 +276,7 @@ def test_pauses_change_no_byte_of_histories(tmp_path, between):
     Forces act on all disks within windows; then also on single ones there, and on all between windows.
     """
     disks, (box, state) = two_kinds(40), between_walls()
-    walls = [Wall.line((0.0, y), (0.0, up)) for y, up in ((0.3, 1.0), (7.3, -1.0))]
+    walls = [*(Wall.line((0.0, y), (0.0, up)) for y, up in ((0.3, 1.0), (7.3, -1.0))), *out_of_reach()]
     forces = [RandomKicks(0.1, power=1.0), SpinKicks(0.07, power=1.0)]
     forces += [PoissonKicks(3.0, power=0.5), Rescale(0.13, energy=1.5)] if between else []
 
@@ -304,15 +316,19 @@ def test_what_cannot_be_tracked_is_refused():
 
 def test_the_velocity_of_a_turning_wall_is_that_of_its_contact():
     """A drum of radius 5 that turns at the rate 0.3 about its centre: 0.3 x r, r from there to the contact."""
-    center, disks = np.array([6.0, 6.0]), equal_disks(1)
+    center, disks = np.array([6.0, 6.0]), two_kinds(2)
     drum = Wall.container(tuple(center), 5.0, turn=Turn("steady", tuple(center), rate=0.3))
-    state = State([[6.5, 7.0]], [[1.0, -0.4]], [2.0])
-    simulation = Simulation(disks, Box((12.0, 12.0)), COIN, state, walls=[drum], histories=[0])
+    state = State([[6.5, 7.0], [4.0, 4.5]], [[1.0, -0.4], [0.0, 0.0]], [2.0, 0.0])
+    simulation = Simulation(
+        disks, Box((12.0, 30.0), (True, False)), COIN, state, walls=[drum, *out_of_reach()], histories=[0],
+        forces=idle_forces(), record=["last_partner"],
+    )  # fmt: skip
     simulation.run(t_end=30.0)
     events = simulation.take_events()
-    assert len(events.time) > 2
-    contact = events.position + disks.radius[0] * events.normal - center
+    of_drum = events.partner == -2
+    assert np.count_nonzero(of_drum) > 2
+    contact = (events.position + disks.radius[0] * events.normal - center)[of_drum]
     assert np.linalg.norm(contact, axis=1) == pytest.approx(5.0, abs=1e-9)
     expected = 0.3 * np.column_stack((-contact[:, 1], contact[:, 0]))
-    assert events.partner_velocity_before == pytest.approx(expected, abs=1e-9)
-    assert events.partner_velocity_after == pytest.approx(expected, abs=1e-9)
+    assert events.partner_velocity_before[of_drum] == pytest.approx(expected, abs=1e-9)
+    assert events.partner_velocity_after[of_drum] == pytest.approx(expected, abs=1e-9)

@@ -34,7 +34,6 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 # Sixty files are compared with the same states.
 some_state, batch = functools.cache(new_state), functools.cache(new_batch)
 
-MOMENTS = 30
 N = 3000
 WRITTEN = 400  # as many numbers are written at most
 
@@ -181,9 +180,10 @@ def go_on(path: Path, n: int, compression: str, counted: tuple[int, int, int]) -
     assert assert_whole(path, n, "") == (frames + 1, rows + 1, batches + 1)
 
 
-def test_writers_killed_at_thirty_moments_leave_all_they_had_committed(tmp_path, forks):
+@pytest.mark.parametrize(("moments", "different"), [(12, 4), pytest.param(30, 5, marks=pytest.mark.full)])
+def test_writers_killed_at_any_moment_leave_all_they_had_committed(tmp_path, forks, moments, different):
     committed = []
-    for moment in range(MOMENTS):
+    for moment in range(moments):
         path, log = tmp_path / f"{moment}.h5", tmp_path / f"{moment}.log"
         compression, how = ("none", "gzip", "zstd")[moment % 3], ("plain", "queued")[moment % 2]
         n = (40, N)[moment % 5 != 0]
@@ -203,8 +203,8 @@ def test_writers_killed_at_thirty_moments_leave_all_they_had_committed(tmp_path,
         go_on(path, n, compression, counted)
         committed.append(counted[0])
         path.unlink()
-    assert committed.count(0) < MOMENTS // 4  # the moments are not all before the first frame
-    assert len(set(committed)) > 4
+    assert committed.count(0) < moments // 4  # the moments are not all before the first frame
+    assert len(set(committed)) >= different
 
 
 @pytest.mark.parametrize("how", ["plain", "queued"])

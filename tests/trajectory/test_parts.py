@@ -102,6 +102,7 @@ def part(path: Path, number: int) -> Path:
 # --- the same bits
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("options", [{}, SOME])
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_every_dataset_and_view_has_the_bits_of_one_file(tmp_path, number, options):
@@ -504,6 +505,7 @@ def test_the_slowest_rank_decides(tmp_path):
         assert len(trajectory) == 3
 
 
+@pytest.mark.full(keep=("0-options0", "2-options1", "5-options0"))
 @pytest.mark.parametrize("options", [{}, SOME])
 @pytest.mark.parametrize("written", [0, 2, 5])
 def test_a_resumed_trajectory_is_that_of_an_uninterrupted_run(tmp_path, written, options):
@@ -603,18 +605,18 @@ def write_many(path: Path) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 def test_a_killed_writer_leaves_frames_that_are_whole_in_all_parts(tmp_path):
-    """Killed at eight moments of writing 200 frames; what counts is whole, and the run can be gone on with."""
+    """Killed at four moments of writing 200 frames; what counts is whole, and the run can be gone on with."""
     root, lengths = str(Path(__file__).resolve().parents[2]), []
     words = [sys.executable, "-c", FORKS, root]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as forks:
         assert forks.stdin is not None
         assert forks.stdout is not None
-        for number in range(8):
+        for number in range(4):
             path = tmp_path / str(number) / "run.h5"
             path.parent.mkdir()
             print(path, file=forks.stdin, flush=True)
             writer = int(forks.stdout.readline())
-            time.sleep(0.02 + 0.06 * number)
+            time.sleep(0.02 + 0.14 * number)
             os.kill(writer, signal.SIGKILL)
             assert forks.stdout.readline() == "gone\n"
             with Trajectory(path) as trajectory:

@@ -18,6 +18,10 @@ from ifrdem.theory import collisions
 
 VISCOELASTIC = laws.Viscoelastic.of_restitution(0.9, g_n=1.0, mass=1.0, radius=0.5, e_t=-0.9, mu=0.2)
 WALTON = laws.Walton(e_n=0.9, beta_0=0.4, mu=0.2)
+RECORDED: Any = {
+    "record": ["ledger"],
+    "histories": [0],
+}  # what all gases without walls record: they share kernels
 EACH = pytest.mark.parametrize("law", [WALTON, VISCOELASTIC], ids=lambda law: type(law).__name__)
 
 
@@ -185,7 +189,7 @@ def test_collide_takes_any_law_and_is_the_engine_s(law: laws.CollisionLaw) -> No
         assert (after.P_n, after.P_t) == (P_n, P_t)
         disks, box = ifrdem.Disks(2, mass=1.0, radius=0.5), ifrdem.Box((10.0, 10.0))
         start = ifrdem.State([[3.0, 5.0], [4.5, 5.0 + 0.5 * slip]], [[1.0, slip], [0.0, 0.0]], [0.0, 0.0])
-        gas = ifrdem.Simulation(disks, box, law, start)
+        gas = ifrdem.Simulation(disks, box, law, start, **RECORDED)
         gas.run(t_end=1.0)
         np.testing.assert_allclose(gas.state.velocity, after.velocity, atol=1e-13)
         np.testing.assert_allclose(gas.state.spin, after.spin, atol=1e-13)
@@ -251,7 +255,7 @@ def test_ledger_closes_and_no_collision_adds_energy(law: laws.CollisionLaw) -> N
     position = np.stack(np.meshgrid(np.arange(20) + 0.5, np.arange(10) + 0.5), -1).reshape(-1, 2) * 1.5
     disks = ifrdem.Disks(n, mass=1.0, radius=0.5)
     start = ifrdem.State(position, rng.normal(size=(n, 2)), rng.normal(size=n))
-    gas = ifrdem.Simulation(disks, ifrdem.Box((30.0, 15.0)), law, start, record=("ledger",))
+    gas = ifrdem.Simulation(disks, ifrdem.Box((30.0, 15.0)), law, start, **RECORDED)
     before = gas.measure()
     energies = [before.energy]
     for _ in range(5):

@@ -58,7 +58,7 @@ def looked_at(
     return found, engine, len(computed) - engine.statistics.windows
 
 
-@pytest.mark.full(keep=2)
+@pytest.mark.full(keep=("walls",))
 @pytest.mark.parametrize("name", sorted(set(GASES) - {"driven"}))  # whose windows end at forces
 def test_moments_in_windows_of_tiles_have_the_bits_of_the_serial_order(
     name: str, monkeypatch: pytest.MonkeyPatch
@@ -109,7 +109,7 @@ REPEATED: dict[str, Callable[..., Engine]] = {
 }
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("name", REPEATED)
 def test_a_repeated_window_has_the_bits_of_one_that_is_run_again(
     name: str, monkeypatch: pytest.MonkeyPatch
@@ -178,7 +178,7 @@ def test_collisions_of_tiles_that_are_run_again_count_once(monkeypatch: pytest.M
         assert all(np.array_equal(getattr(state, each), getattr(state_1, each)) for each in LOOKED_AT)
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["phi = 0.3", "mixture"])
 def test_low_memory_keeps_the_bits_without_room_for_moments(name: str) -> None:
     """At times, some of them in one window, and at numbers of collisions, the last of which lies in a later window."""
@@ -207,19 +207,24 @@ def test_low_memory_keeps_the_bits_without_room_for_moments(name: str) -> None:
 
 
 def test_low_memory_keeps_the_histories_of_tracked_disks() -> None:
-    """Windows are run again for moments in them, but what happened in them is written down once."""
+    """Windows are run again for moments in them, but what happened in them is written down once; bits stay the same."""
     disks, box, state, _, _ = made("phi = 0.3")
     law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
-    found = []
+    found, ends, parts = [], [], []
     for low in (False, True):
-        gas = Simulation(disks, box, law, state, histories=[0, 7, 99], device=Device(low_memory=low))
+        tracked = range(0, N, 7)
+        gas = Simulation(disks, box, law, state, histories=tracked, device=Device(low_memory=low))
         for end in (0.1, 0.2, 0.45, 0.7, 1.3):
             gas.run(t_end=end, progress=False)
         gas.run(collisions_per_disk=5.0, progress=False)
         found.append(gas.take_events())
-    assert len(found[0].time) > 10
+        ends.append(gas.state)
+        parts.append(gas._engine.arrays.parts)
+    assert len(found[0].time) > 2000
     for field in dataclasses.fields(found[0]):
         np.testing.assert_array_equal(*(getattr(each, field.name) for each in found), err_msg=field.name)
+    assert same(*ends)
+    assert parts == [3, 2]
 
 
 @pytest.mark.parametrize(

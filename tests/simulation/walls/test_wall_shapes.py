@@ -44,16 +44,17 @@ def room() -> list[Wall]:
         Wall.polygon([(15.0, 4.0), (17.0, 6.0), (14.0, 5.5)], holds="outside"),
         Wall.segment((24.0, 8.0), (24.0, 12.0), opens_at=1.3),
         Wall.arc((24.0, 19.0), 1.0, (0.0, 2.0 * math.pi), opens_after=150),
+        Wall.post((0.03, 0.03), 0.01, temperature=1.0),  # out of reach: all scenes share kernels
     ]
 
 
-# So deep in a corner that no disk reaches them: what the room has too, so that all scenes share its kernels.
+# So deep in a corner that no disk reaches them: what the room has too.
 CORNER = [
     Wall.segment(
         (0.03, 0.03), (0.05, 0.03), turn=Turn("steady", center=(0.04, 0.03), rate=0.1), opens_at=1e3
     ),
     Wall.arc((0.03, 0.05), 0.01, (0.0, 3.0)),
-    Wall.polyline([(0.05, 0.02), (0.06, 0.03), (0.05, 0.04)]),
+    Wall.polyline([(0.05, 0.02), (0.06, 0.03), (0.05, 0.04)], temperature=1.0),
 ]
 K = np.array([2.0, 1.0])  # two kinds of disks, for the same reason
 
@@ -162,7 +163,7 @@ def test_torques_about_the_origin_are_those_of_the_angular_momentum() -> None:
 
 
 def test_heat_of_a_thermal_wall_is_among_its_sums() -> None:
-    walls = [Wall.polygon(outline(14.5, 6), holds="inside", temperature=2.0), Wall.post(MIDDLE, 2.0)]
+    walls = [Wall.polygon(outline(14.5, 6), holds="inside", temperature=2.0), Wall.post(MIDDLE, 2.0), *CORNER]
     engine = in_room(walls=walls, gravity=(0.0, 0.0))
     run_to(engine, 5.0)
     heat = engine.wall_sums[:, SUMS.index("heat")]

@@ -486,6 +486,7 @@ def test_impossible_walls_are_refused(wall: object, message: str) -> None:
         engine_of(disks, Box((10.0, 10.0), (True, False)), start, LAW, walls=[wall()])  # type: ignore[operator]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("order", ORDERS)
 def test_drag_and_gravity_together_reach_the_terminal_velocity(order: str) -> None:
     """dv/dt = g - gamma v ends at g / gamma; midpoint steps of dt leave a relative error of (gamma dt)^2 / 24.
