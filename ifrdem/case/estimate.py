@@ -219,11 +219,17 @@ HOST_BYTES_PER_DISK = 300
 """Memory per disk of a strip that is filled, at most."""
 PROCESS_BYTES = 300_000_000
 """Memory of a process without disks: Python, the runtime and their libraries, and Matplotlib for the picture."""
-START_BYTES_PER_DISK = 60
-"""Memory of a start beside the engine's arrays: 40 bytes of places and motion and, before these arrays are there, 60 for
-placing and comparing disks; 45 were seen beside them (`ifrdem/docs/results/starts.md`)."""
-FRAMES_IN_MEMORY, WRITER_BYTES_PER_DISK = 4, 200
-"""Frames that are made, wait (two) or are written; memory of these for each disk, at most."""
+START_BYTES_PER_DISK = 48
+"""Memory of a start beside the engine's arrays: 40 bytes of places and motion, and their tiles; 45 were seen
+(`ifrdem/docs/results/starts.md`). Before these arrays are there, it takes less in all."""
+FRAMES_IN_MEMORY, FRAME_BYTES, WRITER_BYTES_PER_DISK = 4, 36, 200
+"""Frames that are made, wait (two) or are written, but with `low_memory`, where one is; memory of one for each disk, at
+least: rows with all that the gas keeps, and what is computed of them; memory of all, at most."""
+COUNTED_BYTES_PER_DISK = {False: 30, True: 5}
+"""Memory of a run that ends at a number of collisions for each disk: what its last window writes down, by whether
+`low_memory` keeps only the times of that."""
+CHECKPOINT_BYTES_PER_DISK = 30
+"""Memory of a checkpoint for each disk: an index, and a third of the present state (`engine.PASSES`)."""
 GROWTH_BYTES_PER_DISK = 1000
 """The same for a start by growth: 940 bytes a disk were seen."""
 TILE_BYTES, TILE_DISKS = 450, 5000
@@ -300,17 +306,20 @@ class RunEstimate:
     tracked: int  # disks with histories
     force_steps: Mapping[str, Mapping[float, float]]  # by kind and length; nan where the end is not known
 
-    def writer_bytes_per_disk(self, output: OutputSection) -> int:
-        """Memory [bytes] of frames for each disk: rows with all that the gas keeps, and their fields as they are stored."""
-        found = min(self.frames, FRAMES_IN_MEMORY) * 2 * max(disk_bytes(output), 32)
-        return min(found, WRITER_BYTES_PER_DISK)
+    def writer_bytes_per_disk(self, case: CaseSections) -> int:
+        """Memory [bytes] of frames and checkpoints for each disk, once the start is made."""
+        low = case.run.low_memory
+        frames = 1 if low else min(self.frames, FRAMES_IN_MEMORY)
+        found = frames * max(disk_bytes(case.output), FRAME_BYTES)
+        found += COUNTED_BYTES_PER_DISK[low] if case.run.collisions_per_disk is not None else 0
+        return min(max(found, CHECKPOINT_BYTES_PER_DISK), WRITER_BYTES_PER_DISK)
 
     def peak_bytes(self, gas: CaseGas) -> int:
         """Largest memory [bytes] of a run in one process on a CPU: of its start, or later with frames."""
         case = gas.case
         grown = case.start.placed and case.start.positions == GROWN
         start = GROWTH_BYTES_PER_DISK if grown else START_BYTES_PER_DISK
-        return PROCESS_BYTES + self.array_bytes + gas.n * max(start, self.writer_bytes_per_disk(case.output))
+        return PROCESS_BYTES + self.array_bytes + gas.n * max(start, self.writer_bytes_per_disk(case))
 
     def computed(self, n: int) -> float:
         """Collisions that are computed: tiles compute a window once more for each frame in it."""

@@ -131,7 +131,7 @@ def refused_here(
             start=start,
             low_memory=run.low_memory,
             layered=not walled and split_of(gas.kinds.radius) is not None,
-            writer=estimate.writer_bytes_per_disk(gas.case.output),
+            writer=estimate.writer_bytes_per_disk(gas.case),
             process=PROCESS_BYTES * max(round(share * ranks), 1),
         ),
         lambda: refuse_beyond_disk(estimate.file_bytes, folder),
