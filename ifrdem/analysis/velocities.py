@@ -17,6 +17,7 @@ from ..tools.checked import Array, FiniteArray, Integer, Positive, PositivePerDi
 from ..tools.intervals import error_of_share, of_share
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
+from . import common
 from .common import Positions, Spins
 
 AT_ONCE = 1 << 16
@@ -190,7 +191,7 @@ def velocity_distribution(
         if sums is None and following is not None:
             sums = np.zeros((9 + len(TAIL), n))
         # All disks at once would need several times the memory of a frame.
-        blocks = [slice(first, first + AT_ONCE) for first in range(0, n, AT_ONCE)]
+        blocks = [*common.blocks(n, AT_ONCE)]
         drift = _total(weight[some] @ v[some] for some in blocks) / _total(
             weight[some].sum() for some in blocks
         )
@@ -222,9 +223,10 @@ def velocity_distribution(
         present = following
     if not frames:
         raise InputError("velocity and spin have no frames: must have one or more")
-    for first in range(0, 0 if sums is None else sums.shape[1], AT_ONCE):
-        assert sums is not None
-        moments.add(sums[:, first : first + AT_ONCE] / frames)
+    del v, omega, present, following  # as large as what comes
+    if sums is not None:
+        for some in common.blocks(sums.shape[1], AT_ONCE):
+            moments.add(sums[:, some] / frames)
     density, error = counts.density()
     turning = bool(np.isfinite(moments.mean[1]))
     nothing = np.full(bins, np.nan)
