@@ -175,8 +175,9 @@ AT_ONCE = 1 << 20
 """Disks that are worked on together, where what is computed of all would need several times the memory of a frame."""
 
 
-def blocks(n: int, size: int = AT_ONCE) -> Iterator[slice]:
-    """Slices of n disks, one after another."""
+def blocks(n: int, size: int = 0) -> Iterator[slice]:
+    """Slices of n disks, one after another, of this size or AT_ONCE."""
+    size = size or AT_ONCE
     for first in range(0, n, size):
         yield slice(first, min(first + size, n))
 

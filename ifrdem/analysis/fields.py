@@ -17,7 +17,7 @@ from ..tools.checked import (
     NonNegativePerDisk,
     PositivePerDisk,
     Vectors,
-    column,
+    rows,
     validated,
 )
 from ..tools.notebook import ResultPlot
@@ -116,7 +116,7 @@ def coarse_grain(
         raise InputError(
             f"width = {width:g}: cells of {size.max():.4g} are too large for it; take more or a wider one"
         )
-    m, R, inertia_of = column("mass", mass, n), column("radius", radius, n), column("inertia", inertia, n)
+    m, R, inertia_of = rows("mass", mass, n), rows("radius", radius, n), rows("inertia", inertia, n)
     # A deviation from the mean of all, so that no digits are lost where all drift.
     drift = sum((m[some] @ v[some] for some in blocks(n)), start=np.zeros(2))
     drift /= sum(float(m[some].sum()) for some in blocks(n)) if n else 1.0
@@ -126,11 +126,11 @@ def coarse_grain(
         cell = np.clip(((box.wrap(x[some]) - low) / size).astype(np.intp), 0, np.array(cells) - 1)
         index = cell[:, 0] * cells[1] + cell[:, 1]
         w, mass_of = v[some] - drift, m[some]
-        rows = (
+        terms = (
             None, mass_of, mass_of * w[:, 0], mass_of * w[:, 1], mass_of * np.sum(w * w, axis=1),
             inertia_of[some] * omega[some] * omega[some], np.pi * R[some] * R[some],
         )  # fmt: skip
-        for total_of, row in zip(sums, rows, strict=True):
+        for total_of, row in zip(sums, terms, strict=True):
             total_of += np.bincount(index, row, minlength=cells[0] * cells[1])
 
     def total(of_cells: Array, squared: bool = False) -> Array:

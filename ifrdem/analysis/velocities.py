@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..tools.checked import Array, FiniteArray, Integer, Positive, PositivePerDisk, Real, column, validated
+from ..tools.checked import Array, FiniteArray, Integer, Positive, PositivePerDisk, Real, rows, validated
 from ..tools.intervals import error_of_share, of_share
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
@@ -187,7 +187,7 @@ def velocity_distribution(
         if n != len(omega) or n < 2:
             raise InputError(f"velocity has {n} disks, spin {len(omega)}: must be the same number, 2 or more")
         following = next(given, None)
-        weight, inertias = column("mass", mass, n), column("inertia", inertia, n)
+        weight, inertias = rows("mass", mass, n), rows("inertia", inertia, n)
         if sums is None and following is not None:
             sums = np.zeros((9 + len(TAIL), n))
         # All disks at once would need several times the memory of a frame.
