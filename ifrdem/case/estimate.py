@@ -169,10 +169,10 @@ WINDOW_COLLISIONS = 1.3
 """Collisions of a whole gas in a window, per disk: 0.5 to 5 were measured."""
 WINDOW_STRAIN = 0.036
 """Strain of a sheared gas in a window, about."""
-PLACING_SECONDS = {"random": (0.4e-6, 0.4e-6), GROWN: (5e-5, 0.0)}
+PLACING_SECONDS = {"random": (0.5e-6, 0.55e-6), GROWN: (5e-5, 0.0)}
 """Time per disk to place it, by `start.positions`: of one thread, and shared among threads. Others are read or drawn on
 a lattice, in less. Growth takes 5e-5 s at phi = 0.4, and three times as much near random packing."""
-LAYOUT_SECONDS = 0.6e-6, 0.3e-6
+LAYOUT_SECONDS = 0.9e-6, 0.45e-6
 """Time per disk to compare disks, check them, and lay them out in tiles, in the same parts (`ifrdem/docs/results/starts.md`)."""
 FEW_SECONDS = 4e-6
 """Time of NumPy per disk to place few disks at random (`cells.FEW`)."""
@@ -184,7 +184,7 @@ def start_seconds(n: int, positions: str, threads: int) -> float:
     Examples
     --------
     >>> round(start_seconds(3_000_000, "random", 2), 1), round(start_seconds(100_000, "grown", 1), 1)
-    (4.1, 5.1)
+    (5.7, 5.1)
     """
     single, shared = PLACING_SECONDS.get(positions, (0.0, 0.0))
     if n <= FEW and positions == "random":
@@ -217,8 +217,11 @@ PLACED_BYTES_PER_DISK = 100
 """The same for each disk of its own, or of its strips, while it places random ones; 80 bytes were seen."""
 HOST_BYTES_PER_DISK = 300
 """Memory per disk of a strip that is filled, at most."""
-PROCESS_BYTES = 300_000_000
+PROCESS_BYTES = 280_000_000
 """Memory of a process without disks: Python, the runtime and their libraries, and Matplotlib for the picture."""
+KEPT_BYTES, KEPT_BYTES_PER_DISK = 90_000_000, 30
+"""What the process keeps of arrays that were there before: at most, and for each disk of fewer. The allocator gives
+arrays of more than 32 MB back (DEFAULT_MMAP_THRESHOLD_MAX of glibc)."""
 START_BYTES_PER_DISK = 48
 """Memory of a start beside the engine's arrays: 40 bytes of places and motion, and their tiles; 45 were seen
 (`ifrdem/docs/results/starts.md`). Before these arrays are there, it takes less in all."""
@@ -319,7 +322,8 @@ class RunEstimate:
         case = gas.case
         grown = case.start.placed and case.start.positions == GROWN
         start = GROWTH_BYTES_PER_DISK if grown else START_BYTES_PER_DISK
-        return PROCESS_BYTES + self.array_bytes + gas.n * max(start, self.writer_bytes_per_disk(case))
+        kept = min(KEPT_BYTES, KEPT_BYTES_PER_DISK * gas.n)
+        return PROCESS_BYTES + kept + self.array_bytes + gas.n * max(start, self.writer_bytes_per_disk(case))
 
     def computed(self, n: int) -> float:
         """Collisions that are computed: tiles compute a window once more for each frame in it."""
