@@ -18,8 +18,10 @@ CASE = case_text({
     "species[0].number": 100, "output.frames": 1,
 })  # fmt: skip
 
-PEAKS = {300_000: 0.334, 3_000_000: 0.935, 100_000_000: 17.99}
+PEAKS = {300_000: 0.328, 3_000_000: 0.899, 30_000_000: 5.553, 100_000_000: 17.99}
 """Largest memory [GB] of runs with `low_memory` to a collision per disk, by the number of disks."""
+STARTS = {300_000: 1.04, 3_000_000: 6.45, 30_000_000: 68.1}
+"""Processor time of their starts [s]."""
 
 
 @pytest.mark.parametrize("n", PEAKS)
@@ -29,6 +31,12 @@ def test_memory_of_a_run_is_that_of_runs(n: int, case: MakeCase) -> None:
     peak = RunEstimate.of(gas).peak_bytes(gas)
     assert peak == pytest.approx(1e9 * PEAKS[n], rel=0.1)
     assert peak - estimate.PROCESS_BYTES - estimate.KEPT_BYTES < 1.4 * n * bytes_per_disk(low_memory=True)
+
+
+@pytest.mark.parametrize("n", STARTS)
+def test_time_of_a_start_is_that_of_starts(n: int) -> None:
+    """Within a factor of 1.5, which such times vary by on a machine with other work."""
+    assert 1.0 / 1.5 < estimate.start_seconds(n, "random", 1) / STARTS[n] < 1.5
 
 
 def test_the_manual_says_bytes_per_disk_once() -> None:
