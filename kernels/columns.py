@@ -628,7 +628,7 @@ ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 # Disks of a gas on several ranks. Its ids have 32 bits: those of more than 2^31 - 1 disks begin below 0 there.
 MOST_IDS = 2**32 - 1
 _PARTS = 3  # of the state: at the beginning and end of a window, and at a moment in it, but with `low_memory`
-GHOST_BYTES = 7  # of ghost records of disks in halos, for each disk
+GHOST_BYTES = 8  # of ghost records of disks in halos, for each disk
 SNAPSHOT_DISKS = 500_000  # bound on disks times moments of a window (28 MB), but for a single moment
 CONTACTS_PER_DISK = 8  # for which there is room, on average
 RESTING_BYTES = (  # more, of disks that may rest: room for contacts of each, and the forces at four
@@ -641,7 +641,12 @@ SINGLE_TILE = 20_000  # up to so many disks, one thread runs the whole box as on
 
 
 def bytes_per_disk(low_memory: bool = False) -> int:
-    """Bytes of the arrays per disk, in double precision; with `low_memory` without the state at a moment."""
+    """Bytes that an engine of many disks holds for each, in double precision; with `low_memory` no state at a moment.
+
+    The manual, estimates and benchmarks take this number. There is more that does not grow with the number of disks:
+    scratch space of the threads, and room for states at more moments (SNAPSHOT_DISKS); and what a window writes down
+    where a run ends at a number of collisions (`ifrdem/case/estimate.py`).
+    """
     constant = bytes_of("history_hash", "displacement", "slot_before") + GHOST_BYTES
     return (_PARTS - low_memory) * bytes_of("disk", "meta") + constant
 

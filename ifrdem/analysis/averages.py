@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.walls.free_area import FreeArea
@@ -38,6 +39,7 @@ from ..trajectory import export
 from ..trajectory.history import KICK
 from ..trajectory.reader import Frame, Trajectory
 from ..trajectory.tables import optional_import
+from . import common
 from . import result as stored
 from .bins import Bins, Grid, Rings, Strips
 from .common import BLOCKS, mean_errors
@@ -404,7 +406,7 @@ def _averages(trajectory: Trajectory, bins: Bins, used: Sequence[int], collision
     """Averages of all disks and of species; velocities are summed relative to that of the gas, to lose no digits."""
     named = export.kinds(trajectory)
     names = named[0] if named is not None and len(named[0]) > 1 else [""]
-    kind = named[1] if named is not None and len(names) > 1 else np.zeros(trajectory.n, dtype=np.intp)
+    kind = named[1] if named is not None and len(names) > 1 else np.broadcast_to(np.intp(0), trajectory.n)
     drift = np.zeros(2) if bins.axes == ("r",) else _mean_velocity(trajectory[used[0]])
     turning, blocks = "angular_velocity" in trajectory.fields, _blocks(used)
     of_disks = np.zeros((len(_OF_DISKS), len(names), len(blocks), bins.count))
@@ -435,9 +437,14 @@ def _averages(trajectory: Trajectory, bins: Bins, used: Sequence[int], collision
 
 
 def _mean_velocity(frame: Frame) -> Array:
-    movable = frame.trajectory.disks.movable
-    mass = frame.trajectory.disks.mass[movable]
-    return np.average(frame.peculiar_velocity[movable], axis=0, weights=mass)
+    disks, velocity = frame.trajectory.disks, frame.peculiar_velocity
+    found, whole = np.zeros(2), 0.0
+    for some in common.blocks(disks.n):
+        movable = disks.movable[some]
+        mass = disks.mass[some][movable]
+        found += mass @ velocity[some][movable]
+        whole += float(mass.sum())
+    return found / whole
 
 
 def _imposed(bins: Bins) -> Array:
@@ -451,23 +458,37 @@ def _imposed(bins: Bins) -> Array:
 
 def _sums_of_frame(frame: Frame, bins: Bins, kind: Any, kinds: int, drift: Array) -> Array:
     """`_OF_DISKS` of one frame, (sums, kinds, bins)."""
-    disks, shape = frame.trajectory.disks, (kinds, bins.count)
-    position = frame.trajectory.box.wrap(frame.position, frame.time)
-    overlaps = bins.overlaps(position, disks.radius, frame.time)
+    disks, box = frame.trajectory.disks, frame.trajectory.box
+    columns = [frame.position, frame.peculiar_velocity]
+    columns += [frame.spin] if "angular_velocity" in frame.trajectory.fields else []
+    found = np.zeros((len(_OF_DISKS), kinds, bins.count))
+    constants: tuple[Any, ...] = disks.radius, disks.mass, disks.inertia, disks.movable, kind
+    for some in common.blocks(disks.n):
+        position, velocity, *spin = (each[some] for each in columns)
+        rows = box.wrap(position, frame.time), velocity - drift, spin[0] if spin else np.zeros(len(position))
+        found += _sums_of_disks(bins, kinds, frame.time, *rows, *(each[some] for each in constants))
+    return found
+
+
+def _sums_of_disks(
+    bins: Bins, kinds: int, time: float, position: Array, velocity: Array, spin: Array, radius: Array, mass: Array,
+    inertia: Array, movable: NDArray[np.bool_], kind: NDArray[np.intp],
+) -> Array:  # fmt: skip
+    """`_OF_DISKS` of some disks, (sums, kinds, bins)."""
     size = kinds * bins.count
+    overlaps = bins.overlaps(position, radius, time)
     covered = np.bincount(kind[overlaps.disk] * bins.count + overlaps.bin, overlaps.area, minlength=size)
     where = bins.of(position)
-    inside = (where >= 0) & disks.movable
+    inside = (where >= 0) & movable
     index = kind[inside] * bins.count + where[inside]
-    m, inertia = disks.mass[inside], disks.inertia[inside]
-    v = bins.components(position[inside], frame.peculiar_velocity[inside] - drift)
-    spin = frame.spin[inside] if "angular_velocity" in frame.trajectory.fields else np.zeros(len(m))
-    p, rotation = m[:, None] * v, inertia * spin**2
+    m = mass[inside]
+    v = bins.components(position[inside], velocity[inside])
+    p, rotation = m[:, None] * v, inertia[inside] * spin[inside] ** 2
     energy = 0.5 * np.sum(p * v, axis=1)
     rows = [np.ones(len(m)), m, *p.T, p[:, 0] * v[:, 0], p[:, 0] * v[:, 1], p[:, 1] * v[:, 1], rotation]
     rows += [*(energy[:, None] * v).T, *(0.5 * rotation[:, None] * v).T]
     sums = [np.bincount(index, row, minlength=size) for row in rows]
-    return np.stack([one.reshape(shape) for one in (*sums, covered)])
+    return np.stack([one.reshape(kinds, bins.count) for one in (*sums, covered)])
 
 
 def _block_ends(times: Array, blocks: Sequence[Any]) -> Array:

@@ -66,11 +66,13 @@ def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluat
         by_frame["collisions_per_disk"] = trajectory.observables["collisions_per_disk"][used]
 
     def distribution(which: Indices, frames: Sequence[int], bins: int) -> velocities.VelocityDistribution:
+        chosen: Any = slice(None) if len(which) == disks.n else which  # without a copy of all
+
         def read(name: str) -> Iterator[NDArray[np.float64]]:
             for i in frames:  # one by one
-                yield getattr(trajectory[i], name)[which]
+                yield getattr(trajectory[i], name)[chosen]
 
-        mass, inertia = disks.mass[which], disks.inertia[which]
+        mass, inertia = disks.mass[chosen], disks.inertia[chosen]
         v, omega = read("peculiar_velocity"), read("spin")
         return velocities.velocity_distribution(v, omega, mass=mass, inertia=inertia, bins=bins)
 
@@ -356,7 +358,7 @@ def of_fields(
         return _of_bins(trajectory, means, [*_cells(a, b), *_extremes(trajectory, means)])
     used = second_half(trajectory, frames)[-1]
     disks, frame, box = trajectory.disks, trajectory[used], trajectory.box
-    movable = np.isfinite(disks.mass)
+    movable: Any = slice(None) if disks.n_movable == disks.n else disks.movable  # without a copy of all
     position = frame.position[movable]
     if not len(position):
         raise InputError(

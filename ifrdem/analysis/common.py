@@ -171,6 +171,17 @@ def neighbours(
     return i[near], j[near], vector[near]
 
 
+AT_ONCE = 1 << 20
+"""Disks that are worked on together, where what is computed of all would need several times the memory of a frame."""
+
+
+def blocks(n: int, size: int = 0) -> Iterator[slice]:
+    """Slices of n disks, one after another, of this size or AT_ONCE."""
+    size = size or AT_ONCE
+    for first in range(0, n, size):
+        yield slice(first, min(first + size, n))
+
+
 def cells_of(position: Array, box: Box, side: int) -> NDArray[np.intp]:
     """Cell of the box, or of what the disks span in an open one, of each disk; so many along a side."""
     low, lengths = np.zeros(2), np.array(box.lengths)

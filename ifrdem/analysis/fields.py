@@ -17,12 +17,12 @@ from ..tools.checked import (
     NonNegativePerDisk,
     PositivePerDisk,
     Vectors,
-    column,
+    rows,
     validated,
 )
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
-from .common import BoxLike
+from .common import BoxLike, blocks
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,7 +92,7 @@ def coarse_grain(
     """
     x, v = (np.asarray(one, dtype=np.float64) for one in (position, velocity))
     n = len(x)
-    omega = np.zeros(n) if spin is None else np.asarray(spin, dtype=np.float64)
+    omega = np.broadcast_to(0.0, n) if spin is None else np.asarray(spin, dtype=np.float64)
     if not len(v) == len(omega) == n:
         raise InputError(f"velocity has {len(v)} disks, spin {len(omega)}: must have {n}, as position")
     if width and box.shear_rate:
@@ -103,7 +103,6 @@ def coarse_grain(
             f"position: y from {x[:, 1].min():g} to {x[:, 1].max():g} must lie in the sheared box, "
             f"0 to {lengths[1]:g}: Box.wrap moves centres, and velocities change with them by shear_rate Ly"
         )
-    x = box.wrap(x)
     if box.is_open:
         if not n:
             raise InputError(
@@ -117,17 +116,26 @@ def coarse_grain(
         raise InputError(
             f"width = {width:g}: cells of {size.max():.4g} are too large for it; take more or a wider one"
         )
-    cell = np.clip(((x - low) / size).astype(np.intp), 0, np.array(cells) - 1)
-    index = cell[:, 0] * cells[1] + cell[:, 1]
-    m, R, inertia_of = column("mass", mass, n), column("radius", radius, n), column("inertia", inertia, n)
+    m, R, inertia_of = rows("mass", mass, n), rows("radius", radius, n), rows("inertia", inertia, n)
     # A deviation from the mean of all, so that no digits are lost where all drift.
-    drift = np.average(v, axis=0, weights=m) if n else np.zeros(2)
-    w = v - drift
+    drift = sum((m[some] @ v[some] for some in blocks(n)), start=np.zeros(2))
+    drift /= sum(float(m[some].sum()) for some in blocks(n)) if n else 1.0
     inside = _smoothed(np.ones(cells), width, size, box) if width else np.ones(cells)
+    sums = np.zeros((7, cells[0] * cells[1]))
+    for some in blocks(n):
+        cell = np.clip(((box.wrap(x[some]) - low) / size).astype(np.intp), 0, np.array(cells) - 1)
+        index = cell[:, 0] * cells[1] + cell[:, 1]
+        w, mass_of = v[some] - drift, m[some]
+        terms = (
+            None, mass_of, mass_of * w[:, 0], mass_of * w[:, 1], mass_of * np.sum(w * w, axis=1),
+            inertia_of[some] * omega[some] * omega[some], np.pi * R[some] * R[some],
+        )  # fmt: skip
+        for total_of, row in zip(sums, terms, strict=True):
+            total_of += np.bincount(index, row, minlength=cells[0] * cells[1])
 
-    def total(weights: Array, squared: bool = False) -> Array:
-        """Sums of weights times phi, or phi^2: a Gaussian that sums to 1 over cells, or 1 in the own cell."""
-        binned = np.bincount(index, weights, minlength=cells[0] * cells[1]).astype(np.float64).reshape(cells)
+    def total(of_cells: Array, squared: bool = False) -> Array:
+        """Sums of weights times phi, or phi^2, of those in cells: a Gaussian that sums to 1, or 1 in the own cell."""
+        binned = of_cells.reshape(cells)
         if not width:
             return binned
         if not squared:
@@ -136,18 +144,17 @@ def coarse_grain(
         factor = float(np.prod(size)) / (4.0 * np.pi * width**2)
         return factor * _smoothed(binned, width / np.sqrt(2.0), size, box) / inside**2
 
-    one = np.ones(n)
-    number, mass_ = total(one), total(m)
+    number, mass_, momentum_x, momentum_y, square, rotation, covered = map(total, sums)
     with np.errstate(divide="ignore", invalid="ignore"):
-        u = np.stack([total(m * w[:, i]) / mass_ for i in (0, 1)], axis=-1)
-        spread = total(m * np.sum(w * w, axis=1)) - mass_ * np.sum(u * u, axis=-1)
-        freedom = number - total(m, squared=True) / mass_
+        u = np.stack([momentum_x / mass_, momentum_y / mass_], axis=-1)
+        spread = square - mass_ * np.sum(u * u, axis=-1)
+        freedom = number - total(sums[1], squared=True) / mass_
         enough = freedom > 1e-6 * np.maximum(number, 1e-300)
         T = np.where(enough, np.maximum(spread, 0.0) / (2.0 * freedom), np.nan)
-        T_rot = total(inertia_of * omega * omega) / number
+        T_rot = rotation / number
     area = float(np.prod(size))
     x, y = (low[axis] + (np.arange(cells[axis]) + 0.5) * size[axis] for axis in (0, 1))
-    return Fields(x, y, number / area, total(np.pi * R * R) / area, u + drift, T, T_rot, width)
+    return Fields(x, y, number / area, covered / area, u + drift, T, T_rot, width)
 
 
 def _smoothed(values: Array, width: float, size: Array, box: Box) -> Array:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
+import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
@@ -27,6 +29,7 @@ from ..tools.checked import (
 from ..tools.intervals import of_count, of_intensity, student_t
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
+from . import common
 from .common import BoxLike, Positions, Times, cells_of, freud_frame, load, neighbours, share_in_cell
 from .cooling import CHANCE
 
@@ -40,6 +43,8 @@ LEAST_MODES = 32
 """Modes by whose scatter the error of S(k) is found: rings that hold fewer take those of the next rings too."""
 CELLS, DISKS_OF_CELL = (5, 10), 40
 """Cells along a side of the box by whose scatter the error of g(r) is found, and disks in each between."""
+SINGLE = 1e-6
+"""Part of the box that positions in single precision are off by, at most."""
 Bins = Annotated[int, Integer(1, 1_000_000)]
 
 
@@ -183,27 +188,30 @@ def _count_pairs(
         if second is not None and not (len(points) and len(second)):
             empty = "others" if len(points) else "position"
             raise InputError(f"{empty} has a frame of 0 disks: must have 1 or more")
-        frame = freud_frame(points, box, r_max, when, "g(r)")
-        aim = frame if second is None else freud_frame(second, box, r_max, when, "g(r)")
-        inside = np.ones(len(points), dtype=bool)
-        for axis in (0, 1):
-            if not box.periodic[axis]:
-                inside &= (points[:, axis] > r_max) & (points[:, axis] < box.lengths[axis] - r_max)
         if frames == 0:
             side = int(np.clip(np.sqrt(len(points) / DISKS_OF_CELL), *CELLS))
             by_cell, centres = np.zeros((side**2, bins)), np.zeros(side**2)
-        query = freud.locality.AABBQuery(aim.box, aim.points)
-        where = np.where(inside, cells_of(box.wrap(points, when), box, side), -1)
-        for cell in np.unique(where[inside]):
-            own = frame.points[where == cell]
-            rdf.compute(query, query_points=own, neighbors={"r_max": r_max})
-            counts = np.asarray(rdf.bin_counts, dtype=float)
-            if r_min == 0.0 and second is None:
-                counts[0] -= len(own)  # each found itself
-            by_cell[cell] += counts
-            centres[cell] += len(own)
+        where = np.empty(len(points), dtype=np.int32)
+        for some in common.blocks(len(points)):
+            where[some] = _cells_of_centres(points[some], box, r_max, when, side)
+        aims = points if second is None else second
+        for row in range(side):  # a tree of all disks would need much memory
+            own_cells = np.unique(where[(where >= 0) & (where % side == row)])
+            near = _near_row(aims, box, r_max, when, row, side) if len(own_cells) else np.zeros(0, dtype=bool)
+            aim = freud_frame(aims[near], box, r_max, when, "g(r)") if near.any() else None
+            query = None if aim is None else freud.locality.AABBQuery(aim.box, aim.points)
+            for cell in own_cells:
+                own = freud_frame(points[where == cell], box, r_max, when, "g(r)").points
+                centres[cell] += len(own)
+                if query is None:
+                    continue
+                rdf.compute(query, query_points=own, neighbors={"r_max": r_max})
+                counts = np.asarray(rdf.bin_counts, dtype=float)
+                if r_min == 0.0 and second is None:
+                    counts[0] -= len(own)  # each found itself
+                by_cell[cell] += counts
         partners = len(points) - 1 if second is None else len(second)
-        ideal += np.count_nonzero(inside) * partners / box.area * rings
+        ideal += np.count_nonzero(where >= 0) * partners / box.area * rings
         frames += 1
     if frames == 0:
         names = "position" if others is None else "position or others"
@@ -226,6 +234,28 @@ def _count_pairs(
     return _Counted(
         edges, count, count / ends, ideal, independent, scatter / np.sqrt(0.5 + 0.5 * same) / ideal, frames
     )
+
+
+def _cells_of_centres(points: Array, box: Box, r_max: float, time: float, side: int) -> NDArray[np.intp]:
+    """Cell of each centre, -1 for those nearer than `r_max` to a side that is not periodic."""
+    inside = np.ones(len(points), dtype=bool)
+    for axis in (0, 1):
+        if not box.periodic[axis]:
+            inside &= (points[:, axis] > r_max) & (points[:, axis] < box.lengths[axis] - r_max)
+    return np.where(inside, cells_of(box.wrap(points, time), box, side), -1)
+
+
+def _near_row(points: Array, box: Box, r_max: float, time: float, row: int, side: int) -> NDArray[np.bool_]:
+    """True for points that are, along y, no farther than `r_max` from a row of the cells along x."""
+    length = box.lengths[1]
+    reach = 0.5 * length / side + r_max + SINGLE * max(box.lengths)
+    near = np.empty(len(points), dtype=bool)
+    for some in common.blocks(len(points)):
+        away = box.wrap(points[some], time)[:, 1] - (row + 0.5) * length / side
+        if box.periodic[1]:
+            away -= length * np.round(away / length)
+        near[some] = np.abs(away) <= reach
+    return near
 
 
 @validated
@@ -313,7 +343,7 @@ def mode_intensities(
 ) -> tuple[Array, Array]:
     """Vectors k that the box allows [1/length], as `mode_amplitudes`, and |sum_j exp(-i k r_j)|^2 / n at them."""
     k, amplitude = mode_amplitudes(
-        position, np.ones(len(position)), box, modes, stride=stride, time=time, what="S(k)"
+        position, np.broadcast_to(1.0, len(position)), box, modes, stride=stride, time=time, what="S(k)"
     )
     return k, np.abs(amplitude) ** 2 / len(position)
 
@@ -332,18 +362,25 @@ def mode_amplitudes(
     (width, height), (a, b) = box.lengths, modes
     shift = box.image_above(time) if box.shear_rate else 0.0
     shift -= width if shift > 0.5 * width else 0.0
-    x = position[:, 0] - position[:, 1] * (shift / height)
-    # Multiples of the stride repeat themselves in a stride-th of the box.
-    phase = [2.0 * np.pi * ((stride * part) % 1.0) - np.pi for part in (x / width, position[:, 1] / height)]
-    amplitude = finufft.nufft2d1(
-        phase[0],
-        phase[1],
-        np.ascontiguousarray(weight, dtype=complex),
-        (2 * a + 1, 2 * b + 1),
-        isign=-1,
-        eps=1e-9,
-        nthreads=0 if len(position) > ONE_THREAD else 1,
-    )
+
+    def sum_of(some: slice) -> NDArray[np.complex128]:
+        places = position[some]
+        x = places[:, 0] - places[:, 1] * (shift / height)
+        # Multiples of the stride repeat themselves in a stride-th of the box.
+        phase = [2.0 * np.pi * ((stride * part) % 1.0) - np.pi for part in (x / width, places[:, 1] / height)]
+        found: NDArray[np.complex128] = finufft.nufft2d1(
+            phase[0],
+            phase[1],
+            np.ascontiguousarray(weight[..., some], dtype=complex),
+            (2 * a + 1, 2 * b + 1),
+            isign=-1,
+            eps=1e-9,
+            nthreads=0 if len(places) > ONE_THREAD else 1,
+        )
+        return found
+
+    pieces = [*common.blocks(len(position), 4 * common.AT_ONCE)] or [slice(0, 0)]
+    amplitude = functools.reduce(operator.add, map(sum_of, pieces))
     i, j = np.meshgrid(np.arange(-a, a + 1), np.arange(-b, b + 1), indexing="ij")
     k_x = 2.0 * np.pi * stride / width * i
     k_y = 2.0 * np.pi * stride / height * j - k_x * (shift / height)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Callable
+import math
+import operator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
-from ..tools.checked import Array, FiniteArray, Integer, Positive, PositivePerDisk, Real, column, validated
+from ..tools.checked import Array, FiniteArray, Integer, Positive, PositivePerDisk, Real, rows, validated
 from ..tools.intervals import error_of_share, of_share
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
+from . import common
 from .common import Positions, Spins
 
 AT_ONCE = 1 << 16
@@ -171,51 +175,99 @@ def velocity_distribution(
     """
     edges = np.linspace(-widest, widest, bins + 1)
     counts, spin_counts = _Counts(bins, widest), _Counts(bins, widest)
-    sums: Array | None = None
-    frames = 0
-    for v, omega in itertools.zip_longest(velocity, spin):
+    sums: Array | None = None  # over the frames, of each disk
+    moments, frames = _Moments(9 + len(TAIL)), 0
+    given = itertools.zip_longest(velocity, spin)
+    present = next(given, None)
+    while present is not None:
+        v, omega = present
         if v is None or omega is None:
             raise InputError("velocity and spin: must have the same number of frames")
-        if len(v) != len(omega) or len(v) < 2:
-            raise InputError(
-                f"velocity has {len(v)} disks, spin {len(omega)}: must be the same number, 2 or more"
-            )
-        weight, inertias = column("mass", mass, len(v)), column("inertia", inertia, len(v))
-        root_inertia = np.sqrt(inertias)
-        c = v - np.average(v, axis=0, weights=weight)
-        c *= np.sqrt(weight)[:, None]
-        w = root_inertia * omega
-        square, spin_square = np.sum(c * c, axis=1), w * w
-        T2, T2_rot = square.mean(), 2.0 * spin_square.mean()  # 2 T and 2 T_rot
+        n = len(v)
+        if n != len(omega) or n < 2:
+            raise InputError(f"velocity has {n} disks, spin {len(omega)}: must be the same number, 2 or more")
+        following = next(given, None)
+        weight, inertias = rows("mass", mass, n), rows("inertia", inertia, n)
+        if sums is None and following is not None:
+            sums = np.zeros((9 + len(TAIL), n))
+        # All disks at once would need several times the memory of a frame.
+        blocks = [*common.blocks(n, AT_ONCE)]
+        drift = _total(weight[some] @ v[some] for some in blocks) / _total(
+            weight[some].sum() for some in blocks
+        )
+
+        def scaled(some: slice, v: Any = v, drift: Any = drift, weight: Any = weight) -> Array:
+            found: Array = (v[some] - drift) * np.sqrt(weight[some])[:, None]
+            return found
+
+        T2 = _total(np.sum(scaled(some) ** 2) for some in blocks) / n
+        T2_rot = 2.0 * _total(np.sum(inertias[some] * np.square(omega[some])) for some in blocks) / n
         if T2 == 0.0:
             raise InputError("velocity: must differ between disks: without motion there is no distribution")
-        c /= np.sqrt(T2)
-        counts.add(c)
-        if T2_rot > 0.0:
-            w /= np.sqrt(T2_rot)
-            spin_counts.add(w[:, None])
-        if sums is None:
-            sums = np.zeros((9 + len(TAIL), len(v)))
-        for first in range(0, len(v), AT_ONCE):  # all at once would need several times the memory of a frame
-            some = slice(first, first + AT_ONCE)
-            x = square[some] / T2
-            # Mean 1, as x.
-            y = 2.0 * spin_square[some] / T2_rot if T2_rot > 0.0 else np.full(len(x), np.nan)
+        for some in blocks:
+            c = scaled(some)
+            # x and y have mean 1.
+            x, y = np.sum(c * c, axis=1) / T2, np.full(len(c), np.nan)
+            counts.add(c / np.sqrt(T2), some.start, n)
+            if T2_rot > 0.0:
+                w = np.sqrt(inertias[some]) * omega[some]
+                y = 2.0 * w * w / T2_rot
+                spin_counts.add((w / np.sqrt(T2_rot))[:, None], some.start, n)
             orders = (x, y, x * x, y * y, x * y, x**3, y**3, x * x * y, x * y * y)
-            sums[:, some] += np.stack((*orders, *(x > speed**2 for speed in TAIL)))
+            terms = np.stack((*orders, *(x > speed**2 for speed in TAIL)))
+            if sums is None:
+                moments.add(terms)
+            else:
+                sums[:, some] += terms
         frames += 1
-    if sums is None:
+        present = following
+    if not frames:
         raise InputError("velocity and spin have no frames: must have one or more")
+    del v, omega, present, following  # as large as what comes
+    if sums is not None:
+        for some in common.blocks(sums.shape[1], AT_ONCE):
+            moments.add(sums[:, some] / frames)
     density, error = counts.density()
-    turning = bool(np.all(np.isfinite(sums[1])))
+    turning = bool(np.isfinite(moments.mean[1]))
     nothing = np.full(bins, np.nan)
     spin_density, spin_error = spin_counts.density() if turning else (nothing, nothing)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    sums /= frames
-    means = sums
-    sonine = _sonine(means[: -len(TAIL)], frames)
-    tail = {c: _tail(c, part) for c, part in zip(TAIL, means[-len(TAIL) :], strict=True)}
-    return VelocityDistribution(middle, density, error, middle, spin_density, spin_error, sonine, tail)
+    tail = {c: _tail(c, moments, len(moments.mean) - len(TAIL) + i) for i, c in enumerate(TAIL)}
+    return VelocityDistribution(
+        middle, density, error, middle, spin_density, spin_error, _sonine(moments, frames), tail
+    )
+
+
+def _total(terms: Iterable[Any]) -> Any:
+    """Sum of terms, one after another."""
+    return functools.reduce(operator.add, terms)
+
+
+class _Moments:
+    """Means and covariances of quantities of independent disks, which are added in blocks."""
+
+    def __init__(self, quantities: int) -> None:
+        self.n = 0
+        self.mean: Array = np.zeros(quantities)
+        self._products: Array = np.zeros((quantities, quantities))
+
+    def add(self, values: Array) -> None:
+        """Add some disks, shape (quantities, disks).
+
+        By the update of Chan, Golub and LeVeque, The American Statistician 37, 242 (1983), doi:10.1080/00031305.1983.10483115.
+        """
+        n, mean = values.shape[1], values.mean(axis=1)
+        apart, apart_squared = mean - self.mean, self.n * n / (self.n + n)
+        centered = values - mean[:, None]
+        self._products += centered @ centered.T + apart_squared * np.outer(apart, apart)
+        self.n += n
+        self.mean += apart * (n / self.n)
+
+    def variance(self, factors: Array) -> float:
+        """Variance of a sum of the quantities with these factors; those with the factor 0 may be nan."""
+        used = np.flatnonzero(factors)
+        chosen = factors[used]
+        return float(chosen @ self._products[np.ix_(used, used)] @ chosen) / (self.n - 1)
 
 
 MOST_COUNTS = 10_000_000
@@ -231,18 +283,18 @@ class _Counts:
         self.of_disks: Array = np.zeros((0, bins))
         self.disks = self.values = 0
 
-    def add(self, components: Array) -> None:
-        """Count components of one frame, (n, d)."""
-        n = len(components)
+    def add(self, components: Array, first: int, n: int) -> None:
+        """Count components of disks of one frame, (disks, d), from number `first` on, of n in all."""
         self.total += np.histogram(components, self.bins, (-self.widest, self.widest))[0]
-        chosen = components[:: -(-n * self.bins // MOST_COUNTS)]
+        every = -(-n * self.bins // MOST_COUNTS)
         if not len(self.of_disks):
-            self.of_disks, self.disks = np.zeros((len(chosen), self.bins)), n
+            self.of_disks, self.disks = np.zeros((-(-n // every), self.bins)), n
+        chosen = components[-first % every :: every]
         at = np.floor((chosen + self.widest) * (self.bins / (2.0 * self.widest)))
         disk, _ = inside = np.nonzero((at >= 0) & (at < self.bins))
-        index = disk * self.bins + at[inside].astype(np.intp)
-        self.of_disks += np.bincount(index, minlength=self.of_disks.size).reshape(self.of_disks.shape)
-        self.values += components.shape[1]
+        np.add.at(self.of_disks, (disk + -(-first // every), at[inside].astype(np.intp)), 1.0)
+        if first == 0:
+            self.values += components.shape[1]
 
     def density(self) -> tuple[Array, Array]:
         """Probability density, and its standard error."""
@@ -257,41 +309,46 @@ def _trials(share: Array, variance: Array, disks: int) -> Array:
     return disks * np.maximum(found, 1.0)
 
 
-def _tail(c: float, part: Array) -> Tail:
-    """Tail beyond c, from the share of frames that each disk is there, (n,)."""
-    share = float(part.mean())
-    n = float(_trials(np.asarray(share), np.asarray(np.var(part, ddof=1)), len(part)))
+def _tail(c: float, moments: _Moments, number: int) -> Tail:
+    """Tail beyond c, from the share of frames that each disk is there, the quantity of this number."""
+    share = float(moments.mean[number])
+    own = np.zeros(len(moments.mean))
+    own[number] = 1.0
+    n = float(_trials(np.asarray(share), np.asarray(moments.variance(own)), moments.n))
     low, high = of_share(share * n, n)
     scale = float(np.exp(c**2))
     ends = float(low) * scale, float(high) * scale
     return Tail(share * scale, float(error_of_share(share * n, n)) * scale, ends)
 
 
-def _sonine(means: Array, frames: int) -> SonineCoefficients:
-    """Coefficients and errors from each disk's means over frames of x, y and their products; <x> = <y> = 1."""
-    x, y, xx, yy, xy, xxx, yyy, xxy, xyy = means
-    n = len(x)
+def _sonine(moments: _Moments, frames: int) -> SonineCoefficients:
+    """Coefficients and errors from moments of each disk's means over frames of x, y and their products; <x> = <y> = 1.
+
+    A sum of these quantities is the array of its factors.
+    """
+    x, y, xx, yy, xy, xxx, yyy, xxy, xyy = np.eye(9, len(moments.mean))
+
+    def mean(q: Array) -> float:
+        used = np.flatnonzero(q)
+        return float(q[used] @ moments.mean[used])
 
     def estimate(q: Array, influence: Array) -> tuple[float, float]:
         """The mean of q, less 1, and the error that the spread of each disk's influence on it makes."""
-        return float(q.mean() - 1.0), float(np.std(influence, ddof=1) / np.sqrt(n))
+        return mean(q) - 1.0, math.sqrt(moments.variance(influence) / moments.n)
 
     def moment(q: Array, power_x: int, power_y: int) -> Array:
         """Influence of each disk on a moment divided by powers of <x> and <y>, which are 1."""
-        influence: Array = q - np.mean(q) * sum(
-            power * each for power, each in ((power_x, x), (power_y, y)) if power
-        )
-        return influence
+        return q - mean(q) * (power_x * x + power_y * y)
 
     # d(m4 / m2^2) = dm4 - 2 m4 dm2 at m2 = 1, and so for the mixed one.
     i20, i02, i11 = moment(0.5 * xx, 2, 0), moment(yy / 3.0, 0, 2), moment(xy, 1, 1)
     second = estimate(0.5 * xx, i20), estimate(yy / 3.0, i02), estimate(xy, i11)
-    sixth: tuple[Callable[[], tuple[Array, Array]], ...] = (  # terms of each, and influence of each disk
-        lambda: (1.5 * xx - xxx / 6.0, 3.0 * i20 - moment(xxx / 6.0, 3, 0)),
-        lambda: (yy - yyy / 15.0, 3.0 * i02 - moment(yyy / 15.0, 0, 3)),
-        lambda: (0.5 * xx + 2.0 * xy - 0.5 * xxy, i20 + 2.0 * i11 - moment(0.5 * xxy, 2, 1)),
-        lambda: (yy / 3.0 + 2.0 * xy - xyy / 3.0, i02 + 2.0 * i11 - moment(xyy / 3.0, 1, 2)),
+    sixth = (  # terms of each, and influence of each disk
+        (1.5 * xx - xxx / 6.0, 3.0 * i20 - moment(xxx / 6.0, 3, 0)),
+        (yy - yyy / 15.0, 3.0 * i02 - moment(yyy / 15.0, 0, 3)),
+        (0.5 * xx + 2.0 * xy - 0.5 * xxy, i20 + 2.0 * i11 - moment(0.5 * xxy, 2, 1)),
+        (yy / 3.0 + 2.0 * xy - xyy / 3.0, i02 + 2.0 * i11 - moment(xyy / 3.0, 1, 2)),
     )
-    found = [(value - 1.0, error) for value, error in (estimate(*each()) for each in sixth)]
-    numbers: list[Any] = [*itertools.chain(*second, *found), n, frames]
+    found = [(value - 1.0, error) for value, error in (estimate(*each) for each in sixth)]
+    numbers: list[Any] = [*itertools.chain(*second, *found), moments.n, frames]
     return SonineCoefficients(*numbers)

@@ -171,10 +171,10 @@ WINDOW_COLLISIONS = 1.3
 """Collisions of a whole gas in a window, per disk: 0.5 to 5 were measured."""
 WINDOW_STRAIN = 0.036
 """Strain of a sheared gas in a window, about."""
-PLACING_SECONDS = {"random": (0.4e-6, 0.4e-6), GROWN: (5e-5, 0.0)}
+PLACING_SECONDS = {"random": (0.5e-6, 0.55e-6), GROWN: (5e-5, 0.0)}
 """Time per disk to place it, by `start.positions`: of one thread, and shared among threads. Others are read or drawn on
 a lattice, in less. Growth takes 5e-5 s at phi = 0.4, and three times as much near random packing."""
-LAYOUT_SECONDS = 0.6e-6, 0.3e-6
+LAYOUT_SECONDS = 0.9e-6, 0.45e-6
 """Time per disk to compare disks, check them, and lay them out in tiles, in the same parts (`ifrdem/docs/results/starts.md`)."""
 FEW_SECONDS = 4e-6
 """Time of NumPy per disk to place few disks at random (`cells.FEW`)."""
@@ -186,7 +186,7 @@ def start_seconds(n: int, positions: str, threads: int) -> float:
     Examples
     --------
     >>> round(start_seconds(3_000_000, "random", 2), 1), round(start_seconds(100_000, "grown", 1), 1)
-    (4.1, 5.1)
+    (5.7, 5.1)
     """
     single, shared = PLACING_SECONDS.get(positions, (0.0, 0.0))
     if n <= FEW and positions == "random":
@@ -219,13 +219,22 @@ PLACED_BYTES_PER_DISK = 100
 """The same for each disk of its own, or of its strips, while it places random ones; 80 bytes were seen."""
 HOST_BYTES_PER_DISK = 300
 """Memory per disk of a strip that is filled, at most."""
-PROCESS_BYTES = 300_000_000
+PROCESS_BYTES = 280_000_000
 """Memory of a process without disks: Python, the runtime and their libraries, and Matplotlib for the picture."""
-START_BYTES_PER_DISK = 60
-"""Memory of a start beside the engine's arrays: 40 bytes of places and motion and, before these arrays are there, 60 for
-placing and comparing disks; 45 were seen beside them (`ifrdem/docs/results/starts.md`)."""
-FRAMES_IN_MEMORY, WRITER_BYTES_PER_DISK = 4, 200
-"""Frames that are made, wait (two) or are written; memory of these for each disk, at most."""
+KEPT_BYTES, KEPT_BYTES_PER_DISK = 90_000_000, 30
+"""What the process keeps of arrays that were there before: at most, and for each disk of fewer. The allocator gives
+arrays of more than 32 MB back (DEFAULT_MMAP_THRESHOLD_MAX of glibc)."""
+START_BYTES_PER_DISK = 48
+"""Memory of a start beside the engine's arrays: 40 bytes of places and motion, and their tiles; 45 were seen
+(`ifrdem/docs/results/starts.md`). Before these arrays are there, it takes less in all."""
+FRAMES_IN_MEMORY, FRAME_BYTES, WRITER_BYTES_PER_DISK = 4, 36, 200
+"""Frames that are made, wait (two) or are written, but with `low_memory`, where one is; memory of one for each disk, at
+least: rows with all that the gas keeps, and what is computed of them; memory of all, at most."""
+COUNTED_BYTES_PER_DISK = {False: 30, True: 5}
+"""Memory of a run that ends at a number of collisions for each disk: what its last window writes down, by whether
+`low_memory` keeps only the times of that."""
+CHECKPOINT_BYTES_PER_DISK = 30
+"""Memory of a checkpoint for each disk: an index, and a third of the present state (`engine.PASSES`)."""
 GROWTH_BYTES_PER_DISK = 1000
 """The same for a start by growth: 940 bytes a disk were seen."""
 TILE_BYTES, TILE_DISKS = 450, 5000
@@ -302,17 +311,21 @@ class RunEstimate:
     tracked: int  # disks with histories
     force_steps: Mapping[str, Mapping[float, float]]  # by kind and length; nan where the end is not known
 
-    def writer_bytes_per_disk(self, output: OutputSection) -> int:
-        """Memory [bytes] of frames for each disk: rows with all that the gas keeps, and their fields as they are stored."""
-        found = min(self.frames, FRAMES_IN_MEMORY) * 2 * max(disk_bytes(output), 32)
-        return min(found, WRITER_BYTES_PER_DISK)
+    def writer_bytes_per_disk(self, case: CaseSections) -> int:
+        """Memory [bytes] of frames and checkpoints for each disk, once the start is made."""
+        low = case.run.low_memory
+        frames = 1 if low else min(self.frames, FRAMES_IN_MEMORY)
+        found = frames * max(disk_bytes(case.output), FRAME_BYTES)
+        found += COUNTED_BYTES_PER_DISK[low] if case.run.collisions_per_disk is not None else 0
+        return min(max(found, CHECKPOINT_BYTES_PER_DISK), WRITER_BYTES_PER_DISK)
 
     def peak_bytes(self, gas: CaseGas) -> int:
         """Largest memory [bytes] of a run in one process on a CPU: of its start, or later with frames."""
         case = gas.case
         grown = case.start.placed and case.start.positions == GROWN
         start = GROWTH_BYTES_PER_DISK if grown else START_BYTES_PER_DISK
-        return PROCESS_BYTES + self.array_bytes + gas.n * max(start, self.writer_bytes_per_disk(case.output))
+        kept = min(KEPT_BYTES, KEPT_BYTES_PER_DISK * gas.n)
+        return PROCESS_BYTES + kept + self.array_bytes + gas.n * max(start, self.writer_bytes_per_disk(case))
 
     def computed(self, n: int) -> float:
         """Collisions that are computed: tiles compute a window once more for each frame in it."""

@@ -18,6 +18,7 @@ from . import starts
 from .case import GROWN, CaseSections
 from .estimate import (
     GROWTH_BYTES_PER_DISK,
+    KEPT_BYTES,
     PROCESS_BYTES,
     START_BYTES_PER_DISK,
     WRITER_BYTES_PER_DISK,
@@ -131,8 +132,8 @@ def refused_here(
             start=start,
             low_memory=run.low_memory,
             layered=not walled and split_of(gas.kinds.radius) is not None,
-            writer=estimate.writer_bytes_per_disk(gas.case.output),
-            process=PROCESS_BYTES * max(round(share * ranks), 1),
+            writer=estimate.writer_bytes_per_disk(gas.case),
+            process=(PROCESS_BYTES + KEPT_BYTES) * max(round(share * ranks), 1),
         ),
         lambda: refuse_beyond_disk(estimate.file_bytes, folder),
     ]

@@ -34,6 +34,13 @@ _Masses = Annotated[
 
 
 @validated
+def _by_row(formula: Callable[..., NDArray[Any]], *columns: NDArray[Any]) -> NDArray[Any]:
+    """A formula of columns, row by row: in the memory of one row, and read-only, where all of them are."""
+    if len(columns[0]) and all(each.strides[0] == 0 for each in columns):
+        return np.broadcast_to(formula(*(each[:1] for each in columns)), columns[0].shape)
+    return formula(*columns)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Disks(Brief):
     """The constant properties of n disks.
@@ -90,12 +97,12 @@ class Disks(Brief):
     @property
     def movable(self) -> NDArray[np.bool_]:
         """True for disks of a finite mass, shape (n,)."""
-        return np.isfinite(self.mass)
+        return _by_row(np.isfinite, self.mass)
 
     @property
     def inertia(self) -> Array:
         """Moments of inertia m R^2 / k [mass length^2], shape (n,); infinite for an immovable disk."""
-        return self.mass * self.radius**2 / self.k
+        return _by_row(lambda mass, radius, k: mass * radius**2 / k, self.mass, self.radius, self.k)
 
     @functools.cached_property
     def n_movable(self) -> int:

@@ -69,16 +69,40 @@ def _rows(array: NDArray[Any]) -> Iterator[Any]:
 
 @dataclass(frozen=True)
 class RowsByBlock:
-    """Rows of n disks that `work` computes for a slice of them, a block at a time: they are never all in memory."""
+    """Rows of n disks that `work` computes for a slice of them, a block at a time: they are never all in memory.
+
+    Of a row `dtype` and shape (`tail`); `step` rows are computed at a time where all are, by default BLOCK.
+    """
 
     n: int
     work: Callable[[slice], NDArray[Any]]
+    dtype: np.dtype[Any] = np.dtype(np.float64)  # noqa: RUF009 a constant
+    tail: tuple[int, ...] = ()
+    step: int = 0
 
     def __len__(self) -> int:
         return self.n
 
     def __getitem__(self, rows: slice) -> NDArray[Any]:
         return self.work(rows)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of all rows."""
+        return (self.n, *self.tail)
+
+
+Table = NDArray[Any] | RowsByBlock
+"""Rows of disks, in memory or not."""
+
+
+def pieces(rows: Table) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Rows in pieces, each contiguous in memory, with the number of its first row; an array of no axis as one row."""
+    if isinstance(rows, np.ndarray) and rows.ndim == 0:
+        rows = rows.reshape(1)
+    step = (rows.step if isinstance(rows, RowsByBlock) else 0) or BLOCK
+    for first in range(0, len(rows), step):
+        yield first, np.ascontiguousarray(rows[first : min(first + step, len(rows))])
 
 
 class Distribution:

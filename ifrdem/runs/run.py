@@ -248,8 +248,11 @@ class RootOutput:
         running.writer.flush()
 
     def frame(self, rows: FrameRows, measure: Measure) -> None:
-        """Give a frame to the trajectory."""
-        self.recorder.frame(_as_written(self.running.simulation, self.running.writer, rows), measure)
+        """Give a frame to the trajectory; with `low_memory` it is written before the run goes on."""
+        running = self.running
+        self.recorder.frame(_as_written(running.simulation, running.writer, rows), measure)
+        if running.file.case.run.low_memory and isinstance(running.writer, AsyncWriter):
+            running.writer.flush()
 
     def row(self, measure: Measure) -> None:
         """Give a row to the series, and its values to the status."""

@@ -28,6 +28,7 @@ import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,7 +36,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions, shortened
 from ..kernels import layout as k
-from ..kernels.columns import READOUT, TALLY, Named, named
+from ..kernels.columns import READOUT, TALLY, Named, frame_dtype, named
 from ..model.box import Box
 from ..model.collapse import advice
 from ..model.laws.ifr import IFRLaw
@@ -45,6 +46,7 @@ from ..model.setup import Setup
 from ..model.state import Disks, FrameRows, State, unlike
 from ..model.walls.wall import Wall, free_directions, rows_of, smooth_materials
 from ..mpi import Communicator
+from ..mpi.distribution import RowsByBlock, Table
 from ..tools import checked
 from . import backend
 from .measuring.tracking import Statistics
@@ -70,6 +72,8 @@ MOST_AT_ONCE = 2**28
 """Collisions of a disk between two looks at counters: more than a window may have (`runner.TileRunner`)."""
 MOST_COMPARED = 200_000
 """Disks of which all pairs are compared at most: some ten seconds. More fly on in windows, which get longer."""
+LARGE, PASSES = 1_000_000, 3
+"""Disks of which more are read from the device in parts for a checkpoint, and the number of these parts."""
 
 
 @dataclass(frozen=True)
@@ -878,22 +882,54 @@ class Engine:
         with self.exclusive_update():
             return self._state()
 
+    def columns_here(self, *names: str) -> dict[str, Table]:
+        """Quantities of the present state of the own slice, by name and in order of ids.
+
+        Of more than LARGE disks without ranks as `RowsByBlock`, which hold until the engine goes on.
+        """
+        if self.comm.size > 1 or self.n <= LARGE:
+            state = self.state_here()
+            return {name: getattr(state, name) for name in names}
+
+        def read(name: str, ids: slice) -> NDArray[Any]:
+            from .measuring.readout import read_rows
+
+            with self.exclusive_update():
+                frame, _ = read_rows(self, rows_of=ids)
+            assert frame is not None
+            self._check_inside(frame.rows["image"], ids.start)
+            found: NDArray[Any] = frame.rows[name]
+            return found
+
+        kind = frame_dtype(self.arrays.uses, False)
+        return {
+            name: RowsByBlock(
+                self.n, partial(read, name), kind[name].base, kind[name].shape, -(-self.n // PASSES)
+            )
+            for name in names
+        }
+
     def _state(self) -> State:
         return self._checked(self._read_out()[0])
 
     def _checked(self, state: State | None) -> Any:
         def check() -> State | None:
-            walled = [axis for axis, periodic in enumerate(self.box.periodic) if not periodic]
-            if state is None or not walled:
-                return state
-            escaped = np.flatnonzero(np.any(state.image[:, walled] != 0, axis=1))
-            if len(escaped):
-                raise EngineError(
-                    f"t = {self.time:.9g}: disk {escaped[0]} left the box where a wall should be; please report this"
-                )
+            if state is not None:
+                self._check_inside(state.image)
             return state
 
         return self.comm.run_on_all(check)
+
+    def _check_inside(self, image: NDArray[np.integer], first: int = 0) -> None:
+        """EngineError if one of these disks, with ids from `first` on, has left the box where a wall should be."""
+        walled = [axis for axis, periodic in enumerate(self.box.periodic) if not periodic]
+        if not walled:
+            return
+        escaped = np.flatnonzero(np.any(image[:, walled] != 0, axis=1))
+        if len(escaped):
+            raise EngineError(
+                f"t = {self.time:.9g}: disk {first + escaped[0]} left the box where a wall should be; please report this"
+            )
 
     def _read_out(self, whole: bool = False) -> tuple[State | None, NDArray[np.float64]]:
         from .measuring.readout import read

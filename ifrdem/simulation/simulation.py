@@ -620,9 +620,9 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
 
         comm, n = self.comm, self.disks.n
         comm.run_on_root(lambda: checkpoint.check_extra(path, extra, arrays))
-        found = snapshot.take(self._engine)
-        state = self._engine.state_here()  # ends the window
-        found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
+        found = snapshot.take(self._engine, by_block=True)
+        columns = self._engine.columns_here("position", "velocity", "spin")
+        found |= {f"state_{name}": each for name, each in columns.items()}
         found["state_pistons"] = self.pistons
         found |= {f"disks_{name}": getattr(self.disks_here, name) for name in COLUMNS}
         found["tracked"] = self.tracked

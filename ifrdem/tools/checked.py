@@ -120,8 +120,10 @@ class Numbers:
         found = self.typed(name, value)
         if not self._fits(found.shape) or found.size < self.least:
             raise InputError(f"{name} has shape {found.shape}: must be {self.needed}")
-        with np.errstate(over="ignore"):  # of longer types: infinite, and refused below
-            found = np.asarray(found, dtype=np.float64, order="C")
+        one_for_all = self.scalar and found.ndim == 1 and found.strides == (0,) and found.dtype == np.float64
+        if not one_for_all:  # which is as good as a number
+            with np.errstate(over="ignore"):  # of longer types: infinite, and refused below
+                found = np.asarray(found, dtype=np.float64, order="C")
         within = not found.size or (found.min() >= self.low and found.max() <= self.high)
         if not within and (invalid := refused(self, found)).any():
             where = tuple(int(i) for i in np.argwhere(invalid)[0])
@@ -343,10 +345,15 @@ def array(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Array:
 
 def column(name: str, value: Any, n: int) -> Array:
     """An array (n,) of real numbers in double precision, its own; a number stands for all."""
+    return np.array(rows(name, value, n), dtype=np.float64)
+
+
+def rows(name: str, value: Any, n: int) -> Array:
+    """An array (n,) of real numbers in double precision, to be read; a number stands for all, in the memory of one."""
     found = NUMBERS.typed(name, value)
     if found.shape not in ((), (1,), (n,)):
         raise InputError(f"{name} has shape {found.shape}: must be a number or an array of shape {(n,)}")
-    return np.array(np.broadcast_to(found, (n,)), dtype=np.float64)
+    return np.broadcast_to(np.asarray(found, dtype=np.float64), (n,))
 
 
 def integers(

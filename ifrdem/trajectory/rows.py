@@ -17,6 +17,9 @@ from . import layout
 from .file import OutputFile, drop_staged
 from .layout import HISTORIES, TIMESERIES
 
+MOST_AT_ONCE = 1 << 20
+"""Disks of a frame, or numbers of another row, that are written together at most."""
+
 
 class CommitLog:
     """Datasets with the same number of rows (first axis), and a marker that grows last: the commit.
@@ -98,8 +101,15 @@ class CommitLog:
         end = (self.committed + len(values), *values.shape[1:])
         dataset.id.set_extent(end)
         space = dataset.id.get_space()
-        space.select_hyperslab((self.committed, *[0] * (values.ndim - 1)), values.shape)
-        dataset.id.write(h5py.h5s.create_simple(values.shape), space, np.ascontiguousarray(values))
+        # Chunks of few disks in one piece; a copy of all disks of a large frame would be as large as that.
+        wide = values.shape[1] if values.ndim > 1 else 0
+        step = dataset.chunks[1] if wide > MOST_AT_ONCE else wide
+        for first in range(0, wide, step) if wide else (0,):
+            part = values[:, first : first + step] if wide else values
+            space.select_hyperslab(
+                (self.committed, first, 0)[: values.ndim] + (0,) * (values.ndim - 3), part.shape
+            )
+            dataset.id.write(h5py.h5s.create_simple(part.shape), space, np.ascontiguousarray(part))
 
     def _compare(self, name: str, values: NDArray[Any]) -> None:
         stored = self.datasets[name][self.at : self.at + len(values)]
@@ -361,7 +371,7 @@ def checked(
 def stored(
     what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike, *, vanish: bool = False
 ) -> NDArray[Any]:
-    """Values in the type that the file has for them; InputError if they do not fit the shape or the type.
+    """Values in the type that the file has for them, the same array if it has; InputError if they do not fit.
 
     `vanish` as for `converted`.
     """
@@ -374,7 +384,7 @@ def stored(
         limits = np.iinfo(target)
         if not limits.min <= given.min() <= given.max() <= limits.max:
             raise InputError(f"{what}: numbers beyond {limits.max} cannot be stored")
-    found = converted(what, given, target, IN_FILE, vanish=vanish)
+    found = given if given.dtype == target else converted(what, given, target, IN_FILE, vanish=vanish)
     if target.kind == "f" and not np.isfinite(found).all():
         position = tuple(int(axis) for axis in np.argwhere(~np.isfinite(found))[0])
         where = ", ".join(map(str, position))

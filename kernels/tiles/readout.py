@@ -114,13 +114,14 @@ def read_out(
     part: ti.i32,
     time: ti.f64,
     filled: ti.i32,
+    first_row: ti.i32,
     gas: Arrays(
         "uses grid scale clock disk meta past hits dissipated asleep kind kinds tile edge_x edge_y frame_out totals"
     ),
 ):
     """Write disks by id (of one rank of several, by slot), unless `filled` is 0, and the sums of each tile.
 
-    `frame_out` (n, words): rows of `frame_dtype` as words, u32 of frames in single precision, else i32;
+    `frame_out` (n, words) has rows from `first_row` on, of all or of some disks: rows of `frame_dtype` as words, u32 of frames in single precision, else i32;
     `latest_collision` counts from the window's beginning.
     `totals` (tiles, sums).
     """
@@ -136,10 +137,10 @@ def read_out(
                 here = placed(s, k, time, gas)
                 x, y, boxes_x, boxes_y, frame = here.x, here.y, here.boxes_x, here.boxes_y, here.frame
                 count_in(s, x, y, here.flow, total, gas)
-                if filled == 1:
-                    i = meta_row.id
-                    if ti.static(gas.uses.ranks):
-                        i = s - part * gas.grid.room
+                i = meta_row.id - first_row
+                if ti.static(gas.uses.ranks):
+                    i = s - part * gas.grid.room - first_row
+                if filled == 1 and i >= 0 and i < gas.frame_out.shape[0]:
                     store_number(i, "position", 0, x, gas)
                     store_number(i, "position", 1, y, gas)
                     store_number(i, "velocity", 0, ti.cast(listed_disk.vx, ti.f64) + frame, gas)

@@ -84,12 +84,12 @@ def test_no_name_of_a_column_is_that_of_something_else(table: Columns) -> None:
 
 
 def test_bytes_of_disks_are_those_of_their_columns() -> None:
-    """Of a plain disk by hand: three parts of 5 reals and 4 integers, 4 + 2 integers of its history, 7 of ghosts.
+    """Of a plain disk by hand: three parts of 5 reals and 4 integers, 4 + 2 integers of its history, 8 of ghosts.
 
     Of one that may rest: three parts of a state and 4 contacts of an id and 4 forces, 3 integers, 3 reals, the forces
     again, and 8 contacts of 21 reals.
     """
-    assert columns.bytes_per_disk() == 3 * (5 * 8 + 4 * 4) + 4 * 4 + 7
+    assert columns.bytes_per_disk() == 3 * (5 * 8 + 4 * 4) + 4 * 4 + 8
     assert columns.RESTING_BYTES == 3 * (4 + 20 * 8) + 3 * 4 + 3 * 8 + 20 * 8 + 8 * 21 * 8
 
 

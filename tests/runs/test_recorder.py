@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
 import ifrdem
 from ifrdem.runs.recorder import BYTES_AT_ONCE, WAIT, Recorder
+from ifrdem.runs.run import RootOutput
+from ifrdem.trajectory.background import AsyncWriter
 
 
 class Calls:
@@ -54,3 +59,16 @@ def test_frames_so_far_are_written_when_a_run_fails():
     with pytest.raises(ifrdem.EngineError):
         collapse()
     assert sum(callbacks.frames) == sum(callbacks.rows) == 3
+
+
+@pytest.mark.parametrize("low", [False, True])
+def test_a_frame_is_written_before_a_run_with_low_memory_goes_on(low: bool) -> None:
+    """So that one frame is in memory, not four."""
+    output = object.__new__(RootOutput)
+    output.recorder, writer = Mock(), Mock(spec=AsyncWriter)
+    case = SimpleNamespace(run=SimpleNamespace(low_memory=low))
+    gas = SimpleNamespace(comm=SimpleNamespace(is_distributed=False))
+    output.running = SimpleNamespace(simulation=gas, writer=writer, file=SimpleNamespace(case=case))
+    output.frame("rows", "measure")
+    output.recorder.frame.assert_called_once_with("rows", "measure")
+    assert writer.flush.call_count == low

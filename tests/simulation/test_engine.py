@@ -293,7 +293,33 @@ def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
         Simulation(equal_disks(1), Box((2.9, 10.0)), SMOOTH, state)
 
 
+<<<<<<< HEAD
 @pytest.mark.parametrize("ledger", [pytest.param(False, marks=pytest.mark.full), True])
+=======
+def test_disks_are_listed_anew_in_the_order_of_their_lists(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By tiles, then by the tiles that listed them, then as there; blocks of few disks do not change that."""
+    disks = equal_disks(2000)
+    box, state = start(disks, 0.4)
+    engine = engine_of(disks, box, state, np.array([[ELASTIC]]), order="tiled", tile_disks=250)
+    advance(engine, 5)
+    engine.advance()  # to the end of the window
+    engine.windows.commit()
+    arrays = engine.arrays
+    part = int(arrays.grid.part)
+    held, listed = arrays.rows_held(part)
+    tile = arrays.take_to_tiles(held, listed)
+    assert np.any(tile != listed)
+    order = np.lexsort((listed, tile))
+    monkeypatch.setattr("ifrdem.simulation.windows.arrays.BLOCK", 300)
+    arrays.relist()
+    rows, now = arrays.rows_of(int(arrays.grid.part))
+    np.testing.assert_array_equal(now, tile[order])
+    for name in ("disk", "meta"):
+        np.testing.assert_array_equal(arrays.values(name)[rows], held[name][order])
+
+
+@pytest.mark.parametrize("ledger", [False, True])
+>>>>>>> large
 def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     """In addition there is the scratch space of the tiles that run at the same time, which does not grow with n."""
     disks = equal_disks(60_000)

@@ -37,6 +37,21 @@ def write_all(path: Path, *, frames: int = 2, rows: int = 5, batches: int = 3, *
             writer.write(some_state(N, frame), {"energy": 0.5 * frame})
 
 
+def test_chunks_that_are_written_one_by_one_hold_what_is_given(tmp_path, monkeypatch):
+    """As those of large frames are; the last chunk of 40 disks in chunks of 14 is not full."""
+    monkeypatch.setattr("ifrdem.trajectory.layout.CHUNK_DISKS", 15)
+    monkeypatch.setattr("ifrdem.trajectory.rows.MOST_AT_ONCE", 20)
+    path = tmp_path / "run.h5"
+    write_all(path, precision="f64")
+    with h5py.File(path) as file:
+        assert file["particles/all/angular_velocity/value"].chunks[1] == 14
+    with Trajectory(path) as found:
+        for number in range(2):
+            state = some_state(N, number)
+            assert np.array_equal(found[number].velocity, state.velocity)
+            assert np.array_equal(found[number].spin, state.spin)
+
+
 # --- series
 
 

@@ -28,6 +28,7 @@ from ...case import shipped, summary
 from ...case.case import UNITS, CaseSections
 from ...case.gas import CaseGas
 from ...errors import InputError
+from ...kernels.columns import bytes_per_disk
 from ...kernels.compiler import runtime
 from ...mpi import SERIAL, Communicator
 from ...simulation import backend
@@ -122,6 +123,7 @@ class Benchmark:
     bytes_per_disk: float  # memory of the engine's arrays at the end
     runs: list[TimedRun]
     ranks: int = 1
+    low_memory: bool = False  # of the run
     sent: dict[str, float] | None = None  # by a rank in a window, of several: messages, rounds, bytes
     profile: Profile | None = None
     environment: dict[str, str] = field(default_factory=dict)
@@ -191,7 +193,8 @@ class Benchmark:
             f"windows of the whole box in order instead: {own['windows_in_order']}",
             "time a window": f"{1e3 * own['seconds_per_window']:.4g} ms, "
             f"the slowest {1e3 * own['slowest_window_seconds']:.4g} ms",
-            "memory": f"{self.bytes_per_disk:.4g} bytes per disk",
+            "memory": f"{bytes_per_disk(self.low_memory)} bytes per disk of a large gas; {self.bytes_per_disk:.4g} here, with scratch "
+            "space of threads, room for moments and records",
         }
         if self.sent is not None:
             kinds = (("ghosts", "disks"), ("hashes", "hashes and ways"), ("sums", "sums"))
@@ -315,6 +318,7 @@ def measure(
         seed=run.seed,
         collisions_before=before,
         bytes_per_disk=size,
+        low_memory=run.low_memory,
         runs=done,
         ranks=comm.size,
         sent=None if sent is None else dict(zip(SENT, sent.tolist(), strict=True)),

@@ -11,7 +11,7 @@ import logging
 import os
 import re
 import secrets
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from ...kernels.columns import named
 from ...kernels.compiler import runtime
 from ...model.state import COLUMNS, Disks, State
 from ...mpi import current
+from ...mpi.distribution import RowsByBlock, Table, pieces
 from ...tools import checked, files
 from ...tools.old_words import present_record
 from ...tools.versions import package_versions, revision
@@ -37,6 +38,8 @@ OF_DISKS = (
     "state_position", "state_velocity", "state_spin", *(f"disks_{name}" for name in COLUMNS),
 )  # fmt: skip
 """Arrays with a row for each disk, in order of ids; and those of `before_...`, what disks had before the start."""
+READ_LATER = OF_DISKS[: OF_DISKS.index("state_position")]
+"""Those of them that are read while an engine is restored, not before it is made."""
 NEW_RUN_HINT = '; begin a new run from a stored frame: start.positions = "NAME.h5"'
 MANY = 1000
 """Equal numbers, such as radii of equal disks, more of which are compressed."""
@@ -44,9 +47,7 @@ LOG = logging.getLogger("ifrdem")
 _KIND = "ifrdem checkpoint"
 
 
-def write(
-    path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any]], record: Mapping[str, Any]
-) -> None:
+def write(path: str | os.PathLike[str], arrays: Mapping[str, Table], record: Mapping[str, Any]) -> None:
     """Write a checkpoint, arrays by name and a `record` for JSON, to a temporary file that is synced, then renamed.
 
     An existing file is replaced, with its parts. InputError if it cannot be written, or if another process is writing
@@ -109,7 +110,7 @@ def _check_unused(target: Path) -> None:
         raise InputError(f"checkpoint {target} cannot be written: it belongs to {trajectory.name}, and {use}")
 
 
-def _write(target: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str, Any]) -> None:
+def _write(target: Path, arrays: Mapping[str, Table], record: Mapping[str, Any]) -> None:
     for left in target.parent.glob(
         f".{glob.escape(target.name)}.*.part"
     ):  # by a run that was killed while it wrote
@@ -120,12 +121,19 @@ def _write(target: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str
             # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
             file.attrs["kind"] = np.bytes_(_KIND)
             file.attrs["format"] = FORMAT
-            file.attrs["digest"] = np.bytes_(_digest(arrays, text))
             file["record"] = np.frombuffer(text.encode(), dtype=np.uint8)
             file.create_group("arrays")
-            for name, array in arrays.items():
-                same = array.ndim == 1 and len(array) > MANY and bool(np.all(array == array[0]))
-                file.create_dataset(f"arrays/{name}", data=array, compression="gzip" if same else None)
+            digest = _Digest(text)
+            for name, array in sorted(arrays.items()):
+                compression = "gzip" if _is_constant(array) else None
+                dataset = file.create_dataset(
+                    f"arrays/{name}", array.shape, array.dtype, compression=compression
+                )
+                digest.begin(name, array)
+                for first, piece in pieces(array):
+                    digest.update(piece)
+                    dataset[first : first + len(piece) if array.shape else ()] = piece
+            file.attrs["digest"] = np.bytes_(digest.text)
     except (OSError, RuntimeError) as error:
         raise InputError(f"checkpoint {target} cannot be written: {files.cause(error)}") from error
 
@@ -158,14 +166,34 @@ def remove(path: str | os.PathLike[str]) -> None:
     _remove_parts(Path(path))
 
 
-def _digest(arrays: Mapping[str, NDArray[Any]], record: str) -> str:
-    """A hash of all that a checkpoint holds: a single bit that changes makes another run of it."""
-    digest = hashlib.blake2b(record.encode(), digest_size=16)
-    for name, array in sorted(arrays.items()):
-        values = np.ascontiguousarray(array)
-        digest.update(f"{name} {values.dtype.str} {np.shape(array)}".encode())
-        digest.update(values.reshape(-1).view(np.uint8).data)
-    return digest.hexdigest()
+def _is_constant(array: Table) -> bool:
+    """True for many equal rows, which are compressed."""
+    if isinstance(array, RowsByBlock) or array.ndim == 0 or len(array) <= MANY:
+        return False
+    return array.strides[0] == 0 or (array.ndim == 1 and bool(np.all(array == array[0])))
+
+
+class _Digest:
+    """A hash of all that a checkpoint holds: a single bit that changes makes another run of it.
+
+    Arrays come one after another in the order of their names, each in pieces.
+    """
+
+    def __init__(self, record: str) -> None:
+        self._hash = hashlib.blake2b(record.encode(), digest_size=16)
+
+    def begin(self, name: str, array: Any) -> None:
+        """Take the name, type and shape of an array, whose pieces follow."""
+        self._hash.update(f"{name} {np.dtype(array.dtype).str} {tuple(array.shape)}".encode())
+
+    def update(self, piece: NDArray[Any]) -> None:
+        """Take the next rows of it."""
+        self._hash.update(piece.reshape(-1).view(np.uint8).data)
+
+    @property
+    def text(self) -> str:
+        """The hash of what it has got so far."""
+        return self._hash.hexdigest()
 
 
 def check_extra(path: object, extra: object, arrays: object) -> None:
@@ -209,16 +237,16 @@ def divided(arrays: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     return of_disks, {name: each for name, each in arrays.items() if name not in of_disks}
 
 
-def read_slice(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def read_slice(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """The arrays and the record of a checkpoint, on each rank with the rows of its own slice of the disks.
 
-    All ranks call it, any number of them; the path is the root's. InputError on all, as `read`.
+    Without ranks, lists of disks (`READ_LATER`) are read from the file when they are used. All ranks call it, any number of them; the path is the root's. InputError on all, as `read`.
     """
 
     comm = current()
 
-    def first() -> tuple[Path, dict[str, NDArray[Any]], dict[str, Any]]:
-        return Path(path), *_read(path)
+    def first() -> tuple[Path, dict[str, Any], dict[str, Any]]:
+        return Path(path), *_read(path, READ_LATER if comm.size == 1 else ())
 
     found = comm.run_on_root(first)
     own, small = divided({} if found is None else found[1])
@@ -243,7 +271,7 @@ def _rows(path: str | os.PathLike[str], record: Mapping[str, Any]) -> dict[str, 
         return {}
     with as_damage_error(path, "its parts"):
         mark, first = str(record["parts"]["mark"]), [int(each) for each in record["parts"]["first"]]
-    own, pieces = current().slice_of(first[-1]), []
+    own, found = current().slice_of(first[-1]), []
     for number, (start, end) in enumerate(itertools.pairwise(first)):
         low, high = max(start, own.start), min(end, own.stop)
         if low < high:
@@ -256,12 +284,12 @@ def _rows(path: str | os.PathLike[str], record: Mapping[str, Any]) -> dict[str, 
             arrays, marked = _read(target)
             if (marked.get("mark"), marked.get("part")) != (mark, number):
                 raise InputError(f"checkpoint {path}: {target} is part of another one{NEW_RUN_HINT}")
-            pieces.append({name: each[low - start : high - start] for name, each in arrays.items()})
-    return {name: np.concatenate([each[name] for each in pieces]) for name in pieces[0]}
+            found.append({name: each[low - start : high - start] for name, each in arrays.items()})
+    return {name: np.concatenate([each[name] for each in found]) for name in found[0]}
 
 
-def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """The arrays and the record of a file."""
+def _read(path: str | os.PathLike[str], later: Collection[str] = ()) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The arrays and the record of a file; the arrays that are read `later`, block by block, as `RowsByBlock`."""
     if not os.path.isfile(path):
         raise InputError(f"{path}: there is no such file")
     damage.check_readable(path)
@@ -278,8 +306,10 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[s
                 f"{path} is a checkpoint of format {file.attrs['format']}; this ifrdem reads {FORMAT}"
             )
         text = damage.read(file["record"]).tobytes().decode()
-        arrays = {str(name): damage.read(item) for name, item in file["arrays"].items()}
-        if not np.array_equal(file.attrs["digest"], np.bytes_(_digest(arrays, text))):
+        arrays, digest = {}, _Digest(text)
+        for name in sorted(map(str, file["arrays"])):
+            arrays[name] = _taken(file["arrays"][name], digest, path if name in later else None)
+        if not np.array_equal(file.attrs["digest"], np.bytes_(digest.text)):
             raise DamageError(
                 f"{path} is damaged: what it holds has changed since it was written{NEW_RUN_HINT}"
             )
@@ -287,19 +317,44 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[s
     return arrays, record
 
 
+def _taken(item: h5py.Dataset, digest: _Digest, source: str | os.PathLike[str] | None) -> Table:
+    """The rows of a dataset, which the digest gets: of equal ones, one in memory; with a `source`, to be read from it."""
+    digest.begin(str(item.name).rsplit("/", 1)[-1], item)
+    constant = item.ndim > 0 and damage.compression(item) is not None
+    if not (constant or source is not None):
+        rows = damage.read(item)
+        for _, piece in pieces(rows):
+            digest.update(piece)
+        return rows
+    stored, n = item.name, len(item)
+
+    def read(of: slice) -> NDArray[Any]:
+        with h5py.File(source, "r") as file:
+            return damage.read(file[stored], of)
+
+    first = damage.read(item, slice(0, 1))
+    for _, piece in pieces(RowsByBlock(n, lambda of: damage.read(item, of))):
+        digest.update(piece)
+        constant = constant and bool(np.all(piece == first))
+    if constant:
+        return np.broadcast_to(first, item.shape)
+    return damage.read(item) if source is None else RowsByBlock(n, read, item.dtype, item.shape[1:])
+
+
 def as_damage_error(path: str | os.PathLike[str], part: str = "it") -> AbstractContextManager[None]:
     """As `damage.as_damage_error`, of a checkpoint."""
     return damage.as_damage_error(path, part, NEW_RUN_HINT)
 
 
-def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
+def state_of(arrays: Mapping[str, Any]) -> State:
     """State with positions to rounding, from which a simulation is made before all is restored to the bit.
 
     Collisions are those until the window began, which determine the gates that are open.
     """
-    collisions = named(arrays["meta"], "meta").events
+    collisions = np.concatenate([named(each, "meta").events for _, each in pieces(arrays["meta"])])
     if "hits" in arrays:
-        collisions = collisions - named(arrays["hits"], "hits").wall_collisions
+        hits = [named(each, "hits").wall_collisions for _, each in pieces(arrays["hits"])]
+        collisions -= np.concatenate(hits)
     return State(
         position=arrays["state_position"],
         velocity=arrays["state_velocity"],

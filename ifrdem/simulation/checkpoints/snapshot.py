@@ -11,7 +11,6 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...kernels import layout as k
@@ -22,21 +21,22 @@ if TYPE_CHECKING:
     from ..engine import Engine
 
 _LENGTHS = ("path", "tile_side", "free_path", "in_window", "speed", "local_collisions")
-Snapshot = dict[str, NDArray[Any]]
+Snapshot = dict[str, Any]
 
 
-def take(engine: Engine) -> Snapshot:
+def take(engine: Engine, *, by_block: bool = False) -> Snapshot:
     """Copy everything: the beginning of the present window, and how far the run has come in it.
 
     Arrays of disks (`checkpoint.OF_DISKS`) are in order of ids; of ranks each gets those of its slice, and the others
-    whole.
+    whole. With `by_block` lists of disks may be `RowsByBlock`, which hold until the engine goes on.
     """
     with engine.exclusive_update():
         engine.take_force_values()
         a, windows, steps = engine.arrays, engine.windows, engine.force_steps
         if not engine._nothing_happens():
             windows.go_on(engine.next_kick)
-        found: Snapshot = a.lists(int(a.grid.part))
+        lists = a.lists(int(a.grid.part))
+        found: Snapshot = {name: each if by_block else each[0 : len(each)] for name, each in lists.items()}
         found["edge_x"], found["edge_y"] = a.edges
         found["protrudes"] = np.array([a.clock.overhang])
         found["scales"] = np.array(

@@ -33,10 +33,10 @@ def species_totals(engine: Engine) -> NDArray[np.float64]:
     return arrays.domain.sums(found.reshape(arrays.tiles, -1)).reshape(number, SPECIES.width)
 
 
-def _launch(engine: Engine, words: NDArray[Any], *, filled: int) -> NDArray[np.float64]:
+def _launch(engine: Engine, words: NDArray[Any], *, filled: int, first: int = 0) -> NDArray[np.float64]:
     arrays = engine.arrays
     found = np.zeros((arrays.tiles, READOUT.width))
-    arrays.launch(read_out, engine.windows.part, engine.time, filled, frame_out=words, totals=found)
+    arrays.launch(read_out, engine.windows.part, engine.time, filled, first, frame_out=words, totals=found)
     sums = arrays.domain.sums(found)
     if not np.isfinite(sums).all():
         raise EngineError(f"t = {engine.time:.9g}: a velocity or spin is not finite; please report this")
@@ -44,23 +44,32 @@ def _launch(engine: Engine, words: NDArray[Any], *, filled: int) -> NDArray[np.f
 
 
 def read_rows(
-    engine: Engine, stored: np.dtype[Any] | None = None, whole: bool = False
+    engine: Engine,
+    stored: np.dtype[Any] | None = None,
+    whole: bool = False,
+    rows_of: slice | None = None,
 ) -> tuple[FrameRows | None, NDArray[np.float64]]:
     """Disks at the present time, and their sums.
 
-    Of ranks each gets its slice; or, of the `whole` gas, the first one all of it, and the others None. For a file, the
+    Of ranks each gets its slice; or, of the `whole` gas, the first one all of it, and the others None. Without ranks,
+    there may be only some of the disks, `rows_of` these ids; the sums are those of all. For a file, the
     rows have what it holds (`stored`, in its precision) and what the gas keeps of that.
     """
     domain, part = engine.arrays.domain, engine.windows.part
     held = {name: stored[name] for name in stored.names or ()} if stored is not None else {}
     single = any(each.base == np.float32 for each in held.values())
     kind, n = frame_dtype(engine.arrays.uses, single), domain.n_here(part)
+    first = 0
+    if rows_of is not None:
+        first, n = rows_of.start, rows_of.stop - rows_of.start
     kept = kind.names or ()
     constant = {name: each for name, each in held.items() if name not in kept}
     rows: Any = np.empty(max(n, 1), [*kind.descr, *constant.items()])
     words = rows.view(np.uint32 if single else np.int32).reshape(len(rows), -1)
-    sums = _launch(engine, words, filled=1)
-    (rows,) = domain.by_id(part, [rows[:n]])
+    sums = _launch(engine, words, filled=1, first=first)
+    rows = rows[:n]
+    if rows_of is None:
+        (rows,) = domain.by_id(part, [rows])
     for name in constant:
         rows[name] = engine.past[name]
     if whole:

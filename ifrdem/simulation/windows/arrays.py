@@ -7,9 +7,10 @@ only after `backend.start`.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import operator
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -50,6 +51,7 @@ from ...kernels.walls.kinds import GONE
 from ...model.box import Box
 from ...model.state import COLUMNS, Disks, State, codes
 from ...model.walls.wall import Wall
+from ...mpi.distribution import BLOCK, RowsByBlock, Table
 from .. import backend
 from ..measuring.extra_tally import ExtraTally
 from ..start.checks import MANTISSA, MOST_COUNTED, position_spacing
@@ -527,21 +529,55 @@ class DeviceArrays:
         rows = named(self.wall_rows, "walls")
         rows.piston.push[rows.owner == number] = named(wall.rows(), "walls").piston.push
 
-    def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
+    def take_lists(self, found: Mapping[str, Any]) -> None:
         """Load lists that `lists` gave, as the beginning of a window."""
-        self.domain.load({name: found[name] for name in self.kept_names}, *found["listed"].T)
+        self.domain.load_lists({name: found[name] for name in self.kept_names}, found["listed"])
 
-    def lists(self, part: int) -> dict[str, NDArray[Any]]:
+    def lists(self, part: int) -> dict[str, Table]:
         """Rows of the state at a part, by array and in order of ids; and `listed`, the tile and the place in its list.
 
-        Of ranks, those of the own slice (`mpi/distribution.py`).
+        Of ranks, those of the own slice (`mpi/distribution.py`); else block by block, until the engine goes on.
         """
+        if not self.uses.ranks:
+            return self._lists_by_block(part)
         held, tile = self.rows_held(part)
         held.pop("kind", None)
         slot = np.arange(len(tile)) - np.searchsorted(tile, tile)
         held["listed"] = np.stack([tile, slot], axis=1).astype(np.int32)
         ids = named(held["meta"], "meta").id.astype(np.int64) - self.domain.first_id
         return dict(zip(held, self.domain.comm.by_id(self.n, ids, list(held.values())), strict=True))
+
+    def _lists_by_block(self, part: int) -> dict[str, Table]:
+        """As `lists`, of all disks."""
+        row_of = np.full(self.n, -1, dtype=np.int32)
+        ids_of = named(self.values("meta"), "meta").id
+        total = 0
+        for rows, _ in self.row_blocks(part):
+            row_of[ids_of[rows]] = rows
+            total += len(rows)
+        if total != self.n or row_of.min(initial=0) < 0:
+            raise EngineError("a disk is in no list, or in two: please report this")
+        lists = named(self.values("tile"), "tile")
+        first, count = part * self.room + lists.start[:, part].astype(np.int64), lists.count[:, part]
+        order = np.lexsort((count, first))  # an empty list comes before one that begins at the same slot
+        begins = first[order]
+
+        def listed(ids: slice) -> NDArray[np.int32]:
+            tile = order[np.searchsorted(begins, row_of[ids], side="right") - 1]
+            return np.stack([tile, row_of[ids] - first[tile]], axis=1).astype(np.int32)
+
+        whole = {name: self.values(name) for name in self.kept_names} if self.on_gpu else None
+
+        def rows_by_id(name: str, ids: slice) -> NDArray[Any]:
+            # Arrays of a CPU may be replaced meanwhile, by some that have room for more moments.
+            found: NDArray[Any] = (self.values(name) if whole is None else whole[name])[row_of[ids]]
+            return found
+
+        tables: dict[str, Table] = {}
+        for name in self.kept_names:
+            one = self.values(name) if whole is None else whole[name]
+            tables[name] = RowsByBlock(self.n, functools.partial(rows_by_id, name), one.dtype, one.shape[1:])
+        return tables | {"listed": RowsByBlock(self.n, listed, np.dtype(np.int32), (2,))}
 
     @property
     def kept_names(self) -> list[str]:
@@ -685,15 +721,15 @@ class DeviceArrays:
 
     def relist(self) -> None:
         """List the disks by the tiles they are in; positions stay, to the last bit."""
-        held, listed, tile = self._moved()
-        self.domain.list_rows(held, tile, listed)
+        self.domain.relist()
 
-    def _moved(self) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp], NDArray[np.int64]]:
-        """Rows of the state by array, list after list, from the corners of the tiles that they are in now.
+    def take_to_tiles(
+        self, held: Mapping[str, NDArray[Any]], listed: NDArray[np.integer]
+    ) -> NDArray[np.int64]:
+        """Measure rows of the state, by array, from the corners of the tiles that they are in, which are returned.
 
-        With the tile that lists each, and the one that it is in.
+        `listed` is the tile that lists each.
         """
-        held, listed = self.rows_held(int(self.grid.part))
         counts = np.array([self.grid.tiles_x, self.grid.tiles_y])
         index = np.empty((len(listed), 2), dtype=np.int64)
         disk, image = held["disk"], named(held["meta"], "meta")
@@ -707,18 +743,29 @@ class DeviceArrays:
                 (image.image_x, image.image_y)[axis][:] += boxes.astype(np.int32)
             index[:, axis] = np.clip(np.searchsorted(edge, position, side="right") - 1, 0, counts[axis] - 1)
             disk[:, axis] = position - edge[index[:, axis]]
-        return held, listed, index[:, 0] * counts[1] + index[:, 1]
+        found: NDArray[np.int64] = index[:, 0] * counts[1] + index[:, 1]
+        return found
 
     def rows_held(self, part: int) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:
         """Rows of the state at a part, by array, list after list; and the tile that lists each."""
         rows, tile = self.rows_of(part)
         return {name: self.domain.state_rows(name, rows) for name in self.state_names()}, tile
 
-    def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def rows_of(
+        self, part: int, tiles: NDArray[np.integer] | None = None
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows of a part in the arrays of the state, list after list, and the tile that lists each; own ones only."""
-        tile = named(self.values("tile"), "tile")
-        first, count = tile.start[self.own, part], tile.count[self.own, part]
-        return part * self.room + concatenated_ranges(first, count), np.repeat(self.own, count)
+        tiles = self.own if tiles is None else tiles
+        lists = named(self.values("tile"), "tile")
+        first, count = lists.start[tiles, part], lists.count[tiles, part]
+        return part * self.room + concatenated_ranges(first, count), np.repeat(tiles, count)
+
+    def row_blocks(self, part: int) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """As `rows_of`, of so many tiles at a time that they list about BLOCK disks."""
+        count = named(self.values("tile"), "tile").count[self.own, part]
+        cuts = np.flatnonzero(np.diff(np.cumsum(count, dtype=np.int64) // BLOCK)) + 1
+        for tiles in np.split(self.own, cuts):
+            yield self.rows_of(part, tiles)
 
     def state_names(self) -> list[str]:
         """Names of the arrays of a state that this gas keeps."""

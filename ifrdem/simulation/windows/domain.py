@@ -5,19 +5,18 @@ Imports the runtime: import this module only after `backend.start`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...kernels import layout as k
-from ...kernels.columns import named
 from ...kernels.tiles.sums import sum_shared
 from ...kernels.windows.planner import survey
 from ...model.state import DiskKinds, Disks, State
 from ...mpi import SERIAL, Communicator
-from ...mpi.distribution import blocks
+from ...mpi.distribution import Table, blocks, pieces
 from ...tools import progress
 
 if TYPE_CHECKING:
@@ -72,34 +71,55 @@ class Domain:
         with a.written(*a.kept_names) as arrays:
             for ids in blocks(range(a.n)):
                 rows, tile = a.rows_from(state.part(ids), ids.start, tiles[ids.start : ids.stop])
-                order = np.argsort(tile, kind="stable")
-                here = np.bincount(tile, minlength=a.tiles)
-                slot = (following - (np.cumsum(here) - here))[tile[order]] + np.arange(len(order))
-                following += here
-                for array, values in zip(arrays, rows.values(), strict=True):
-                    array[slot] = values[order]
+                self._append(arrays, rows.values(), tile, following)
                 done(0.3 + 0.7 * ids.stop / a.n)
         a.set_lists(part, count)
 
-    def load(
+    def _append(
         self,
-        rows: dict[str, NDArray[Any]],
+        arrays: Iterable[NDArray[Any]],
+        rows: Iterable[NDArray[Any]],
         tile: NDArray[np.integer],
-        slot: NDArray[np.integer] | None = None,
+        following: NDArray[np.int64],
     ) -> None:
-        """List rows of the state, which are in order of ids, in their tiles: by `slot`, or by ids without it."""
-        self.list_rows(rows, tile, named(rows["meta"], "meta").id if slot is None else slot)
+        """Append rows to the lists of their tiles, in their order; `following` are the slots behind the lists."""
+        order = np.argsort(tile, kind="stable")
+        here = np.bincount(tile, minlength=len(following))
+        slot = (following - (np.cumsum(here) - here))[tile[order]] + np.arange(len(order))
+        following += here
+        for array, values in zip(arrays, rows, strict=True):
+            array[slot] = values[order]
 
-    def list_rows(
-        self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], slot: NDArray[np.integer]
-    ) -> None:
-        """List rows of the state in their tiles, by `slot`, at the beginning of a window."""
+    def load_lists(self, rows: Mapping[str, Table], listed: Table) -> None:
+        """List rows of the state, which are in order of ids, in their tiles at their places (`DeviceArrays.lists`)."""
         a = self.arrays
-        order, part = np.lexsort((slot, tile)), int(a.grid.part)
+        part, count = int(a.grid.part), np.zeros(a.tiles, dtype=np.int64)
+        for _, here in pieces(listed):
+            count += np.bincount(here[:, 0], minlength=a.tiles)
+        start = part * a.room + np.cumsum(count) - count
         with a.written(*rows) as arrays:
-            for array, values in zip(arrays, rows.values(), strict=True):
-                array[part * a.room : part * a.room + a.n] = values[order]
-        a.set_lists(part, np.bincount(tile, minlength=a.tiles))
+            for first, here in pieces(listed):
+                slot = start[here[:, 0]] + here[:, 1]
+                for array, values in zip(arrays, rows.values(), strict=True):
+                    array[slot] = values[first : first + len(here)]
+        a.set_lists(part, count)
+
+    def relist(self) -> None:
+        """List the disks by the tiles they are in, at a window's beginning: in the part of its end, which is free."""
+        a = self.arrays
+        part, count = int(a.grid.part), np.zeros(a.tiles, dtype=np.int64)
+        names = a.kept_names
+        with a.written(*names) as arrays:
+            state = dict(zip(names, arrays, strict=True))
+            for rows, listed in a.row_blocks(part):
+                moved = {name: state[name][rows] for name in ("disk", "meta")}
+                count += np.bincount(a.take_to_tiles(moved, listed), minlength=a.tiles)
+            following = (1 - part) * a.room + np.cumsum(count) - count
+            for rows, listed in a.row_blocks(part):
+                held = {name: each[rows] for name, each in state.items()}
+                self._append(arrays, held.values(), a.take_to_tiles(held, listed), following)
+        a.set_lists(1 - part, count)
+        a.grid.part = 1 - part
 
     def n_here(self, part: int) -> int:
         """Number of disks that a part holds here."""

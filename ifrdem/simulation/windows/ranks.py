@@ -44,7 +44,7 @@ Imports Taichi: import this module only after `backend.start`. Needs mpi4py.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -614,7 +614,10 @@ class RankDomain(Domain):
         tile: NDArray[np.integer],
         slot: NDArray[np.integer] | None = None,
     ) -> None:
-        """As on one rank, of the rows of slices; tiles are divided among the ranks."""
+        """List rows of slices, which are in order of ids, in their tiles, which are divided among the ranks.
+
+        By `slot` in the lists, or by ids without it.
+        """
         self.arrays.grid.part = 0
         count = np.bincount(tile, minlength=self.arrays.tiles)
         self.comm.mpi.Allreduce(count.copy(), count)
@@ -624,7 +627,16 @@ class RankDomain(Domain):
             rows = rows | {
                 "kind": kind_rows(of.mass, of.radius, of.k, of.material) if self._of_here else self._kind
             }
-        super().load(rows, tile, slot)
+        self.list_rows(rows, tile, named(rows["meta"], "meta").id if slot is None else slot)
+
+    def load_lists(self, rows: Mapping[str, Any], listed: Any) -> None:
+        """As on one rank, of the rows of slices."""
+        self.load(dict(rows), *listed.T)
+
+    def relist(self) -> None:
+        """As on one rank; disks go to the ranks that have their tiles."""
+        held, listed = self.arrays.rows_held(int(self.arrays.grid.part))
+        self.list_rows(held, self.arrays.take_to_tiles(held, listed), listed)
 
     def list_rows(
         self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], slot: NDArray[np.integer]

@@ -151,6 +151,7 @@ class Windows:
         # Times and numbers of collisions at which a run will stop.
         self._requested: list[tuple[float, float]] = []
         self._burst = 1  # windows of a GPU that went well one after another
+        self._keeps_pairs = False  # collisions that are written down are wanted, not only their times
 
     def _to(self, state: WindowState) -> None:
         """Go on to another state: EngineError if it may not follow the present one."""
@@ -394,6 +395,7 @@ class Windows:
         gives those of later calls; what lies in the same window is computed with it.
         """
         self.go_on(kick)
+        self._keeps_pairs = bool(watching & k.PAIRS)
         if self.state is not PLANNED and watching & ~self.watched.kinds:
             # From its beginning, to see what happened in it.
             self._compute(self._present_moment(), 1, watching)
@@ -626,6 +628,9 @@ class Windows:
         self._take_moments(moments)
         if watching & (k.PAIRS | k.TRAIL):
             self.watched.times = None if pausing else np.sort(runner.times().astype(np.float64))
+            if not (self._keeps_pairs or a.keeps_moments):  # of a large gas as much as a frame
+                runner.pairs.clear()
+                a.make_pairs(0)
         if a.counter.paused:
             self._to(PAUSED)
         elif self.state is PLANNED:

@@ -204,6 +204,9 @@ def test_low_memory_keeps_the_bits_without_room_for_moments(name: str) -> None:
     assert all(same(one, other) for one, other in zip(*found, strict=True))
     assert engines[0].statistics.windows == engines[1].statistics.windows
     assert [engine.arrays.parts for engine in engines] == [3, 2]
+    # Of collisions that were written down for their times, only these are kept.
+    assert engines[1].arrays.grid.most_pairs == 0
+    assert not len(engines[1].windows.pairs()[0])
 
 
 def test_low_memory_keeps_the_histories_of_tracked_disks() -> None:
