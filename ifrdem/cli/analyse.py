@@ -342,8 +342,8 @@ def plot(
     """Draw a trajectory, several, or a study: temperatures, disks, velocity, rdf, structure-factor, msd.
 
     Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
-    and so on; of a study, with the 95 % interval of the mean over seeds, and kinetic theory; --from averages it over
-    each run, for --over a swept key. Of one trajectory, temperatures, energy, ledger, mechanisms, walls, piston and
+    and so on; of a study, with the 95 % interval of the mean over seeds, and kinetic theory; --over a swept key, means
+    over the steady window of each run, or --from a place on. Of one trajectory, temperatures, energy, ledger, mechanisms, walls, piston and
     species can be drawn `--over tau` or `t`.
     For a column of a journal: `--size 3.4in --dpi 300 --no-title --style paper -o NAME.pdf`.
     """

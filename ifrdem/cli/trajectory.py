@@ -57,7 +57,8 @@ def info(
     """Describe the content of a trajectory, or of a study with its numbers.
 
     Of a study (NAME.nc): a table of means over seeds with standard errors, a line for each point and quantity. Series
-    have their value at the end of the runs, or their mean over each run `--from` a place on.
+    are means over the steady window of each run, or `--from` a place on; of gases that cool they have their value at the
+    end of the runs.
     """
     if file.endswith(".nc"):
         from ..study.contents import describe as describe_study

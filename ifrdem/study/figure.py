@@ -26,19 +26,31 @@ from ..plots.style import (
     plain,
     written,
 )
+from ..quantities import SERIES
 from ..tools.intervals import PERCENT
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
-from .results import ROWS, START, Results, averaged, finite_seeds, half_interval, theory_between
+from .results import (
+    ADDING,
+    ROWS,
+    SERIES_FROM,
+    SHORT,
+    START,
+    Results,
+    averaged,
+    finite_seeds,
+    half_interval,
+    theory_between,
+    theory_of,
+    window_starts,
+)
 from .task import AT, NOTES, WARNINGS, Variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHORT = {"T": "temperature", "T_rot": "rotational_temperature", "tau": PER_DISK, "t": "time"}
-"""Symbols for names, on the command line and on axes."""
 SYMBOLS = {
     "temperature": "$T$",
     "rotational_temperature": r"$T_\mathrm{rot}$",
@@ -61,6 +73,8 @@ MOST_OF_ANALYSIS = 4
 MOST_REMARKS = 3
 AT_POINTS = "theory at points"
 """Mark of the markers of theory that stand at swept values only."""
+WINDOW_START = "steady window"
+"""Mark of the lines at which steady windows begin."""
 SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
 FILE = "file"
@@ -91,10 +105,11 @@ def draw(
     """Draw a quantity: its mean over seeds, a band of its 95 % interval, and kinetic theory, dashed.
 
     `what` is its name, or T, T_rot. It is drawn over the rows (tau, t), a column of a table of an analysis over the
-    first column of that table, or `over` another of its dimensions, or a swept key, where the last row counts. Each
-    value of the swept key `by` (the first one without it) is a curve, every combination of the others a panel; so is
-    each species, or component, of a quantity that has some. From `start` on, in what ends the runs, a series is
-    averaged over its rows, and drawn over a swept key. `size` is the width, and the height if given, of the figure
+    first column of that table, or `over` another of its dimensions, or a swept key: a series is then averaged over the
+    steady window of each point, and has its last row where there is none (`averaged`). Each value of the swept key `by`
+    (the first one without it) is a curve, every combination of the others a panel; so is each species, or component, of
+    a quantity that has some. From `start` on, in what ends the runs, a series is averaged over its rows, and drawn over
+    a swept key. `size` is the width, and the height if given, of the figure
     [inches].
 
     Raises InputError if there is no such quantity or key, it has no axis or no value, or there are too many panels.
@@ -103,7 +118,6 @@ def draw(
 
     swept = list(results.axes)
     name = SHORT.get(what, what)
-    whole = results
     if start is not None:
         results = _from(results, name, start)
     if f"{name}_mean" not in results.variables:
@@ -119,6 +133,9 @@ def draw(
         text = "is a column of a table, and no other column of it rises from row to row, to be its axis"
         raise InputError(f"{name}: {text}; what can be drawn: {_listed(drawable(results))}")
     x, curve = _x(results, over, mean.dims), None
+    if x in swept and {*mean.dims} & {*ROWS}:
+        results = averaged(results)
+        mean = results.variables[f"{name}_mean"]
     split = [*swept, *(dim for dim in mean.dims if dim in PARTS)]
     if left := [dim for dim in split if dim != x]:
         curve = _dim(results, option_name("--by", "by ="), by, left) if by is not None else left[0]
@@ -150,7 +167,7 @@ def draw(
     first = all_axes[0]
     _scales(all_axes[: len(panels_at)])
     _legend(
-        first, _theory(results, name) is not None, _seeds(results, name), x not in swept,
+        first, theory_of(results, name) is not None, _seeds(results, name), x not in swept,
         several=len(panels_at) > 1,
     )  # fmt: skip
     for axes in table[-1]:
@@ -159,7 +176,7 @@ def draw(
         line[0].set_ylabel(_label(results, name, _power(first)))
     fit_to_column(figure, all_axes[: len(panels_at)], taller=size is not None and len(size) == 1)
     if title:
-        texts = (plain(results.attributes.get("title", "")), _window(whole, name, x, start))
+        texts = (plain(results.attributes.get("title", "")), _window(results, name, x))
         figure.suptitle("; ".join(filter(None, texts)), fontsize="medium")
     return figure
 
@@ -174,21 +191,33 @@ def _from(results: Results, name: str, start: float) -> Results:
     return averaged(results, start, option)
 
 
-def _window(results: Results, name: str, x: str, start: float | None) -> str:
+def _window(results: Results, name: str, x: str) -> str:
     """Text on which part of the runs the values of a quantity belong to, where the axis does not show it."""
-    mean = results.variables[f"{name}_mean"]
+    mean, end = results.variables[f"{name}_mean"], "at the end of the runs"
     clock, unit = results.row_axis, results.variables[results.row_axis].unit
     clock = f"{'tau' if clock == PER_DISK else 't'} = {{:.3g}} {written(unit) if unit != REDUCED else ''}".rstrip()
-    if start is not None:
-        return f"means from {clock.format(start)} on"
-    if x in results.axes and {*ROWS} & {*mean.dims}:
-        return "at the end of the runs"
-    if x in results.axes and AT in mean.dims:
-        return f"at {clock.format(results.values(AT)[-1])}"
-    if START in results.variables and any(name.startswith(f"{identifier(each)}_") for each in OVER_TIME):
-        low, high = (clock.format(end(results.values(START))) for end in (np.nanmin, np.nanmax))
+
+    def means_from(starts: NDArray[np.float64]) -> str:
+        low, high = (clock.format(end(starts)) for end in (np.nanmin, np.nanmax))
         return f"means from {low}{f' to {high}' if high != low else ''} on"
-    return ""
+
+    if START in results.variables and name not in SERIES and _is_over_time(name):
+        return means_from(results.values(START))
+    if x not in results.axes:
+        return ""
+    if AT in mean.dims:
+        return f"at {clock.format(results.values(AT)[-1])}"
+    if name not in (*SERIES, *ROWS, "theta"):
+        return ""
+    if SERIES_FROM not in results.variables or name in ADDING:
+        return end
+    starts = results.values(SERIES_FROM)
+    return f"{means_from(starts)}{f', {end} without a steady part' * bool(np.isnan(starts).any())}"
+
+
+def _is_over_time(name: str) -> bool:
+    """True of what an analysis over time gives."""
+    return any(name.startswith(f"{identifier(each)}_") for each in OVER_TIME)
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -249,21 +278,16 @@ def _remarks(results: Results, name: str) -> str:
     return f": {'; '.join(lines[:MOST_REMARKS])}" if lines else ""
 
 
-def _theory(results: Results, name: str) -> str | None:
-    """The variable with kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
-    names = (f"{name}_theory", f"{name}_theory_mean", f"{name}_by_theory_mean")
-    return next((each for each in names if each in results.variables), None)
-
-
 def _seeds(results: Results, name: str) -> str | None:
-    """Numbers of seeds that have an interval, as text; None if no mean has one."""
-    if f"{name}_error" not in results.variables:
+    """Of what the intervals are, as text: numbers of seeds, or rows of single runs; None if no mean has one."""
+    if (half := half_interval(results, name)) is None:
         return None
-    count = finite_seeds(results, name)
-    known = count[count > 1]
-    if not len(known):
+    known = finite_seeds(results, name)[np.isfinite(half)]
+    if not len(known) or not len(known := known[known > 0]):
         return None
-    return f"{known.min()}" if known.min() == known.max() else f"{known.min()} to {known.max()}"
+    if known.max() == 1:
+        return "rows of one run"
+    return f"{known.min()} seeds" if known.min() == known.max() else f"{known.min()} to {known.max()} seeds"
 
 
 def _x(results: Results, over: str | None, dims: tuple[str, ...]) -> str:
@@ -327,7 +351,7 @@ def _panel(
         y = along(f"{name}_mean")
         half = half_interval(results, name)
         part = None if half is None else along(results.variables[f"{name}_mean"]._replace(values=half))
-        theory = along(_theory(results, name) or "")
+        theory = along(theory_of(results, name) or "")
         own = x in results.variables and results.variables[x].dims == (x,)
         where = results.values(x) if own else along(f"{x}_mean")
         assert y is not None
@@ -344,6 +368,8 @@ def _panel(
             marker["markevery"] = ((i % len(MARKERS)) / (8 * len(MARKERS)), 0.125)
         elif rows:
             marker["marker"] = ""
+        if rows and {*ROWS} & {*dims} and name not in ADDING:
+            _start(axes, results, x, where, panel, colour)
         axes.plot(where, y, color=colour, lw=1.4, ms=4, label=label, **marker)
         if part is not None and np.isfinite(part).any():
             if rows:
@@ -361,9 +387,25 @@ def _panel(
     grid(axes)
 
 
+def _start(
+    axes: Axes, results: Results, x: str, where: NDArray[Any], panel: Mapping[str, int], colour: Any
+) -> None:
+    """A dotted line where the steady window of a point begins, on the axis of a clock; once for all curves that agree."""
+    start = float(window_starts(results)[tuple(panel[dim] for dim in results.axes)])
+    place = float(np.interp(start, results.row_places, where))
+    drawn = [line for line in axes.lines if line.get_gid() == WINDOW_START]
+    if not np.isfinite(start) or place <= where[0]:
+        return
+    for line in drawn:
+        if float(np.asarray(line.get_xdata(), float)[0]) == place:
+            line.set_color("0.4")
+            return
+    axes.axvline(place, ls=":", lw=1.0, color=colour, gid=WINDOW_START)
+
+
 def _scales(panels: Sequence[Axes]) -> None:
     """Make axes logarithmic where values of any panel span decades; all panels share their axes."""
-    lines = [line for axes in panels for line in axes.lines]
+    lines = [line for axes in panels for line in axes.lines if line.get_gid() != WINDOW_START]
     y = np.concatenate([[], *(np.asarray(line.get_ydata(), float) for line in lines)])
     paths = [path for axes in panels for one in axes.collections for path in one.get_paths()]
     ends = np.concatenate([y, *(np.asarray(path.vertices)[:, 1] for path in paths)])  # of intervals too
@@ -399,8 +441,8 @@ def _power(axes: Axes) -> int:
 
 
 def _legend(axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several: bool) -> None:
-    """`seeds`: their number, as text, if means have intervals."""
-    label = f"{PERCENT} interval of the mean (Student's $t$, {seeds} seeds)"
+    """`seeds`: of what the intervals are, as text, if means have some."""
+    label = f"{PERCENT} interval of the mean (Student's $t$, {seeds})"
     if seeds is not None and rows:
         axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)
     elif seeds is not None:
@@ -410,6 +452,8 @@ def _legend(axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several:
         style: Any = {"marker": "_", "ms": 12, "mew": 1.5, "ls": ""} if at_points else {"ls": "--", "lw": 1.1}
         label = "kinetic theory" if is_narrow(axes) else "kinetic theory (homogeneous)"
         axes.plot([], [], color="black", label=label, **style)
+    if any(line.get_gid() == WINDOW_START for line in axes.lines):
+        axes.plot([], [], ":", color="0.4", lw=1.0, label="the steady window begins")
     if several:
         legend_of_figure(axes.get_figure(), axes, 6 if not is_narrow(axes) else 2)
     else:

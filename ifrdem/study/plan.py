@@ -101,8 +101,9 @@ series = 50
 # at these collisions per disk (times, where the run ends at a time).
 # analyses = ["velocity", "rdf"]
 # analyses_at = [5.0, 10.0, 20.0]
-# Where averages over a run begin (stress, species, profiles, ...), in the same; without it, driven and sheared gases
-# and those between walls are averaged over the steady part, and gases that cool over the whole run.
+# Where averages over a run begin (of series, stress, species, profiles, ...), in the same; without it, driven and
+# sheared gases and those between walls are averaged over the steady part, and analyses of gases that cool over the
+# whole run.
 # analyses_from = 10.0
 # Keep the trajectory of every run.
 # trajectories = true
@@ -479,8 +480,6 @@ def _output_overrides(case: dict[str, Any], output: StudyOutput) -> Iterator[str
     if at and not output.analyses:
         raise InputError("analyses_at requires analyses")
     start = output.analyses_from
-    if start is not None and not output.has_averages:
-        raise InputError(f"analyses_from = {start:g}: requires an analysis over time: {', '.join(OVER_TIME)}")
     t_end, per_disk = (_number(case, key) for key in ("t_end", "collisions_per_disk"))
     if start is not None and (end := t_end or per_disk) and not start < end:
         raise InputError(f"analyses_from = {start:g}: must be before {end:g}, the end of the run")

@@ -28,7 +28,7 @@ from ..tools.files import check_files
 from ..tools.progress import clock_face, quiet
 from . import workers
 from .plan import ClusterSection, Plan, read
-from .results import ENDING, RUNS, Results, collect, warnings_of
+from .results import ENDING, RUNS, Results, averaged, collect, warnings_of
 from .task import Task, load
 from .workers import check_jobs
 
@@ -398,6 +398,17 @@ class Study:
         Raises InputError if no run is done, or xarray is not installed.
         """
         return self.results().to_xarray()
+
+    def means(self, start: float | None = None) -> xarray.Dataset:
+        """The results with means over the steady window of each point in place of series, as `dataset`.
+
+        `start` is another place to begin at, in what ends the runs. Points without a window have the last row. NAME is
+        the mean of each run, NAME_run_error its standard error and NAME_n_eff the number of independent values behind
+        it; NAME_mean and NAME_error are over seeds (of a single seed the error within the run).
+
+        Raises InputError as `dataset`, or if no row is as late.
+        """
+        return averaged(self.results(), start).to_xarray()
 
     def _repr_html_(self) -> str:
         """The plan as a table, and the first of the results if there are some, for a notebook."""
