@@ -59,12 +59,7 @@ def plain(toml: Path) -> Path:
     return folder / "gas.h5"
 
 
-LONG = [
-    "--set",
-    "output.frames=60",
-    "--set",
-    "run.collisions_per_disk=60.0",
-]  # the first 26 are committed together
+LONG = ["--set", "output.frames=60", "--set", "run.collisions_per_disk=60.0"]  # the first 26 are committed together
 
 
 @pytest.fixture(scope="module")
