@@ -321,6 +321,12 @@ def plot(
     by: Annotated[
         str | None, option(str, "KEY", "of a study: a curve for each value of this key (default: the first)")
     ] = None,
+    map: Annotated[
+        bool,
+        flag(
+            "of a study: colours over two swept keys, --over along and --by upwards (default: the first two)"
+        ),
+    ] = False,
     list: Annotated[bool, flag("list the names and draw nothing")] = False,
     frames: Frames = None,
     start: From = None,
@@ -366,9 +372,11 @@ def plot(
         if together or by is not None or (over is not None and what not in PICTURES):
             if frames is not None:
                 raise InputError("--frames: of one trajectory only")
-            form["start"] = start
+            form |= {"start": start, "as_map": map}
             _plot_together(sources, what, over, by, output, force=force, form=form)
         else:
+            if map:
+                raise InputError("--map: of the results of a study")
             _plot_one(
                 sources[0],
                 what,

@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TextIO, TypeVar
 
 from cyclopts import Parameter
 
+from ..analysis import options
+from ..analysis.options import frames_of
 from ..errors import InputError, cut, nearest
-from ..tools.values import Count, Integer, Keyed, Natural, NonNegative, Ratio, check_in, whole_of
+from ..tools.values import Count, Integer, Keyed, Natural, NonNegative, Ratio, check_in
 from . import console
 
 if TYPE_CHECKING:
@@ -141,24 +143,23 @@ Output = Annotated[
     str | None, option(str, "OUT", "file to write (default: FILE with another ending)", "--output", "-o")
 ]
 Axis = Annotated[
-    Literal["x", "y", "r"] | None,
+    options.Axis | None,
     option(
-        Literal["x", "y", "r"],
+        options.Axis,
         "AXIS",
         "of profiles: x, y or r (default: along gravity, or from wall to wall)",
     ),
 ]
 Bins = Annotated[
     int | None,
-    option(Annotated[int, Integer(1, 10_000)], "N", "of profiles: number of bins (default: 8 to 40)"),
+    option(options.Bins, "N", "of profiles: number of bins (default: 8 to 40)"),
 ]
 
 
 def _cells(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
-    found = [whole_of(each) for each in tokens[-1].value.split(",")]
-    if len(found) != 2 or any(each is None or not 1 <= each <= 300 for each in found):
-        raise invalid_value(tokens, "must be two integers from 1 to 300, along x and y, such as 20,80")
-    return found[0] or 0, found[1] or 0
+    if (found := options.cells_of(tokens[-1].value.split(","))) is None:
+        raise invalid_value(tokens, f"{options.CELLS}, such as 20,80")
+    return found
 
 
 Cells = Annotated[
@@ -331,31 +332,14 @@ def output_path(file: str, output: str | None, ending: str, *, force: bool, opti
 def selected_frames(text: str | None, frames: int) -> range:
     """Numbers of the frames that `--frames` names among so many; all of them without a text.
 
-    It is one number, or a:b:c as in Python: from a (or the first) to before b (or the last), every c-th; negative
-    numbers count from the end. Raises InputError if it is none of these, or names no frame that is there.
+    Raises InputError if it names none (`analysis.options.frames_of`).
     """
     if text is None:
         return range(frames)
     try:
-        given = [part.strip() for part in text.split(":")]
-        parts = [whole_of(part) for part in given]
-        if (
-            not 1 <= len(parts) <= 3
-            or given == [""]
-            or any(part and number is None for part, number in zip(given, parts, strict=True))
-        ):
-            raise ValueError
-        if len(parts) == 1:
-            parts = [parts[0], (parts[0] or 0) + 1 or None]
-        found = range(frames)[slice(*parts)]
-    except ValueError:
-        raise InputError(
-            f"--frames {text}: must be a number or a:b:c, such as 10, 0:100, -5: or ::10"
-        ) from None
-    if len(found) == 0:
-        span = f"0 to {frames - 1}" if frames else "none"
-        raise InputError(f"--frames {text}: names none of the {frames} frames ({span})")
-    return found
+        return frames_of(text, frames)
+    except InputError as error:
+        raise InputError(f"--frames {error}") from None
 
 
 def chosen_frames(trajectory: Trajectory, frames: str | None, start: float | None) -> list[int] | None:

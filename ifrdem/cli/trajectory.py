@@ -51,8 +51,11 @@ def info(
         ),
     ],
     /,
-    *,
+    *what: Annotated[
+        str, Parameter(name="WHAT", help="of a study: only these quantities, such as T or stress")
+    ],
     start: From = None,
+    csv: Annotated[bool, flag("of a study: the table alone, with every digit, separated by commas")] = False,
 ) -> None:
     """Describe the content of a trajectory, or of a study with its numbers.
 
@@ -63,12 +66,14 @@ def info(
     if file.endswith(".nc"):
         from ..study.contents import describe as describe_study
 
-        echo(describe_study(file, start))
+        echo(describe_study(file, start, what=what, csv=csv))
         return
     if start is not None:
         raise InputError(
             "--from: of the results of a study (.nc); `ifrdem analyse --from` averages a trajectory"
         )
+    if what or csv:
+        raise InputError(f"{'--csv' if csv else what[0]}: of the results of a study (.nc)")
     from ..runs.info import describe
 
     echo(describe(one_trajectory(file)))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest, option_name, printable
+from ..errors import InputError, counted, nearest, option_name, printable
 from ..plots.style import written
 from ..quantities import AXES
 from ..tools.intervals import FEW, PERCENT
@@ -85,6 +85,7 @@ def describe(
     text = f", and half the {PERCENT} interval by Student's t" * intervals
     head += ["", f"  means over seeds with standard errors{text}; {_series(results)}", *_window(whole)]
     found = [*head, *_printed(keys, lines, intervals=intervals)]
+    found += _against_theory(lines)
     if nothing:
         found += ["", _wrapped(f"0 in all runs: {', '.join(nothing)}")]
     shown = {line.quantity.split(" ")[0] for line in lines} | {*nothing}
@@ -104,6 +105,28 @@ def _nothing(lines: Sequence[Line]) -> list[str]:
     for line in lines:
         zeros[line.quantity] = zeros.get(line.quantity, True) and line.mean == 0.0 == line.error
     return [name for name, each in zeros.items() if each]
+
+
+def _against_theory(lines: Sequence[Line]) -> Iterator[str]:
+    """Lines on the sum of squares of what means are off kinetic theory, in standard errors, of each quantity.
+
+    p is the probability of that much by chance. Student's t of each point becomes the Gaussian number z of the same
+    probability, and the sum of z^2 has the chi-square distribution: with few seeds that of t^2 is larger.
+    """
+    from scipy.special import chdtrc, ndtri, stdtr
+
+    of_quantity: dict[str, list[Line]] = {}
+    for line in lines:
+        if np.isfinite(line.theory) and line.error > 0.0:
+            of_quantity.setdefault(line.quantity, []).append(line)
+    for i, (name, points) in enumerate(of_quantity.items()):
+        t = np.array([abs(line.mean - line.theory) / line.error for line in points])
+        count = np.array([line.seeds if line.seeds > 1 else line.n_eff for line in points])
+        z = ndtri(stdtr(np.maximum(count - 1.0, 1.0), -t))
+        p = float(chdtrc(len(points), np.sum(z**2)))
+        if not i:
+            yield ""
+        yield f"  {name} against kinetic theory: chi2 = {np.sum(t**2):.3g} of {counted(len(points), 'point')}, p = {p:.2g}"
 
 
 def _known(results: Results, name: str) -> str:

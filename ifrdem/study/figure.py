@@ -31,6 +31,7 @@ from ..tools.intervals import PERCENT
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
+from .plan import VARIANT
 from .results import (
     ADDING,
     ROWS,
@@ -100,7 +101,7 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
 
 def draw(
     results: Results, what: str, over: str | None = None, by: str | None = None, *, start: float | None = None,
-    size: tuple[float, ...] | None = None, dpi: int = 200, title: bool = True,
+    as_map: bool = False, size: tuple[float, ...] | None = None, dpi: int = 200, title: bool = True,
 ) -> Figure:  # fmt: skip
     """Draw a quantity: its mean over seeds, a band of its 95 % interval, and kinetic theory, dashed.
 
@@ -109,8 +110,8 @@ def draw(
     steady window of each point, and has its last row where there is none (`averaged`). Each value of the swept key `by`
     (the first one without it) is a curve, every combination of the others a panel; so is each species, or component, of
     a quantity that has some. From `start` on, in what ends the runs, a series is averaged over its rows, and drawn over
-    a swept key. `size` is the width, and the height if given, of the figure
-    [inches].
+    a swept key. With `as_map` colours show it over two swept keys, `over` along and `by` upwards (by default the first
+    two). `size` is the width, and the height if given, of the figure [inches].
 
     Raises InputError if there is no such quantity or key, it has no axis or no value, or there are too many panels.
     """
@@ -132,6 +133,8 @@ def draw(
     if not _has_axis(results, name):
         text = "is a column of a table, and no other column of it rises from row to row, to be its axis"
         raise InputError(f"{name}: {text}; what can be drawn: {_listed(drawable(results))}")
+    if as_map and over is None:
+        over = next(iter(swept), None)
     x, curve = _x(results, over, mean.dims), None
     if x in swept and {*mean.dims} & {*ROWS}:
         results = averaged(results)
@@ -141,6 +144,10 @@ def draw(
         curve = _dim(results, option_name("--by", "by ="), by, left) if by is not None else left[0]
     elif by is not None:
         raise InputError(f"{option_name('--by', 'by =')} {by}: no dimension is left for curves")
+    if as_map and (x not in swept or curve not in swept):
+        raise InputError(
+            f"{option_name('--map', 'as_map:')} requires two swept keys; there are: {', '.join(swept)}"
+        )
     panels = [dim for dim in split if dim not in (x, curve)]
     panels_at = list(itertools.product(*(range(len(results.values(dim))) for dim in panels)))
     if len(panels_at) > MOST_PANELS:
@@ -161,19 +168,27 @@ def draw(
             all_axes[i - columns].set_xlabel(_label(results, x))
             continue
         fixed = dict(zip(panels, panel, strict=True))
-        _panel(axes, results, name, x, curve, fixed)
+        if as_map and curve is not None:
+            _map(axes, results, name, x, curve, fixed)
+        else:
+            _panel(axes, results, name, x, curve, fixed)
         values = ", ".join(_named(results, dim, i) for dim, i in fixed.items())
         axes.set_title(values, fontsize="medium")
     first = all_axes[0]
-    _scales(all_axes[: len(panels_at)])
-    _legend(
-        first, theory_of(results, name) is not None, _seeds(results, name), x not in swept,
-        several=len(panels_at) > 1,
-    )  # fmt: skip
+    if as_map and curve is not None:
+        _bar(figure, all_axes[: len(panels_at)], _label(results, name))
+        upwards = _label(results, curve)
+    else:
+        _scales(all_axes[: len(panels_at)])
+        _legend(
+            first, theory_of(results, name) is not None, _seeds(results, name), x not in swept,
+            several=len(panels_at) > 1,
+        )  # fmt: skip
+        upwards = _label(results, name, _power(first))
     for axes in table[-1]:
         axes.set_xlabel(_label(results, x))
     for line in table:
-        line[0].set_ylabel(_label(results, name, _power(first)))
+        line[0].set_ylabel(upwards)
     fit_to_column(figure, all_axes[: len(panels_at)], taller=size is not None and len(size) == 1)
     if title:
         texts = (plain(results.attributes.get("title", "")), _window(results, name, x))
@@ -387,6 +402,44 @@ def _panel(
     grid(axes)
 
 
+def _map(axes: Axes, results: Results, name: str, x: str, y: str, fixed: Mapping[str, int]) -> None:
+    """Colours of the means at the values of two swept keys; of rows and frames, the last one counts."""
+    mean = results.variables[f"{name}_mean"]
+    taken = tuple(slice(None) if dim in (x, y) else fixed.get(dim, -1) for dim in mean.dims)
+    values = mean.values[taken]
+    if mean.dims.index(x) < mean.dims.index(y):
+        values = values.T
+    ends = []
+    for dim, scale, ticks in ((x, axes.set_xscale, axes.set_xticks), (y, axes.set_yscale, axes.set_yticks)):
+        places = results.values(dim)
+        if places.dtype.kind not in "iuf" or len(places) < 2 or not (np.diff(places) > 0).all():
+            ticks(
+                np.arange(len(places)),
+                [plain(f"{each:.4g}" if places.dtype.kind in "iuf" else str(each)) for each in places],
+            )
+            ends.append(np.arange(len(places) + 1) - 0.5)
+            continue
+        logarithmic = places[0] > 0 and places[-1] > SEVERAL_DECADES * places[0]
+        at = np.log(places) if logarithmic else places.astype(float)
+        middle = 0.5 * (at[1:] + at[:-1])
+        edges = np.concatenate(([2.0 * at[0] - middle[0]], middle, [2.0 * at[-1] - middle[-1]]))
+        ends.append(np.exp(edges) if logarithmic else edges)
+        if logarithmic:
+            scale("log")
+    shown = np.ma.masked_invalid(values)
+    axes.pcolormesh(*ends, shown, cmap="cividis", rasterized=True)  # even in grey
+    axes.set_facecolor("0.85")  # of points without a value
+
+
+def _bar(figure: Figure, panels: Sequence[Axes], text: str) -> None:
+    """One colour bar of all maps, which have the same range."""
+    meshes = [each for axes in panels for each in axes.collections]
+    known = np.concatenate([np.ma.compressed(np.ma.asarray(each.get_array())) for each in meshes])
+    for each in meshes:
+        each.set_clim(float(known.min()), float(known.max()))
+    figure.colorbar(meshes[0], ax=panels, label=text)
+
+
 def _start(
     axes: Axes, results: Results, x: str, where: NDArray[Any], panel: Mapping[str, int], colour: Any
 ) -> None:
@@ -470,7 +523,7 @@ def _named(results: Results, dim: str, i: int) -> str:
     """One value of a dimension: $e_n$ = 0.9, and 1 m/s with its unit; of species and other parts their name alone."""
     value, unit = results.values(dim)[i], results.variables[dim].unit
     text = f"{value:.4g}" if isinstance(value, np.floating) else plain(str(value))
-    if dim in (FILE, *PARTS):
+    if dim in (FILE, VARIANT, *PARTS):
         return text
     return f"{_symbol(results, dim)} = {text} {written(unit) if unit != REDUCED else ''}".rstrip()
 

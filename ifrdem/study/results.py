@@ -25,7 +25,7 @@ from ..case.gas import CaseGas
 from ..case.keys import about
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, counted, there_are
 from ..model.laws.ifr import EnergyWarning
-from ..quantities import AXES, NUMBER, SERIES
+from ..quantities import AXES, NUMBER, SERIES, SPECIES_SERIES
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..tools import files
@@ -37,7 +37,7 @@ from ..trajectory.descriptions import REDUCED
 from ..trajectory.file import new_file
 from ..trajectory.tables import optional_import
 from . import reading
-from .plan import Plan, with_labels
+from .plan import VARIANT, Plan, with_labels
 from .task import AT, NOTES, WARNINGS, Task, Variable, along, grown, load
 from .windows import SAME_RUN, window_of
 
@@ -73,7 +73,7 @@ TEXTS = {
     "theta": "rotational over translational temperature", "failure": "message of a run that failed",
     "runs": "number of finished runs", "axis": "axes of vectors", "species": "names of the species",
     "component": "components of the pressure tensor", "mechanism": "mechanisms of dissipation",
-    "regime": "regimes of collisions", START: "where averages over time begin",
+    "regime": "regimes of collisions", VARIANT: "variants of the case", START: "where averages over time begin",
     SERIES_FROM: "where means over rows begin",
     WARNINGS: "warnings of the analyses of each run", NOTES: "notes of the analyses of each run",
 }  # fmt: skip
@@ -174,7 +174,7 @@ class Results:
         """The attributes of a variable: `units` ("1" for a pure number, none for texts) and `long_name`."""
         one, keys = self.variables[name], json.loads(self.attributes.get("keys", "{}"))
         texts = TEXTS | self.texts
-        text = about(keys[name])[0] if name in keys else texts.get(name)
+        text = about(keys[name])[0] if name in keys and name != VARIANT else texts.get(name)
         for suffix, statistic in STATISTICS.items():
             if text is None and name.endswith(suffix):
                 stem = name.removesuffix(suffix)
@@ -289,11 +289,25 @@ def collect(
         "case": plan.text,
         "path": str(plan.path.resolve()),
         "overrides": "\n".join(plan.overrides),
+        **_bases(plan),
         "ifrdem": __version__,
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     kept = {name for name, one in variables.items() if len(one.dims) != 1 or one.dims[0] in {*used, *swept}}
     return Results({name: one for name, one in variables.items() if name in kept}, attributes)
+
+
+def _bases(plan: Plan) -> dict[str, str]:
+    """Attributes on the variants of a study, and on whether its runs begin with the last frames of others."""
+    found = {} if plan.first is None else {EQUILIBRATED: plan.first.model_dump_json()}
+    if plan.variants:
+        bases = [(each.text, str(each.path.resolve()), each.overrides) for each in plan.variants]
+        found[VARIANTS] = json.dumps(bases)
+    return found
+
+
+EQUILIBRATED, VARIANTS = "equilibrate", "variants"
+"""Attributes of results: the equilibration of the runs; text, path and changes of the case of each variant."""
 
 
 def _has_window(case: CaseSections, results: Mapping[int, Mapping[str, Variable]]) -> bool:
@@ -345,7 +359,8 @@ def _theory(
         times = variables["time"].values if row_axis == "time" else variables["time_mean"].values[point]
         if not np.isfinite(T.values[point]).any():
             continue
-        curves = predicted(case, plan.path.parent, float(np.nanmax(times)))
+        start = _measured_start(point, variables) if plan.first is not None else None
+        curves = predicted(case, plan.base(point).path.parent, float(np.nanmax(times)), start)
         if curves is None:
             continue
         when, tau, T_theory, T_rot = curves
@@ -359,6 +374,16 @@ def _theory(
     if not np.isfinite(made["temperature"]).any():
         return {}
     return {f"{name}_theory": Variable(T.dims, values, variables[name].unit) for name, values in made.items()}
+
+
+def _measured_start(
+    point: tuple[int, ...], variables: Mapping[str, Variable]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """T and T_rot of each species in the first row, mean over seeds: of runs that begin with the end of others."""
+    whole = ("temperature", "rotational_temperature")
+    names = SPECIES_SERIES[:2] if f"{SPECIES_SERIES[0]}_mean" in variables else whole
+    T, T_rot = (np.atleast_1d(variables[f"{name}_mean"].values[point][0]) for name in names)
+    return T, T_rot
 
 
 FINE = 41
@@ -380,8 +405,9 @@ def theory_between(
         results.attributes.get("path"),
     )
     one_number = len(results.axes.get(x, ())) == 1 and swept.dtype.kind in "if" and len(swept) > 1
-    if path is None or name not in THEORY or not one_number:
+    if path is None or name not in THEORY or not one_number or EQUILIBRATED in results.attributes:
         return None
+    text = results.attributes["case"]
     row_axis, positions = results.row_axis, results.row_places
     at = tuple(fixed.get(dim, slice(None)) for dim in results.axes)
     starts = np.full(len(swept), np.nan)
@@ -389,7 +415,11 @@ def theory_between(
         starts = results.values(SERIES_FROM)[at]
     times = positions if row_axis == "time" else results.values("time_mean")[at]
     overrides = [line for line in results.attributes["overrides"].splitlines() if line]
+    if VARIANT in fixed:
+        text, path, overrides = json.loads(results.attributes[VARIANTS])[fixed[VARIANT]]
     for dim, i in fixed.items():
+        if dim == VARIANT:
+            continue
         overrides += [f"{keys[one]}={_assigned(results.values(one)[i])}" for one in results.axes[dim]]
     low, high = float(swept.min()), float(swept.max())
     space = np.geomspace if low > 0.0 and high > 10.0 * low else np.linspace
@@ -399,7 +429,7 @@ def theory_between(
     for value in values.tolist():
         try:
             file = case_file.of_text(
-                results.attributes["case"],
+                text,
                 Path(path),
                 (*overrides, f"{keys[x]}={value}"),
                 stored=True,
@@ -445,8 +475,13 @@ def _row_weights(places: NDArray[np.float64], start: float) -> NDArray[np.float6
     return np.asarray(weights)
 
 
-def predicted(case: CaseSections, folder: Path, end: float) -> tuple[NDArray[np.float64], ...] | None:
-    """Times, collisions per disk, T and T_rot by kinetic theory, to beyond a time [time]; None where it holds not."""
+def predicted(
+    case: CaseSections, folder: Path, end: float, start: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+) -> tuple[NDArray[np.float64], ...] | None:  # fmt: skip
+    """Times, collisions per disk, T and T_rot by kinetic theory, to beyond a time [time]; None where it holds not.
+
+    `start` are T and T_rot of each species at the start, if not those of the case [energy].
+    """
     gas = CaseGas.from_case(case, folder)
     if not case.homogeneous or gas.box.is_open or end <= 0.0:
         return None
@@ -468,9 +503,11 @@ def predicted(case: CaseSections, folder: Path, end: float) -> tuple[NDArray[np.
             mixture, which = Mixture.of(disks, laws, phi)
             if mixture.species > MOST_KINDS:
                 return None
+            energies = [0.5 * disks.mass * speed**2, disks.inertia * spin**2]
+            if start is not None:
+                energies = [np.repeat(each, numbers) for each in start]
             T0, T_rot0 = (
-                np.array([each[which == kind].mean() for kind in range(mixture.species)])
-                for each in (0.5 * disks.mass * speed**2, disks.inertia * spin**2)
+                np.array([each[which == kind].mean() for kind in range(mixture.species)]) for each in energies
             )
             found = prediction(
                 disks, laws, phi, T0, T_rot0, steps, shear_rate=gas.box.shear_rate,
