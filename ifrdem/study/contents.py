@@ -22,6 +22,7 @@ from .results import (
     ADDING,
     N_EFF,
     ROWS,
+    RUN_ERROR,
     SEED,
     SERIES_FROM,
     SHORT,
@@ -127,6 +128,39 @@ def _against_theory(lines: Sequence[Line]) -> Iterator[str]:
         if not i:
             yield ""
         yield f"  {name} against kinetic theory: chi2 = {np.sum(t**2):.3g} of {counted(len(points), 'point')}, p = {p:.2g}"
+
+
+def runs(results: Results) -> dict[str, NDArray[Any]]:
+    """Columns with a row for each run: values of the keys, seed, and numbers, with the name of a part behind a space.
+
+    Series are means over the steady window of a run (`averaged`), with NAME_run_error and NAME_n_eff, or their last row
+    where it has none. Columns of tables of analyses are left out. Runs that are missing have nan.
+    """
+    results = averaged(results)
+    swept = [*results.axes]
+    shape = tuple(len(results.values(dim)) for dim in (*swept, SEED))
+    at = np.indices(shape).reshape(len(shape), -1)
+    found = {key: results.values(key)[at[i]] for i, dim in enumerate(swept) for key in results.axes[dim]}
+    found[SEED] = results.values(SEED)[at[-1]]
+    for name in _ordered(results):
+        for ending in ("", RUN_ERROR, N_EFF):
+            one = results.variables.get(f"{name}{ending}")
+            if (
+                one is None
+                or one.dims[: len(shape)] != (*swept, SEED)
+                or {*one.dims[len(shape) :]} - {*PARTS, *ROWS}
+            ):
+                continue
+            values = one.values
+            for dim in [dim for dim in one.dims if dim in ROWS]:
+                values = values.take(-1, axis=one.dims.index(dim))
+            parts = [dim for dim in one.dims if dim in PARTS]
+            for part in np.ndindex(values.shape[len(shape) :]):
+                labels = [str(results.values(dim)[i]) for dim, i in zip(parts, part, strict=True)]
+                column = values[(..., *part)].ravel()
+                if not ending or np.isfinite(column).any():
+                    found[" ".join((f"{name}{ending}", *labels))] = column
+    return found
 
 
 def _known(results: Results, name: str) -> str:

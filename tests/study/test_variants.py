@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 from scipy.stats import kstest
 from support.manual import block
@@ -194,3 +195,18 @@ def test_the_example_of_the_manual_is_in_order(tmp_path, monkeypatch):
     assert study.plan.shape == (2, 3, 2, 10)
     study.check()
     assert len(study.equilibrations) == 2 * 2 * 10
+
+
+def test_a_study_is_exported_with_a_line_for_each_run(study, tmp_path, capsys):
+    for to in ("csv", "parquet"):
+        out = tmp_path / f"s.{to}"
+        assert cli.main(["export", str(study.output), "--to", to, "-o", str(out)]) == 0
+        found = pandas.read_csv(out) if to == "csv" else pandas.read_parquet(out)
+        assert len(found) == 3 * 2 * 2
+        assert found[["variant", "e_n", "seed"]].drop_duplicates().shape == (12, 3)
+        T = study.results().values("temperature")[..., -1].ravel()
+        assert np.array_equal(found["temperature"], T)
+        assert "dissipated_by_mechanism sliding" in found
+    capsys.readouterr()
+    assert cli.main(["export", str(study.output), "--to", "gsd"]) == 2
+    assert "--to gsd: the results of a study are exported to csv, parquet" in capsys.readouterr().err
