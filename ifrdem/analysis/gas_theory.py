@@ -26,6 +26,8 @@ Curves = tuple[Array, Array, Array, Array]
 """Times, T and T_rot [energy] and collisions per disk at them."""
 MOST_KINDS = 16
 """Most kinds of disks: theory sums over all pairs of kinds at every step, which takes seconds beyond this."""
+VELOCITIES = {"gaussian": "Gaussian", "sonine": "Sonine"}
+"""Words for `theory.Prediction.velocities` in legends."""
 LONGER = 1e6
 """Longest curve of theory, in durations of the run, where theory needs more time for the collisions of the run."""
 
@@ -62,7 +64,7 @@ class TheoryGas:
         ):
             return prediction(
                 self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
-                shear_rate=shear_rate,
+                shear_rate=shear_rate, velocities="best",
             )  # fmt: skip
 
     def of_groups(self, groups: Sequence[NDArray[np.intp]], elapsed: Array) -> tuple[Array, Array]:
@@ -101,7 +103,8 @@ class TheoryGas:
     @property
     def text(self) -> str:
         """Name of the curves in the legend."""
-        return f"kinetic theory (homogeneous {'gas' if self.kinds == 1 else 'mixture'})"
+        what = "gas" if self.kinds == 1 else "mixture"
+        return f"kinetic theory (homogeneous {what}), {VELOCITIES[self.prediction(np.zeros(1)).velocities]}"
 
 
 def gas_of(trajectory: Trajectory) -> TheoryGas | str:

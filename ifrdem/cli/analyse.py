@@ -28,8 +28,11 @@ from .options import (
     Frames,
     From,
     NoTitle,
+    Panels,
     Size,
     Style,
+    Xlim,
+    Ylim,
     chosen_frames,
     flag,
     one_trajectory,
@@ -342,6 +345,9 @@ def plot(
     style: Style = None,
     size: Size = None,
     dpi: Dpi = 200,
+    xlim: Xlim = None,
+    ylim: Ylim = None,
+    panels: Panels = None,
     no_title: NoTitle = False,
     force: Force = False,
 ) -> None:
@@ -367,12 +373,12 @@ def plot(
     *sources, what = words
     options = _options([what], axis=axis, bins=bins, cells=cells, average=average).get(what, {})
     together = len(sources) > 1 or sources[0].endswith(".nc")
-    form: dict[str, Any] = {"size": size, "dpi": dpi, "title": not no_title}
+    form: dict[str, Any] = {"size": size, "dpi": dpi, "title": not no_title, "xlim": xlim, "ylim": ylim}
     with styled(style):
         if together or by is not None or (over is not None and what not in PICTURES):
             if frames is not None:
                 raise InputError("--frames: of one trajectory only")
-            form |= {"start": start, "as_map": map}
+            form |= {"start": start, "as_map": map, "shown": panels}
             _plot_together(sources, what, over, by, output, force=force, form=form)
         else:
             if map:
@@ -386,6 +392,7 @@ def plot(
                 force=force,
                 over=over,
                 color=color,
+                panels=panels,
                 **form,
                 **options,
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import math
 import os
 import re
 import sys
@@ -18,7 +19,7 @@ from cyclopts import Parameter
 from ..analysis import options
 from ..analysis.options import frames_of
 from ..errors import InputError, cut, nearest
-from ..tools.values import Count, Integer, Keyed, Natural, NonNegative, Ratio, check_in
+from ..tools.values import Count, Integer, Keyed, Natural, NonNegative, Ratio, check_in, whole_of
 from . import console
 
 if TYPE_CHECKING:
@@ -223,6 +224,45 @@ Size = Annotated[
 Dpi = Annotated[
     int,
     option(Annotated[int, Integer(30, 2400)], "N", "resolution of a PNG in dots per inch (default: 200)"),
+]
+
+
+def _ends(_kind: object, tokens: Sequence[Token]) -> tuple[float | None, float | None]:
+    """Ends of an axis, from "0,2"; an end that is left out stays."""
+    parts = tokens[-1].value.split(",")
+    try:
+        found = [float(each) if each.strip() else None for each in parts]
+    except ValueError:
+        found = []
+    known = [each for each in found if each is not None]
+    if len(found) != 2 or not known or not all(map(math.isfinite, known)) or len({*known}) < len(known):
+        raise invalid_value(
+            tokens, "must be two different numbers, such as 0,2, of which one may lack (0, or ,2)"
+        )
+    return found[0], found[1]
+
+
+def _panels(_kind: object, tokens: Sequence[Token]) -> list[int]:
+    found = [whole_of(each) for each in tokens[-1].value.split(",")]
+    if any(each is None or each < 1 for each in found):
+        raise invalid_value(tokens, "must be numbers of panels from 1, such as 1,3")
+    return [each for each in found if each is not None]
+
+
+def _axis_ends(which: str) -> Parameter:
+    return option(
+        str, "A,B", f"ends of the {which} axis; one may lack: 0, or ,2", converter=_ends, n_tokens=1
+    )
+
+
+Ends = tuple[float | None, float | None] | None
+Xlim = Annotated[Ends, _axis_ends("horizontal")]
+Ylim = Annotated[Ends, _axis_ends("vertical")]
+Panels = Annotated[
+    list[int] | None,
+    option(
+        str, "N,N", "draw only these panels, numbered from 1 in reading order", converter=_panels, n_tokens=1
+    ),
 ]
 NoTitle = Annotated[bool, flag("no title; warnings go to the terminal")]
 

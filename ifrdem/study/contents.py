@@ -27,6 +27,8 @@ from .results import (
     SERIES_FROM,
     SHORT,
     START,
+    THEORY,
+    VELOCITY_WORDS,
     Results,
     averaged,
     half_interval,
@@ -86,7 +88,7 @@ def describe(
     text = f", and half the {PERCENT} interval by Student's t" * intervals
     head += ["", f"  means over seeds with standard errors{text}; {_series(results)}", *_window(whole)]
     found = [*head, *_printed(keys, lines, intervals=intervals)]
-    found += _against_theory(lines)
+    found += _against_theory(lines, results.attributes.get(VELOCITY_WORDS, ""))
     if nothing:
         found += ["", _wrapped(f"0 in all runs: {', '.join(nothing)}")]
     shown = {line.quantity.split(" ")[0] for line in lines} | {*nothing}
@@ -108,11 +110,12 @@ def _nothing(lines: Sequence[Line]) -> list[str]:
     return [name for name, each in zeros.items() if each]
 
 
-def _against_theory(lines: Sequence[Line]) -> Iterator[str]:
+def _against_theory(lines: Sequence[Line], velocities: str = "") -> Iterator[str]:
     """Lines on the sum of squares of what means are off kinetic theory, in standard errors, of each quantity.
 
     p is the probability of that much by chance. Student's t of each point becomes the Gaussian number z of the same
-    probability, and the sum of z^2 has the chi-square distribution: with few seeds that of t^2 is larger.
+    probability, and the sum of z^2 has the chi-square distribution: with few seeds that of t^2 is larger. `velocities`
+    are those that the theory of the gas takes.
     """
     from scipy.special import chdtrc, ndtri, stdtr
 
@@ -127,7 +130,8 @@ def _against_theory(lines: Sequence[Line]) -> Iterator[str]:
         p = float(chdtrc(len(points), np.sum(z**2)))
         if not i:
             yield ""
-        yield f"  {name} against kinetic theory: chi2 = {np.sum(t**2):.3g} of {counted(len(points), 'point')}, p = {p:.2g}"
+        words = f" ({velocities})" if velocities and name in THEORY else ""
+        yield f"  {name} against kinetic theory{words}: chi2 = {np.sum(t**2):.3g} of {counted(len(points), 'point')}, p = {p:.2g}"
 
 
 def runs(results: Results) -> dict[str, NDArray[Any]]:

@@ -17,13 +17,16 @@ from ..analysis.result import identifier
 from ..errors import InputError, nearest, option_name
 from ..plots.style import (
     NARROW,
+    chosen_panels,
     few_labels,
     fit_to_column,
+    frame_axes,
     grid,
     is_narrow,
     legend_above,
     legend_of_figure,
     plain,
+    text_for,
     written,
 )
 from ..quantities import SERIES
@@ -38,6 +41,8 @@ from .results import (
     SERIES_FROM,
     SHORT,
     START,
+    THEORY,
+    VELOCITY_WORDS,
     Results,
     averaged,
     finite_seeds,
@@ -69,6 +74,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 MARKERS = "osD^vPX"
 """Markers of curves, by which they differ in grey."""
 MOST_PANELS = 12
+PANEL_SHAPE, HEADS = 0.75, 1.2
+"""Height over width of a panel of a figure of a given width; height of its title and legends [inches]."""
 MOST_OF_ANALYSIS = 4
 """Quantities of an analysis that a message lists."""
 MOST_REMARKS = 3
@@ -78,6 +85,7 @@ WINDOW_START = "steady window"
 """Mark of the lines at which steady windows begin."""
 SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
+Ends = tuple[float | None, float | None] | None
 FILE = "file"
 PARTS = ("species", "component", "mechanism", "regime", "axis")
 """Dimensions of a quantity that several numbers make up: curves or panels, as swept keys are."""
@@ -101,7 +109,7 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
 
 def draw(
     results: Results, what: str, over: str | None = None, by: str | None = None, *, start: float | None = None,
-    as_map: bool = False, size: tuple[float, ...] | None = None, dpi: int = 200, title: bool = True,
+    as_map: bool = False, xlim: Ends = None, ylim: Ends = None, shown: Sequence[int] | None = None, size: tuple[float, ...] | None = None, dpi: int = 200, title: bool = True,
 ) -> Figure:  # fmt: skip
     """Draw a quantity: its mean over seeds, a band of its 95 % interval, and kinetic theory, dashed.
 
@@ -111,7 +119,8 @@ def draw(
     (the first one without it) is a curve, every combination of the others a panel; so is each species, or component, of
     a quantity that has some. From `start` on, in what ends the runs, a series is averaged over its rows, and drawn over
     a swept key. With `as_map` colours show it over two swept keys, `over` along and `by` upwards (by default the first
-    two). `size` is the width, and the height if given, of the figure [inches].
+    two). `xlim` and `ylim` are ends of the axes, None for one that stays; `shown` are the numbers of the panels that
+    are drawn, from 1. `size` is the width, and the height if given, of the figure [inches].
 
     Raises InputError if there is no such quantity or key, it has no axis or no value, or there are too many panels.
     """
@@ -150,50 +159,57 @@ def draw(
         )
     panels = [dim for dim in split if dim not in (x, curve)]
     panels_at = list(itertools.product(*(range(len(results.values(dim))) for dim in panels)))
+    panels_at = [panels_at[i] for i in chosen_panels(len(panels_at), shown)]
     if len(panels_at) > MOST_PANELS:
         text = f"{len(panels_at)} panels, one for each {', '.join(panels)}"
         raise InputError(f"{text}: {MOST_PANELS} at most are drawn")
     columns = min(3 if size is None or size[0] >= NARROW else 1, len(panels_at))
     lines = math.ceil(len(panels_at) / columns)
-    width, height = 2.2 + 4.4 * columns, 0.9 + 3.9 * lines
+    usual = width, height = 2.2 + 4.4 * columns, 0.9 + 3.9 * lines
     if size is not None:
         width, height = size[0], size[1] if len(size) > 1 else height / width * size[0]
-    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
-    table = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
-    all_axes = list(table.ravel())
-    for i, (axes, panel) in enumerate(itertools.zip_longest(all_axes, panels_at)):
-        if panel is None:
-            axes.set_visible(False)
-            all_axes[i - columns].tick_params(labelbottom=True)  # the lowest of its column
-            all_axes[i - columns].set_xlabel(_label(results, x))
-            continue
-        fixed = dict(zip(panels, panel, strict=True))
+        if len(size) == 1 and NARROW <= width < usual[0]:
+            height = max(height, lines * PANEL_SHAPE * width / columns + HEADS)
+    with text_for(width, usual[0]):
+        figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+        table = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
+        all_axes = list(table.ravel())
+        for i, (axes, panel) in enumerate(itertools.zip_longest(all_axes, panels_at)):
+            if panel is None:
+                axes.set_visible(False)
+                all_axes[i - columns].tick_params(labelbottom=True)  # the lowest of its column
+                all_axes[i - columns].set_xlabel(_label(results, x))
+                continue
+            fixed = dict(zip(panels, panel, strict=True))
+            if as_map and curve is not None:
+                _map(axes, results, name, x, curve, fixed)
+            else:
+                _panel(axes, results, name, x, curve, fixed)
+            values = ", ".join(_named(results, dim, i) for dim, i in fixed.items())
+            axes.set_title(values, fontsize="medium")
+        first = all_axes[0]
         if as_map and curve is not None:
-            _map(axes, results, name, x, curve, fixed)
+            frame_axes(all_axes[: len(panels_at)], xlim, ylim)
+            _bar(figure, all_axes[: len(panels_at)], _label(results, name))
+            upwards = _label(results, curve)
         else:
-            _panel(axes, results, name, x, curve, fixed)
-        values = ", ".join(_named(results, dim, i) for dim, i in fixed.items())
-        axes.set_title(values, fontsize="medium")
-    first = all_axes[0]
-    if as_map and curve is not None:
-        _bar(figure, all_axes[: len(panels_at)], _label(results, name))
-        upwards = _label(results, curve)
-    else:
-        _scales(all_axes[: len(panels_at)])
-        _legend(
-            first, theory_of(results, name) is not None, _seeds(results, name), x not in swept,
-            several=len(panels_at) > 1,
-        )  # fmt: skip
-        upwards = _label(results, name, _power(first))
-    for axes in table[-1]:
-        axes.set_xlabel(_label(results, x))
-    for line in table:
-        line[0].set_ylabel(upwards)
-    fit_to_column(figure, all_axes[: len(panels_at)], taller=size is not None and len(size) == 1)
-    if title:
-        texts = (plain(results.attributes.get("title", "")), _window(results, name, x))
-        figure.suptitle("; ".join(filter(None, texts)), fontsize="medium")
-    return figure
+            _scales(all_axes[: len(panels_at)])
+            frame_axes(all_axes[: len(panels_at)], xlim, ylim)
+            _legend(
+                first, theory_of(results, name) is not None, _seeds(results, name), x not in swept,
+                several=len(panels_at) > 1,
+                velocities=results.attributes.get(VELOCITY_WORDS, "") if name in THEORY else "",
+            )  # fmt: skip
+            upwards = _label(results, name, _power(first))
+        for axes in table[-1]:
+            axes.set_xlabel(_label(results, x))
+        for line in table:
+            line[0].set_ylabel(upwards)
+        fit_to_column(figure, all_axes[: len(panels_at)], taller=size is not None and len(size) == 1)
+        if title:
+            texts = (plain(results.attributes.get("title", "")), _window(results, name, x))
+            figure.suptitle("; ".join(filter(None, texts)), fontsize="medium")
+        return figure
 
 
 def _from(results: Results, name: str, start: float) -> Results:
@@ -493,8 +509,10 @@ def _power(axes: Axes) -> int:
     return power
 
 
-def _legend(axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several: bool) -> None:
-    """`seeds`: of what the intervals are, as text, if means have some."""
+def _legend(
+    axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several: bool, velocities: str = ""
+) -> None:
+    """`seeds`: of what the intervals are, as text, if means have some; `velocities`: of the theory."""
     label = f"{PERCENT} interval of the mean (Student's $t$, {seeds})"
     if seeds is not None and rows:
         axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)
@@ -504,6 +522,7 @@ def _legend(axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several:
         at_points = any(line.get_gid() == AT_POINTS for line in axes.lines)
         style: Any = {"marker": "_", "ms": 12, "mew": 1.5, "ls": ""} if at_points else {"ls": "--", "lw": 1.1}
         label = "kinetic theory" if is_narrow(axes) else "kinetic theory (homogeneous)"
+        label = ", ".join(filter(None, (label, velocities)))
         axes.plot([], [], color="black", label=label, **style)
     if any(line.get_gid() == WINDOW_START for line in axes.lines):
         axes.plot([], [], ":", color="0.4", lw=1.0, label="the steady window begins")

@@ -10,14 +10,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.common import mean_errors
-from ..analysis.gas_theory import MOST_KINDS
+from ..analysis.gas_theory import MOST_KINDS, VELOCITIES
 from ..analysis.window import DRIVES, since
 from ..case import file as case_file
 from ..case.case import UNITS, CaseSections
@@ -276,12 +276,14 @@ def collect(
     variables |= _means(
         found, len(swept), [point for point, each in windows.items() if SAME_RUN in each.marks]
     )
+    attributes: dict[str, str] = {}
     if "temperature" in found:
         variables["runs"] = Variable(swept, np.isfinite(found["temperature"].values[..., 0]).sum(axis=-1))
-        variables |= _theory(plan, good, row_axis, variables)
+        theory, attributes[VELOCITY_WORDS] = _theory(plan, good, row_axis, variables)
+        variables |= theory
     used = {dim for one in variables.values() for dim in one.dims if len(one.dims) > 1} | {SEED, row_axis}
     keys = [each for axis in plan.axes for each in zip(axis.names, axis.keys, strict=True)]
-    attributes = {
+    attributes |= {
         "title": f"{plan.name}: {math.prod(plan.shape[:-1])} points, {len(plan.seeds)} seeds",
         "axes": json.dumps({axis.names[0]: axis.names for axis in plan.axes}),
         "keys": json.dumps(dict(keys)),
@@ -306,8 +308,9 @@ def _bases(plan: Plan) -> dict[str, str]:
     return found
 
 
-EQUILIBRATED, VARIANTS = "equilibrate", "variants"
-"""Attributes of results: the equilibration of the runs; text, path and changes of the case of each variant."""
+EQUILIBRATED, VARIANTS, VELOCITY_WORDS = "equilibrate", "variants", "velocities_of_theory"
+"""Attributes of results: the equilibration of the runs; text, path and changes of the case of each variant; which
+velocities kinetic theory takes."""
 
 
 def _has_window(case: CaseSections, results: Mapping[int, Mapping[str, Variable]]) -> bool:
@@ -351,10 +354,14 @@ def _means(
 
 def _theory(
     plan: Plan, good: Mapping[tuple[int, ...], CaseSections], row_axis: str, variables: Mapping[str, Variable]
-) -> dict[str, Variable]:
-    """Temperatures of each point by kinetic theory, at the places of the rows; nan where it does not hold."""
+) -> tuple[dict[str, Variable], str]:
+    """Temperatures of each point by kinetic theory, at the places of the rows, nan where it does not hold; and words.
+
+    These say which velocities it takes, such as "Gaussian, Sonine" for the one at some points, the other at others.
+    """
     T = variables["temperature_mean"]
     made = {name: np.full(T.values.shape, np.nan) for name in THEORY}
+    velocities: set[str] = set()
     for point, case in good.items():
         times = variables["time"].values if row_axis == "time" else variables["time_mean"].values[point]
         if not np.isfinite(T.values[point]).any():
@@ -363,7 +370,8 @@ def _theory(
         curves = predicted(case, plan.base(point).path.parent, float(np.nanmax(times)), start)
         if curves is None:
             continue
-        when, tau, T_theory, T_rot = curves
+        when, tau, T_theory, T_rot, words = curves
+        velocities.add(words)
         base = when if row_axis == "time" else tau
         positions = variables[row_axis].values
         inside = positions <= base[-1]
@@ -372,8 +380,10 @@ def _theory(
     with np.errstate(divide="ignore", invalid="ignore"):
         made["theta"] = made["rotational_temperature"] / made["temperature"]
     if not np.isfinite(made["temperature"]).any():
-        return {}
-    return {f"{name}_theory": Variable(T.dims, values, variables[name].unit) for name, values in made.items()}
+        return {}, ""
+    words = ", ".join(sorted(velocities))
+    found = {name: Variable(T.dims, values, variables[name].unit) for name, values in made.items()}
+    return {f"{name}_theory": one for name, one in found.items()}, words
 
 
 def _measured_start(
@@ -456,10 +466,10 @@ def _assigned(value: Any) -> str:
 
 
 def _at(
-    curves: tuple[NDArray[np.float64], ...], row_axis: str, positions: NDArray[np.float64], weights: NDArray[np.float64]
+    curves: Predicted, row_axis: str, positions: NDArray[np.float64], weights: NDArray[np.float64]
 ) -> tuple[float, float]:  # fmt: skip
     """T and T_rot of curves, averaged over the positions of rows with their weights; nan beyond the curves."""
-    when, tau, T, T_rot = curves
+    when, tau, T, T_rot, _ = curves
     base, used = when if row_axis == "time" else tau, weights > 0.0
     inside = positions[-1] <= base[-1]
     at = [np.interp(positions[used], base, each) for each in (T, T_rot)]
@@ -475,10 +485,20 @@ def _row_weights(places: NDArray[np.float64], start: float) -> NDArray[np.float6
     return np.asarray(weights)
 
 
+class Predicted(NamedTuple):
+    """Kinetic theory of a gas: times [time], collisions per disk, T and T_rot [energy]; and which velocities it takes."""
+
+    times: NDArray[np.float64]
+    collisions_per_disk: NDArray[np.float64]
+    temperature: NDArray[np.float64]
+    rotational_temperature: NDArray[np.float64]
+    velocities: str
+
+
 def predicted(
     case: CaseSections, folder: Path, end: float, start: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-) -> tuple[NDArray[np.float64], ...] | None:  # fmt: skip
-    """Times, collisions per disk, T and T_rot by kinetic theory, to beyond a time [time]; None where it holds not.
+) -> Predicted | None:  # fmt: skip
+    """Temperatures by kinetic theory, to beyond a time [time]; None where it holds not.
 
     `start` are T and T_rot of each species at the start, if not those of the case [energy].
     """
@@ -511,11 +531,12 @@ def predicted(
             )
             found = prediction(
                 disks, laws, phi, T0, T_rot0, steps, shear_rate=gas.box.shear_rate,
-                forces=[each.model_dump(exclude_none=True) for each in case.force],
+                forces=[each.model_dump(exclude_none=True) for each in case.force], velocities="best",
             )  # fmt: skip
     except (InputError, TheoryError):  # rolling friction, forces that are not linear, ...: there is no theory
         return None
-    return steps, found.collisions_per_disk, found.temperature, found.rotational_temperature
+    of_all = found.collisions_per_disk, found.temperature, found.rotational_temperature
+    return Predicted(steps, *of_all, VELOCITIES[found.velocities])
 
 
 def averaged(results: Results, start: float | None = None, option: str = "start") -> Results:
