@@ -145,7 +145,7 @@ def draw(
     if as_map and over is None:
         over = next(iter(swept), None)
     x, curve = _x(results, over, mean.dims), None
-    if x in swept and {*mean.dims} & {*ROWS}:
+    if x in swept and {*mean.dims} & {*ROWS} and np.isfinite(window_starts(results)).any():
         results = averaged(results)
         mean = results.variables[f"{name}_mean"]
     split = [*swept, *(dim for dim in mean.dims if dim in PARTS)]

@@ -72,7 +72,9 @@ class Task:
     start: float | None  # where averages over the run begin, in the same; None: in the steady window
     trajectory: bool  # keep the trajectory
     weight: float  # its part of the work: disks times collisions per disk
-    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of analyses, by their names
+    options: Mapping[str, Mapping[str, Any]] = field(
+        default_factory=dict, hash=False
+    )  # of analyses, by their names
     after: str = ""  # key of the run with whose last frame it begins
 
     @property

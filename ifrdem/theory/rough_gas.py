@@ -155,7 +155,7 @@ def rough_sonine(e_n: Fraction, beta: TangentialRestitution, k: Positive = 2.0) 
     >>> from ifrdem import theory
     >>> state = theory.rough_sonine(0.9, 0.5)
     >>> round(state.theta, 3), round(state.a_20, 4)
-    (0.0, 0.0)
+    (0.772, -0.0203)
     """
     from scipy.optimize import brentq
 
