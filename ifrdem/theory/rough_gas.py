@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import TheoryError
+from ..errors import InputError, TheoryError
 from ..tools.checked import (
     Array,
     Fraction,
@@ -53,7 +53,14 @@ X, Y, X2, Y2, XY = range(5)
 
 
 class RoughSonine(NamedTuple):
-    """The state of cooling rough disks to first order in the cumulants: theta = T_rot / T, a_20, a_02, a_11."""
+    """The state of cooling rough disks to first order in the cumulants: theta = T_rot / T, a_20, a_02, a_11.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> theory.rough_sonine(0.9, 0.5)._asdict().keys()
+    dict_keys(['theta', 'a_20', 'a_02', 'a_11'])
+    """
 
     theta: float
     a_20: float
@@ -141,7 +148,7 @@ def rough_sonine(e_n: Fraction, beta: TangentialRestitution, k: Positive = 2.0) 
     """State of cooling rough disks with constant e_n and beta, to first order in the cumulants.
 
     It is reached after some 10 to 20 collisions of each disk, while the gas is homogeneous. By Gaussian velocities,
-    theta is `cooling_ratios`. TheoryError where there is none, such as of smooth or elastic disks.
+    theta is `cooling_ratios`. InputError where there is none, such as of smooth disks, or with e_n below 0.4.
 
     Parameters
     ----------
@@ -167,13 +174,21 @@ def rough_sonine(e_n: Fraction, beta: TangentialRestitution, k: Positive = 2.0) 
         first = brentq(gaussian, 1e-3, 1e3)
         theta = float(brentq(lambda one: _cumulants(e_n, beta, one, k)[1], 0.7 * first, 1.4 * first))
     except ValueError:
-        text = "no state of cooling rough disks with theta from 0.001 to 1000"
-        raise TheoryError(f"e_n = {e_n:g}, beta = {beta:g}: {text}") from None
+        text = "must be of rough disks that cool to a state with theta from 0.001 to 1000, near that of Gaussians"
+        raise InputError(f"e_n = {e_n:g}, beta = {beta:g}, k = {k:g}: {text}") from None
     return RoughSonine(theta, *map(float, _cumulants(e_n, beta, theta, k)[0]))
 
 
 class RoughCooling(NamedTuple):
-    """Temperatures [energy], collisions per disk [1] and cumulants of cooling rough disks at times, (steps,) each."""
+    """Temperatures [energy], collisions per disk [1] and cumulants of cooling rough disks at times, (steps,) each.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> found = theory.rough_cooling(0.9, 0.5, 1.0, 0.5, 2.0, 0.1, 1.0, 1.0, [0.0, 1.0])
+    >>> found.temperature.round(3)
+    array([1.  , 0.92])
+    """
 
     temperature: Array
     rotational_temperature: Array
@@ -195,6 +210,7 @@ def rough_cooling(
     """Cooling of a homogeneous gas of rough disks that starts with Gaussian velocities and spins.
 
     a_02 and a_11 of spins that begin at rest begin large, as few disks have collided; they change T and T_rot by little.
+    TheoryError if the equations cannot be integrated.
 
     Parameters
     ----------
@@ -239,7 +255,13 @@ def rough_cooling(
         states = np.repeat(np.array(start)[:, None], len(when), axis=1)
     else:
         span = (0.0, float(when[-1]))
-        states = solve_ivp(change, span, start, "LSODA", when, rtol=1e-8, atol=1e-12).y
+        each, place = np.unique(when, return_inverse=True)
+        found = solve_ivp(change, span, start, "LSODA", each, rtol=1e-8, atol=1e-12)
+        if not found.success:
+            raise TheoryError(
+                f"the equations of cooling rough disks could not be integrated: {found.message}"
+            )
+        states = found.y[:, place]
     log_T, theta, a_20, q, r, tau = states
     T = T0 * np.exp(log_T)
     return RoughCooling(T, theta * T, tau, a_20, q / theta**2 - 1.0, r / theta - 1.0)
