@@ -330,7 +330,7 @@ MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
 """Module -> public name, or a class's method, -> arguments of one valid call."""
 
 OTHERS: dict[ModuleType, set[str]] = {
-    theory: {"CoolingRatio", "MixtureTemperatures", "Prediction", "ShearModes"},
+    theory: {"CoolingRatio", "RoughCooling", "RoughSonine", "MixtureTemperatures", "Prediction", "ShearModes"},
     analysis: {"BinAverages", "Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
                "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients",
                "StructureFactor", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "mean_fields",
