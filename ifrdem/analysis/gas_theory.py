@@ -14,7 +14,7 @@ from ..errors import InputError, TheoryWarning, cut
 from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw
 from ..model.state import Disks, unlike
-from ..theory.choose import Prediction, prediction
+from ..theory.choose import Prediction, beta_of_cooling, prediction
 from ..theory.driven_gas import Driving
 from ..theory.mixtures import Mixture
 from ..tools.checked import Array
@@ -101,10 +101,17 @@ class TheoryGas:
             elapsed = np.append(elapsed, elapsed[-1] * 2.0 ** np.linspace(0.05, 1.0, 20))
 
     @property
+    def velocities(self) -> str:
+        """Velocities that `prediction` takes: a key of `VELOCITIES`."""
+        mixture, _ = Mixture.of(self.disks, self.laws, self.phi)
+        known = beta_of_cooling(mixture, self.T0, driven=bool(self.forces))
+        return "gaussian" if known is None else "sonine"
+
+    @property
     def text(self) -> str:
         """Name of the curves in the legend."""
         what = "gas" if self.kinds == 1 else "mixture"
-        return f"kinetic theory (homogeneous {what}), {VELOCITIES[self.prediction(np.zeros(1)).velocities]}"
+        return f"kinetic theory (homogeneous {what}), {VELOCITIES[self.velocities]}"
 
 
 def gas_of(trajectory: Trajectory) -> TheoryGas | str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
 from ..model.state import Disks
@@ -89,14 +90,15 @@ def prediction(
     """
     mixture, _ = Mixture.of(disks, law, packing_fraction)
     forces = list(forces)
-    if velocities != "gaussian":
-        beta = None if forces or shear_rate != 0.0 or mixture.species > 1 else _beta_of(mixture)
-        moves = bool(np.all(np.asarray(T0) > 0.0))
-        if beta is not None and moves:
-            return _by_sonine(mixture, beta, float(np.ravel(T0)[0]), float(np.ravel(T_rot0)[0]), times)
-        if velocities == "sonine":
-            text = "is known of equal rough disks that cool, with constant e_n and beta: a large mu, and no forces"
-            raise InputError(f'velocities = "sonine": {text}')
+    driven = bool(forces) or shear_rate != 0.0
+    beta = beta_of_cooling(mixture, T0, driven=driven)
+    if velocities == "sonine" and beta is None:
+        text = (
+            "is beta of equal rough disks that cool, with constant e_n and beta: a large mu, and no forces"
+        )
+        raise InputError(f'velocities = "sonine": {text}')
+    if velocities != "gaussian" and beta is not None:
+        return _by_sonine(mixture, beta, float(np.ravel(T0)[0]), float(np.ravel(T_rot0)[0]), times)
     if shear_rate != 0.0:
         if forces or mixture.species > 1:
             what = "forces" if forces else f"{mixture.species} species"
@@ -154,8 +156,10 @@ def constant_beta(law: KineticLaw, k: Positive) -> float | None:
     return round(beta, 12) if abs(beta) <= 1.0 else None
 
 
-def _beta_of(mixture: Mixture) -> float | None:
-    """`constant_beta` of the only species of a mixture."""
+def beta_of_cooling(mixture: Mixture, T0: ArrayLike, *, driven: bool) -> float | None:
+    """`constant_beta` of a gas of which the expansion is known, with the temperatures T0; None of others."""
+    if driven or mixture.species > 1 or not np.all(np.asarray(T0) > 0.0):
+        return None
     return constant_beta(closed_law("law", mixture.law[0][0]), float(mixture.k[0]))
 
 
