@@ -44,6 +44,8 @@ class Quantity(NamedTuple):
         Name in files where it is another one; None for what files do not hold.
     feature : str
         Feature of `kernels/layout.Uses`, or key of `[output]`, without which there is none.
+    adds_up : bool
+        True for what is counted from the start of the run: a mean over rows says nothing of it.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Quantity(NamedTuple):
     type: str = "real"
     file: str | None = ""
     feature: str = ""
+    adds_up: bool = False
 
     @property
     def stored(self) -> str | None:
@@ -178,40 +181,43 @@ SERIES = _by_name(
     Q("rotational_temperature", "rotational temperature T_rot = <I w^2>", "energy"),
     Q("momentum", "total momentum", "momentum", "axis"),
     Q("potential_energy", "potential energy in gravity, 0 at the lower left corner of the box", "energy"),
-    Q("energy_input", "energy that forces and the mean flow have put in since the start", "energy"),
-    Q("wall_work", "work of moving walls on the disks since the start", "energy"),
-    Q("wall_heat", "heat from thermal walls since the start", "energy"),
-    Q("dissipated_energy", "energy dissipated since the start", "energy"),
-    Q("collisions", "collisions of two disks since the start, each counted once"),
-    Q("wall_collisions", "collisions with walls since the start"),
+    Q("energy_input", "energy that forces and the mean flow have put in since the start", "energy", adds_up=True),
+    Q("wall_work", "work of moving walls on the disks since the start", "energy", adds_up=True),
+    Q("wall_heat", "heat from thermal walls since the start", "energy", adds_up=True),
+    Q("dissipated_energy", "energy dissipated since the start", "energy", adds_up=True),
+    Q("collisions", "collisions of two disks since the start, each counted once", adds_up=True),
+    Q("wall_collisions", "collisions with walls since the start", adds_up=True),
     Q("dissipated_by_mechanism", "energy dissipated since the start, by mechanism", "energy", "mechanism",
-      feature="ledger"),
-    Q("collisions_by_regime", "collisions of two disks since the start, by regime", NUMBER, "regime", feature="ledger"),
-    Q("ledger_residual", "initial energy + input - dissipated - present energy: rounding", "energy", feature="ledger"),
+      feature="ledger", adds_up=True),
+    Q("collisions_by_regime", "collisions of two disks since the start, by regime", NUMBER, "regime",
+      feature="ledger", adds_up=True),
+    Q("ledger_residual", "initial energy + input - dissipated - present energy: rounding", "energy",
+      feature="ledger", adds_up=True),
     Q("stress", "pressure tensor, mean since the row before", "energy length-2", "component", feature="stress"),
     Q("stress_kinetic", "kinetic part of stress, mean of this row and the row before", "energy length-2", "component",
       feature="stress"),
     Q("species_temperature", "translational temperature of each species, v as in temperature", "energy", "species"),
     Q("species_rotational_temperature", "rotational temperature of each species", "energy", "species"),
-    Q("species_collisions", "collisions since the start, counted at each disk of a species", NUMBER, "species"),
+    Q("species_collisions", "collisions since the start, counted at each disk of a species", NUMBER, "species",
+      adds_up=True),
     Q("piston_displacement", "displacement of each piston along its line of motion", "length", "piston"),
     Q("piston_velocity", "velocity of each piston along its line of motion", "velocity", "piston"),
     Q("piston_energy", "kinetic and potential energy of each piston", "energy", "piston"),
     Q("piston_force", "force of its drive on each piston", "force", "piston"),
     Q("histogram_impact_angle", "collisions of two disks since the start by angle of impact, of each pair of species",
-      NUMBER, "pair", "i8", feature="histograms"),
+      NUMBER, "pair", "i8", feature="histograms", adds_up=True),
     Q("histogram_normal_speed", "collisions of two disks since the start by normal speed, of each pair of species",
-      NUMBER, "pair", "i8", feature="histograms"),
+      NUMBER, "pair", "i8", feature="histograms", adds_up=True),
     Q("histogram_regime", "collisions of two disks since the start by regime, of each pair of species", NUMBER, "pair",
-      "i8", feature="histograms"),
+      "i8", feature="histograms", adds_up=True),
     Q("histogram_free_time", "times since the latest collision of both disks, in collisions of two disks since the "
-      "start, of each pair of species", NUMBER, "pair", "i8", feature="free_times"),
-    Q("walls_momentum_x", "momentum along x that each wall has given to the disks", "momentum", "wall"),
-    Q("walls_momentum_y", "momentum along y that each wall has given to the disks", "momentum", "wall"),
-    Q("walls_torque", "angular momentum that each wall has given to the disks", "energy time", "wall"),
-    Q("walls_work", "work of each wall on the disks since the start", "energy", "wall"),
-    Q("walls_heat", "heat from each wall since the start", "energy", "wall"),
-    Q("walls_hits", "collisions with each wall since the start", NUMBER, "wall"),
+      "start, of each pair of species", NUMBER, "pair", "i8", feature="free_times", adds_up=True),
+    Q("walls_momentum_x", "momentum along x that each wall has given to the disks", "momentum", "wall", adds_up=True),
+    Q("walls_momentum_y", "momentum along y that each wall has given to the disks", "momentum", "wall", adds_up=True),
+    Q("walls_torque", "angular momentum that each wall has given to the disks", "energy time", "wall", adds_up=True),
+    Q("walls_work", "work of each wall on the disks since the start", "energy", "wall", adds_up=True),
+    Q("walls_heat", "heat from each wall since the start", "energy", "wall", adds_up=True),
+    Q("walls_hits", "collisions with each wall since the start", NUMBER, "wall", adds_up=True),
 )  # fmt: skip
 """Quantities of the whole gas, of its species, pistons and walls, in rows of the time series."""
 

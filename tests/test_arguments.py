@@ -90,7 +90,11 @@ THEORY: dict[str, dict[str, Any]] = {
     "mixture_cooling_rates": {"mixture": MIXTURE, "T": [1.0, 2.0], "T_rot": [0.5, 0.5]},
     "mixture_driven": {"mixture": MIXTURE, "driving": [Driving(power=0.1), Driving(power=0.2)], **TWO},
     "prediction": {"disks": DISKS, "law": SMOOTH, "packing_fraction": 0.2, "T0": 1.0, "T_rot0": 0.5,
-                   "times": [0.0, 1.0], "forces": (), "shear_rate": 0.0},
+                   "times": [0.0, 1.0], "forces": (), "shear_rate": 0.0, "velocities": "best"},
+    "constant_beta": {"law": SMOOTH, "k": 2.0},
+    "rough_cooling": {"e_n": 0.9, "beta": 0.5, "mass": 1.0, "radius": 0.5, "k": 2.0, "packing_fraction": 0.1,
+                      "T0": 1.0, "T_rot0": 0.5, "times": [0.0, 1.0]},
+    "rough_sonine": {"e_n": 0.9, "beta": 0.5, "k": 2.0},
     "rough_rates": {"theta": 0.5, "e_n": 0.9, "beta": 0.5, "k": 2.0},
     "self_diffusion": {"e_n": 0.9},
     "shear_length": {**MODES, "theta": 0.5},
@@ -331,7 +335,7 @@ MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
 """Module -> public name, or a class's method, -> arguments of one valid call."""
 
 OTHERS: dict[ModuleType, set[str]] = {
-    theory: {"CoolingRatio", "MixtureTemperatures", "Prediction", "ShearModes"},
+    theory: {"CoolingRatio", "RoughCooling", "RoughSonine", "MixtureTemperatures", "Prediction", "ShearModes"},
     analysis: {"BinAverages", "Clusters", "CollisionDistribution", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
                "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients",
                "StructureFactor", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "mean_fields",

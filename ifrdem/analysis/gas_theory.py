@@ -14,7 +14,7 @@ from ..errors import InputError, TheoryWarning, cut
 from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw
 from ..model.state import Disks, unlike
-from ..theory.choose import Prediction, prediction
+from ..theory.choose import Prediction, beta_of_cooling, prediction
 from ..theory.driven_gas import Driving
 from ..theory.mixtures import Mixture
 from ..tools.checked import Array
@@ -26,6 +26,8 @@ Curves = tuple[Array, Array, Array, Array]
 """Times, T and T_rot [energy] and collisions per disk at them."""
 MOST_KINDS = 16
 """Most kinds of disks: theory sums over all pairs of kinds at every step, which takes seconds beyond this."""
+VELOCITIES = {"gaussian": "Gaussian", "sonine": "Sonine"}
+"""Words for `theory.Prediction.velocities` in legends."""
 LONGER = 1e6
 """Longest curve of theory, in durations of the run, where theory needs more time for the collisions of the run."""
 
@@ -62,7 +64,7 @@ class TheoryGas:
         ):
             return prediction(
                 self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
-                shear_rate=shear_rate,
+                shear_rate=shear_rate, velocities="best",
             )  # fmt: skip
 
     def of_groups(self, groups: Sequence[NDArray[np.intp]], elapsed: Array) -> tuple[Array, Array]:
@@ -99,9 +101,17 @@ class TheoryGas:
             elapsed = np.append(elapsed, elapsed[-1] * 2.0 ** np.linspace(0.05, 1.0, 20))
 
     @property
+    def velocities(self) -> str:
+        """Velocities that `prediction` takes: a key of `VELOCITIES`."""
+        mixture, _ = Mixture.of(self.disks, self.laws, self.phi)
+        known = beta_of_cooling(mixture, self.T0, driven=bool(self.forces))
+        return "gaussian" if known is None else "sonine"
+
+    @property
     def text(self) -> str:
         """Name of the curves in the legend."""
-        return f"kinetic theory (homogeneous {'gas' if self.kinds == 1 else 'mixture'})"
+        what = "gas" if self.kinds == 1 else "mixture"
+        return f"kinetic theory (homogeneous {what}), {VELOCITIES[self.velocities]}"
 
 
 def gas_of(trajectory: Trajectory) -> TheoryGas | str:

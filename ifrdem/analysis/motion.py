@@ -37,11 +37,16 @@ AT_ONCE = 1_000_000
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Displacement(Brief):
-    """Mean-square displacement of a group of disks, its fit, and the free path [length], nan if that is not known."""
+    """Mean-square displacement of a group of disks, its fit, its free path [length], and <v^2> of free flight.
+
+    Free flight gives `flight` times the square of the lag [length^2 per lag^2], along the directions of the
+    displacement. Both are nan if they are not known.
+    """
 
     msd: displacement.Correlation
     fit: displacement.Diffusion | None
     free_path: float = math.nan
+    flight: float = math.nan
 
 
 class _Plan(NamedTuple):
@@ -194,6 +199,20 @@ def _thermal_speeds(
     return np.sqrt(0.5 * squares / n)
 
 
+def _flight(
+    trajectory: Trajectory, origins: Sequence[int], ids: NDArray[np.intp], drift: Array, axis: int | None
+) -> float:
+    """<v^2> of a group of disks along an axis, or both, mean over frames [length^2/time^2]; nan without velocities."""
+    if "velocity" not in trajectory.fields:
+        return math.nan
+    one = slice(None) if axis is None else slice(axis, axis + 1)
+    squares, n = 0.0, 0
+    for part in _parts(trajectory, origins, "velocity", ids):
+        squares += float(np.sum((part - drift)[:, :, one] ** 2))
+        n += part.shape[0] * part.shape[1]
+    return squares / n
+
+
 def thermal_path(when: Array, tau: Array, speed: Array) -> float:
     """Distance covered at the thermal speed sqrt(T / m) per collision of a disk of the whole gas [length].
 
@@ -280,7 +299,12 @@ def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
                 f"exponent{of} = {fit.exponent:.3g}: must be 1 in diffusion; D{of} is no diffusion coefficient"
             )
         free_path = math.sqrt(0.5 * math.pi) * thermal
-        results[name] = Displacement(found, fit, free_path)
+        flight = found.components * thermal**2
+        if plan.tau is None:
+            flight = _flight(
+                trajectory, used if plan.origins == "all" else used[:1], ids, moving.velocity, axis
+            )
+        results[name] = Displacement(found, fit, free_path, flight)
         table |= {plan.column: found.lag, f"msd{mark}": found.value, f"error{mark}": found.error}
         if math.isfinite(thermal):
             table[f"msd / free path^2{mark}"] = found.value / free_path**2

@@ -28,8 +28,11 @@ from .options import (
     Frames,
     From,
     NoTitle,
+    Panels,
     Size,
     Style,
+    Xlim,
+    Ylim,
     chosen_frames,
     flag,
     one_trajectory,
@@ -321,6 +324,12 @@ def plot(
     by: Annotated[
         str | None, option(str, "KEY", "of a study: a curve for each value of this key (default: the first)")
     ] = None,
+    map: Annotated[
+        bool,
+        flag(
+            "of a study: colours over two swept keys, --over along and --by upwards (default: the first two)"
+        ),
+    ] = False,
     list: Annotated[bool, flag("list the names and draw nothing")] = False,
     frames: Frames = None,
     start: From = None,
@@ -336,14 +345,17 @@ def plot(
     style: Style = None,
     size: Size = None,
     dpi: Dpi = 200,
+    xlim: Xlim = None,
+    ylim: Ylim = None,
+    panels: Panels = None,
     no_title: NoTitle = False,
     force: Force = False,
 ) -> None:
     """Draw a trajectory, several, or a study: temperatures, disks, velocity, rdf, structure-factor, msd.
 
     Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
-    and so on; of a study, with the 95 % interval of the mean over seeds, and kinetic theory; --from averages it over
-    each run, for --over a swept key. Of one trajectory, temperatures, energy, ledger, mechanisms, walls, piston and
+    and so on; of a study, with the 95 % interval of the mean over seeds, and kinetic theory; --over a swept key, means
+    over the steady window of each run, or --from a place on. Of one trajectory, temperatures, energy, ledger, mechanisms, walls, piston and
     species can be drawn `--over tau` or `t`.
     For a column of a journal: `--size 3.4in --dpi 300 --no-title --style paper -o NAME.pdf`.
     """
@@ -361,14 +373,16 @@ def plot(
     *sources, what = words
     options = _options([what], axis=axis, bins=bins, cells=cells, average=average).get(what, {})
     together = len(sources) > 1 or sources[0].endswith(".nc")
-    form: dict[str, Any] = {"size": size, "dpi": dpi, "title": not no_title}
+    form: dict[str, Any] = {"size": size, "dpi": dpi, "title": not no_title, "xlim": xlim, "ylim": ylim}
     with styled(style):
         if together or by is not None or (over is not None and what not in PICTURES):
             if frames is not None:
                 raise InputError("--frames: of one trajectory only")
-            form["start"] = start
+            form |= {"start": start, "as_map": map, "shown": panels}
             _plot_together(sources, what, over, by, output, force=force, form=form)
         else:
+            if map:
+                raise InputError("--map: of the results of a study")
             _plot_one(
                 sources[0],
                 what,
@@ -378,6 +392,7 @@ def plot(
                 force=force,
                 over=over,
                 color=color,
+                panels=panels,
                 **form,
                 **options,
             )

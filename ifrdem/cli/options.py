@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import math
 import os
 import re
 import sys
@@ -15,6 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TextIO, TypeVar
 
 from cyclopts import Parameter
 
+from ..analysis import options
+from ..analysis.options import frames_of
 from ..errors import InputError, cut, nearest
 from ..tools.values import Count, Integer, Keyed, Natural, NonNegative, Ratio, check_in, whole_of
 from . import console
@@ -141,24 +144,23 @@ Output = Annotated[
     str | None, option(str, "OUT", "file to write (default: FILE with another ending)", "--output", "-o")
 ]
 Axis = Annotated[
-    Literal["x", "y", "r"] | None,
+    options.Axis | None,
     option(
-        Literal["x", "y", "r"],
+        options.Axis,
         "AXIS",
         "of profiles: x, y or r (default: along gravity, or from wall to wall)",
     ),
 ]
 Bins = Annotated[
     int | None,
-    option(Annotated[int, Integer(1, 10_000)], "N", "of profiles: number of bins (default: 8 to 40)"),
+    option(options.Bins, "N", "of profiles: number of bins (default: 8 to 40)"),
 ]
 
 
 def _cells(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
-    found = [whole_of(each) for each in tokens[-1].value.split(",")]
-    if len(found) != 2 or any(each is None or not 1 <= each <= 300 for each in found):
-        raise invalid_value(tokens, "must be two integers from 1 to 300, along x and y, such as 20,80")
-    return found[0] or 0, found[1] or 0
+    if (found := options.cells_of(tokens[-1].value.split(","))) is None:
+        raise invalid_value(tokens, f"{options.CELLS}, such as 20,80")
+    return found
 
 
 Cells = Annotated[
@@ -222,6 +224,45 @@ Size = Annotated[
 Dpi = Annotated[
     int,
     option(Annotated[int, Integer(30, 2400)], "N", "resolution of a PNG in dots per inch (default: 200)"),
+]
+
+
+def _ends(_kind: object, tokens: Sequence[Token]) -> tuple[float | None, float | None]:
+    """Ends of an axis, from "0,2"; an end that is left out stays."""
+    parts = tokens[-1].value.split(",")
+    try:
+        found = [float(each) if each.strip() else None for each in parts]
+    except ValueError:
+        found = []
+    known = [each for each in found if each is not None]
+    if len(found) != 2 or not known or not all(map(math.isfinite, known)) or len({*known}) < len(known):
+        raise invalid_value(
+            tokens, "must be two different numbers, such as 0,2, of which one may lack (0, or ,2)"
+        )
+    return found[0], found[1]
+
+
+def _panels(_kind: object, tokens: Sequence[Token]) -> list[int]:
+    found = [whole_of(each) for each in tokens[-1].value.split(",")]
+    if any(each is None or each < 1 for each in found):
+        raise invalid_value(tokens, "must be numbers of panels from 1, such as 1,3")
+    return [each for each in found if each is not None]
+
+
+def _axis_ends(which: str) -> Parameter:
+    return option(
+        str, "A,B", f"ends of the {which} axis; one may lack: 0, or ,2", converter=_ends, n_tokens=1
+    )
+
+
+Ends = tuple[float | None, float | None] | None
+Xlim = Annotated[Ends, _axis_ends("horizontal")]
+Ylim = Annotated[Ends, _axis_ends("vertical")]
+Panels = Annotated[
+    list[int] | None,
+    option(
+        str, "N,N", "draw only these panels, numbered from 1 in reading order", converter=_panels, n_tokens=1
+    ),
 ]
 NoTitle = Annotated[bool, flag("no title; warnings go to the terminal")]
 
@@ -331,31 +372,14 @@ def output_path(file: str, output: str | None, ending: str, *, force: bool, opti
 def selected_frames(text: str | None, frames: int) -> range:
     """Numbers of the frames that `--frames` names among so many; all of them without a text.
 
-    It is one number, or a:b:c as in Python: from a (or the first) to before b (or the last), every c-th; negative
-    numbers count from the end. Raises InputError if it is none of these, or names no frame that is there.
+    Raises InputError if it names none (`analysis.options.frames_of`).
     """
     if text is None:
         return range(frames)
     try:
-        given = [part.strip() for part in text.split(":")]
-        parts = [whole_of(part) for part in given]
-        if (
-            not 1 <= len(parts) <= 3
-            or given == [""]
-            or any(part and number is None for part, number in zip(given, parts, strict=True))
-        ):
-            raise ValueError
-        if len(parts) == 1:
-            parts = [parts[0], (parts[0] or 0) + 1 or None]
-        found = range(frames)[slice(*parts)]
-    except ValueError:
-        raise InputError(
-            f"--frames {text}: must be a number or a:b:c, such as 10, 0:100, -5: or ::10"
-        ) from None
-    if len(found) == 0:
-        span = f"0 to {frames - 1}" if frames else "none"
-        raise InputError(f"--frames {text}: names none of the {frames} frames ({span})")
-    return found
+        return frames_of(text, frames)
+    except InputError as error:
+        raise InputError(f"--frames {error}") from None
 
 
 def chosen_frames(trajectory: Trajectory, frames: str | None, start: float | None) -> list[int] | None:

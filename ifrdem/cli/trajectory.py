@@ -51,23 +51,29 @@ def info(
         ),
     ],
     /,
-    *,
+    *what: Annotated[
+        str, Parameter(name="WHAT", help="of a study: only these quantities, such as T or stress")
+    ],
     start: From = None,
+    csv: Annotated[bool, flag("of a study: the table alone, with every digit, separated by commas")] = False,
 ) -> None:
     """Describe the content of a trajectory, or of a study with its numbers.
 
     Of a study (NAME.nc): a table of means over seeds with standard errors, a line for each point and quantity. Series
-    have their value at the end of the runs, or their mean over each run `--from` a place on.
+    are means over the steady window of each run, or `--from` a place on; of gases that cool they have their value at the
+    end of the runs.
     """
     if file.endswith(".nc"):
         from ..study.contents import describe as describe_study
 
-        echo(describe_study(file, start))
+        echo(describe_study(file, start, what=what, csv=csv))
         return
     if start is not None:
         raise InputError(
             "--from: of the results of a study (.nc); `ifrdem analyse --from` averages a trajectory"
         )
+    if what or csv:
+        raise InputError(f"{'--csv' if csv else what[0]}: of the results of a study (.nc)")
     from ..runs.info import describe
 
     echo(describe(one_trajectory(file)))
@@ -151,31 +157,79 @@ def link(file: File, /) -> None:
 
 
 def export(
-    file: File,
+    file: Annotated[
+        str,
+        Parameter(
+            name="FILE",
+            help="a trajectory (.h5), or the folder that it is in, or the results of a study (.nc)",
+        ),
+    ],
     /,
     *,
     to: Annotated[
-        Literal["gsd", "extxyz", "csv", "h5"],
-        option(Literal["gsd", "extxyz", "csv", "h5"], "FORMAT", "gsd, extxyz, csv or h5"),
+        Literal["gsd", "extxyz", "csv", "h5", "parquet"],
+        option(Literal["gsd", "extxyz", "csv", "h5", "parquet"], "FORMAT", "gsd, extxyz, csv, h5 or parquet"),
     ],
+    what: Annotated[
+        Literal["frames", "collisions"],
+        option(
+            Literal["frames", "collisions"], "WHAT", "frames, or collisions of tracked disks (csv, parquet)"
+        ),
+    ] = "frames",
     frames: Frames = None,
     output: Output = None,
     force: Force = False,
 ) -> None:
-    """Copy a trajectory into another format.
+    """Copy a trajectory into another format, or collisions or a study into a table.
 
     Copies frames into a file of another format: gsd (HOOMD, OVITO, freud; single precision, origin in the middle of
     the box), extxyz (ASE, OVITO), csv (a line a disk and frame) or h5 (a trajectory in one file, such as of one in
-    parts; it needs -o). To open a trajectory in ParaView, OVITO, xarray or
-    ASE without a copy, see `ifrdem link`.
+    parts; it needs -o). --what collisions writes a line for each collision of the tracked disks. Of a study (NAME.nc),
+    csv and parquet have a line for each run, with its keys, its seed and its numbers. To open a trajectory in ParaView,
+    OVITO, xarray or ASE without a copy, see `ifrdem link`.
     """
     from ..trajectory import export as exporting
 
+    if file.endswith(".nc"):
+        if what != "frames" or frames is not None:
+            raise InputError(f"{'--frames' if frames is not None else '--what'}: of a trajectory only")
+        _export_study(file, to, output, force=force)
+        return
+    file = one_trajectory(file)
+    if what == "frames" and to == "parquet":
+        raise InputError("--to parquet requires --what collisions, or the results of a study (.nc)")
+    if what == "collisions" and (to not in exporting.TABLES or frames is not None):
+        option_given = "--frames" if frames is not None else f"--to {to}"
+        raise InputError(
+            f"{option_given}: cannot be combined with --what collisions, a table ({', '.join(exporting.TABLES)})"
+        )
     with opened(file) as trajectory:
+        if what == "collisions":
+            out = output_path(file, output, f"-collisions.{to}", force=force)
+            count = exporting.export_collisions(trajectory, out, to)
+            note(f"wrote {out}: {count} collision{'' if count == 1 else 's'}")
+            return
         numbers = selected_frames(frames, len(trajectory))
         out = output_path(file, output, f".{to}", force=force)
         exporting.export(trajectory, out, to, numbers, progress=counted("export"))
     note(f"wrote {out}: {len(numbers)} frame{'' if len(numbers) == 1 else 's'}")
+
+
+def _export_study(file: str, to: str, output: str | None, *, force: bool) -> None:
+    """Write a line for each run of a study."""
+    from ..study.contents import runs
+    from ..study.results import Results
+    from ..tools.files import check_files
+    from ..trajectory.export import TABLES, write_table
+
+    if to not in TABLES:
+        raise InputError(f"--to {to}: the results of a study are exported to {', '.join(TABLES)}")
+    out = Path(output or f"{file.removesuffix('.nc')}.{to}")
+    check_files([out], force=force, elsewhere="-o writes elsewhere")
+    table = runs(Results.read(file))
+    write_table(out, table, to)
+    count = len(next(iter(table.values())))
+    note(f"wrote {out}: {count} run{'' if count == 1 else 's'}")
 
 
 def _pixels(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:

@@ -195,8 +195,9 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
         half = student_t(found.disks) * found.error[later] / unit
         text = f"{'disks' if alone else plain(name)}, {PERCENT} intervals" if not i else plain(name)
         axes.errorbar(t, value, half, ms=3.5, label=text, **style)
-        if alone:
-            axes.plot(t, value[0] * (t / t[0]) ** 2, ":", color=RATIO, lw=1.2, label="free flight, $t^2$")
+        if np.isfinite(one.flight) and one.flight > 0.0:
+            text = "free flight" if own_time else r"free flight, $\langle v^2 \rangle t^2$"
+            _free_flight(axes, one, t, unit, RATIO if alone else style["color"], None if i else text)
         if fit is None:
             continue
         used = (t >= fit.lags[0]) & (t <= fit.lags[1])
@@ -223,6 +224,22 @@ def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> No
     axes.set_ylabel(rf"{text} \,/\, \lambda^2$" if scaled else label(trajectory, f"{text}$", "length^2"))
     legend(axes, "lower right")
     grid(axes)
+
+
+EARLIER = 0.1
+"""Part of the first lag from which free flight is drawn, at least."""
+
+
+def _free_flight(axes: Axes, one: Displacement, t: Array, unit: float, color: str, label: str | None) -> None:
+    """<v^2> t^2 by the velocities of the frames, from before the first lag if flight ends earlier.
+
+    It meets diffusion, 2 d D t in d directions, at 2 d D / <v^2>.
+    """
+    begin = t[0]
+    if one.fit is not None and one.fit.D > 0.0:
+        begin = min(begin, max(2.0 * one.msd.components * one.fit.D / one.flight, EARLIER * begin))
+    when = np.geomspace(begin, t[-1], 50)
+    axes.plot(when, one.flight / unit * when**2, ":", color=color, lw=1.2, label=label)
 
 
 OWN_LAG = r"lag $\tau$ (collisions per disk)"

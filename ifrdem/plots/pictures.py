@@ -13,6 +13,8 @@ from ..errors import InputError, option_name, shortened, there_are
 from ..tools.checked import Count, Positive, instance, validated
 from .names import PICTURES as PICTURES
 
+Ends = tuple[float | None, float | None] | None
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -34,7 +36,8 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 def figure(
     trajectory: Trajectory, what: str, *, frames: Sequence[int] | None = None, over: str | None = None,
     color: str | None = None, make: Callable[..., Any] | None = None, size: tuple[Positive, ...] | None = None,
-    dpi: Count = 200, title: bool = True, **options: Any,
+    dpi: Count = 200, title: bool = True, xlim: Ends = None, ylim: Ends = None,
+    panels: Sequence[Count] | None = None, **options: Any,
 ) -> Figure:  # fmt: skip
     """A figure by its name, with a title, and the warnings of the analysis below it.
 
@@ -59,13 +62,17 @@ def figure(
         Points an inch.
     title : bool
         False leaves the title out; warnings of the analysis are then warnings of Python.
+    xlim, ylim : (float or None, float or None), optional
+        Ends of the axes of all panels; None for an end that stays.
+    panels : sequence of int, optional
+        Numbers of the panels that are drawn, from 1, in the order in which they are read.
     **options
         Of profiles `axis` and `bins`, of fields `cells` and `average`.
 
     Raises
     ------
     InputError
-        If there is no such picture, or the file does not hold what it takes.
+        If there is no such picture or panel, or the file does not hold what it takes.
 
     Examples
     --------
@@ -77,11 +84,18 @@ def figure(
     """
     from matplotlib.figure import Figure
 
-    from ..analysis.result import span_text
     from ..trajectory.reader import Trajectory
     from .disks import figure_size
-    from .run import title as title_of
-    from .style import NARROW, ROTATION, fit_to_column, is_poster, plain
+    from .style import (
+        NARROW,
+        chosen_panels,
+        fit_to_column,
+        frame_axes,
+        is_poster,
+        keep_panels,
+        part_from_legends,
+        text_for,
+    )
 
     instance("trajectory", trajectory, Trajectory)
     layout, given = _layout(trajectory, what, options.get("axis")), size
@@ -94,11 +108,36 @@ def figure(
     if what == "disks" and "position" in trajectory.fields:
         usual = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
     layout, size = _sized(layout, usual, size)
-    drawn: Figure = make(size) if make is not None else Figure(size, dpi=dpi, layout="constrained")
-    axes = drawn.subplots(squeeze=False, **layout).ravel()
-    evaluation = _draw(axes, trajectory, what, frames, over, color, **options)
-    _tidy(axes, layout, narrow=size[0] < NARROW)
-    fit_to_column(drawn, axes, taller=make is None and given is not None and len(given) == 1)
+    with text_for(size[0], usual[0]):
+        drawn: Figure = make(size) if make is not None else Figure(size, dpi=dpi, layout="constrained")
+        axes = [*drawn.subplots(squeeze=False, **layout).ravel()]
+        chosen = chosen_panels(len(axes), panels)
+        evaluation = _draw(axes, trajectory, what, frames, over, color, **options)
+        if panels is not None:
+            columns, rows = layout.get("ncols", 1), layout.get("nrows", 1)
+            axes = keep_panels(drawn, axes, chosen, columns)
+            layout = layout | {"ncols": min(columns, len(axes))}
+            if make is None and (given is None or len(given) == 1):
+                drawn.set_figheight(size[1] * (HEADS + (1.0 - HEADS) * -(-len(axes) // columns) / rows))
+        _tidy(axes, layout, narrow=size[0] < NARROW)
+        frame_axes(axes, xlim, ylim)
+        fit_to_column(drawn, axes, taller=make is None and given is not None and len(given) == 1)
+        if make is None:
+            part_from_legends(drawn, axes)
+        return _titled(drawn, axes, trajectory, what, evaluation, title=title, width=size[0])
+
+
+def _titled(
+    drawn: Figure, axes: Sequence[Axes], trajectory: Trajectory, what: str, evaluation: Evaluation | None, *,
+    title: bool, width: float,
+) -> Figure:  # fmt: skip
+    """The figure with its title, and the warnings of the analysis below it, or as warnings of Python."""
+    from matplotlib import rcParams
+
+    from ..analysis.result import span_text
+    from .run import title as title_of
+    from .style import DEFAULT_FONT, ROTATION, plain
+
     if not title:
         for one in axes:
             one.set_title("")
@@ -106,13 +145,13 @@ def figure(
             warnings.warn(f"{what}: {warning}", stacklevel=2)
         return drawn
     head = title_of(trajectory)
-    if size[0] < 7.0:
+    if width < 7.0:
         head = ",\n".join(head.rsplit(", ", 1))
     if evaluation is not None:
         head += f"\n{span_text(trajectory, evaluation)}"
-        width = 150 if wide else 95
+        letters = int(LETTERS * width * DEFAULT_FONT / rcParams["font.size"])
         marks = (
-            textwrap.fill(f"! {warning}", width, subsequent_indent="   ") for warning in evaluation.warnings
+            textwrap.fill(f"! {warning}", letters, subsequent_indent="   ") for warning in evaluation.warnings
         )
         if text := "\n".join(marks):
             drawn.supxlabel(plain(text), x=0.01, ha="left", fontsize="small", color=ROTATION)
@@ -120,6 +159,10 @@ def figure(
     return drawn
 
 
+HEADS = 0.15
+"""Part of the height of a picture that its title takes."""
+LETTERS = 12.5
+"""Letters in an inch of warnings below a picture, in text of the usual size."""
 LONG_LABEL = 22
 """Letters of the label of a vertical axis above which its unit goes into a second line, in narrow figures."""
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
+from ..errors import InputError, option_name
 from ..model.box import Box
 from ..model.state import Disks
 from ..model.walls.wall import Wall
@@ -287,6 +289,94 @@ def fit_to_column(figure: Any, panels: Sequence[Axes], *, taller: bool) -> None:
     if taller:
         heights = (each.get_window_extent().height for each in (*legends, *figure.legends))
         figure.set_figheight(figure.get_figheight() + sum(heights) / figure.dpi)
+
+
+DEFAULT_FONT, SMALLEST_FONT = 10.0, 7.0
+"""Points of text in Matplotlib's own style, and of the smallest one in figures of a given width."""
+
+
+@contextlib.contextmanager
+def text_for(width: float, usual: float) -> Iterator[None]:
+    """Smaller text in a figure that is less wide than it usually is, so that labels have the room that they need.
+
+    Only in Matplotlib's own size of text: a style that sets another one has chosen it. Below `NARROW`, panels stand in
+    one column, which has that room.
+    """
+    from matplotlib import rc_context, rcParams
+
+    own = rcParams["font.size"] == DEFAULT_FONT and NARROW <= width < usual
+    font = max(SMALLEST_FONT, DEFAULT_FONT * width / usual)
+    with rc_context({"font.size": font} if own else {}):
+        yield
+
+
+def part_from_legends(figure: Any, panels: Sequence[Axes]) -> None:
+    """Lift legends above axes that the power of ten at the corner of the axes would touch."""
+    figure.draw_without_rendering()
+    for axes in panels:
+        one, offset = axes.get_legend(), axes.yaxis.get_offset_text()
+        if one is None or not offset.get_text() or not axes.get_visible():
+            continue
+        text, box = offset.get_window_extent(), one.get_window_extent()
+        if text.overlaps(box):
+            height = axes.get_window_extent().height
+            one.set_bbox_to_anchor((0.5, 1.0 + 1.3 * text.height / height), transform=axes.transAxes)
+
+
+def frame_axes(
+    panels: Sequence[Axes],
+    xlim: tuple[float | None, float | None] | None,
+    ylim: tuple[float | None, float | None] | None,
+) -> None:
+    """Give panels ends of their axes, None for those that stay.
+
+    Raises InputError if an end is not above 0 on a logarithmic axis.
+    """
+    for axes in panels:
+        for name, ends, scale, setter in (
+            ("xlim", xlim, axes.get_xscale(), axes.set_xlim), ("ylim", ylim, axes.get_yscale(), axes.set_ylim),
+        ):  # fmt: skip
+            for end in ends or ():
+                if end is not None and scale == "log" and end <= 0.0:
+                    raise InputError(
+                        f"{option_name(f'--{name}', f'{name}:')} {end:g}: must be above 0 on this axis"
+                    )
+            if ends is not None:
+                setter(*ends)
+    for axes in panels:
+        for name, ends in (("x", xlim), ("y", ylim)):
+            if ends is not None and getattr(axes, f"get_{name}scale")() == "log":
+                few_labels(axes, name)  # type: ignore[arg-type]
+
+
+def chosen_panels(count: int, numbers: Sequence[int] | None) -> list[int]:
+    """Places of the panels that are drawn, from 0; all without numbers, which count from 1.
+
+    Raises InputError if there is no panel of a number.
+    """
+    if numbers is None:
+        return [*range(count)]
+    if wrong := [each for each in numbers if not 1 <= each <= count]:
+        what = f"the picture has {count} panel{'s' * (count > 1)}"
+        raise InputError(f"{option_name('--panels', 'panels:')} {wrong[0]}: {what}, numbered from 1")
+    return [each - 1 for each in dict.fromkeys(numbers)]
+
+
+def keep_panels(figure: Any, panels: Sequence[Axes], kept: Sequence[int], columns: int) -> list[Axes]:
+    """Remove all panels but some, which move up into so many columns."""
+    if len(kept) == len(panels):
+        return [*panels]
+    shown = [panels[i] for i in kept]
+    for axes in panels:
+        if axes not in shown:
+            axes.set_visible(False)
+            axes.set_in_layout(False)
+    columns = min(columns, len(shown))
+    grid = figure.add_gridspec(-(-len(shown) // columns), columns)
+    for i, axes in enumerate(shown):
+        axes.set_subplotspec(grid[i // columns, i % columns])
+        axes.tick_params(axis="both", labelbottom=True, labelleft=True)
+    return shown
 
 
 def legend_of_figure(figure: Any, axes: Axes, columns: int = 2) -> None:

@@ -13,7 +13,6 @@ from ..analysis.gas_theory import Curves, gas_of
 from ..errors import TheoryWarning
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Driving
-from ..tools.intervals import PERCENT, student_t
 from ..trajectory.reader import Trajectory
 from .series import along, axis_label, cools
 from .style import (
@@ -134,26 +133,21 @@ def _points(
 
     `zeros` are drawn on plain axes: disks at rest.
 
-    Bands are 95 % intervals of means over n independent disks, whose velocities and spins are Gaussian: the relative
-    variance of T is 1 / n, that of T_rot 2 / n. Streams and clusters make it larger.
+    Without error bars: how much T and T_rot of independent gases differ follows from no property of a single frame. Cases
+    draw the start with exactly the given energy (`initial.maxwellian`), spins begin at rest or so, and later every
+    collision shares noise between two disks, so that neither 1/n nor 2/n is the relative variance. Seeds of a study show
+    it.
     """
     T, T_rot = (trajectory.observables[name] for name in ("temperature", "rotational_temperature"))
-    movable = trajectory.n if trajectory.missing else int(trajectory.disks.movable.sum())
-    x, n = along(trajectory, trajectory.times, over)[shown], max(movable, 1)
+    x = along(trajectory, trajectory.times, over)[shown]
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (T, T_rot, T_rot / T)
-    for axes, value, colour, name, variance in zip(
-        (upper, upper, lower), values, COLOURS, NAMES, (1.0 / n, 2.0 / n, 3.0 / n), strict=True
-    ):
+    for axes, value, colour, name in zip((upper, upper, lower), values, COLOURS, NAMES, strict=True):
         if axes is None or (value is not T and not np.any(np.nan_to_num(value))):  # nothing spins
             continue
-        y, part = value[shown] if zeros else positive(value[shown]), float(student_t(n)) * variance**0.5
         # Open, so that the theory shows where it agrees.
+        y = value[shown] if zeros else positive(value[shown])
         axes.plot(x, y, ms=5, label=name, **marks(colour))
-        axes.fill_between(x, y * max(1.0 - part, 0.0), y * (1.0 + part), color=colour, alpha=0.25, lw=0.0)
-    upper.fill_between(
-        [], [], [], color=RATIO, alpha=0.4, lw=0.0, label=f"{PERCENT} interval, {n} independent disks"
-    )
 
 
 def _theory(

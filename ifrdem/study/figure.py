@@ -17,28 +17,46 @@ from ..analysis.result import identifier
 from ..errors import InputError, nearest, option_name
 from ..plots.style import (
     NARROW,
+    chosen_panels,
     few_labels,
     fit_to_column,
+    frame_axes,
     grid,
     is_narrow,
     legend_above,
     legend_of_figure,
     plain,
+    text_for,
     written,
 )
+from ..quantities import SERIES
 from ..tools.intervals import PERCENT
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
-from .results import ROWS, START, Results, averaged, finite_seeds, half_interval, theory_between
+from .plan import VARIANT
+from .results import (
+    ADDING,
+    ROWS,
+    SERIES_FROM,
+    SHORT,
+    START,
+    THEORY,
+    VELOCITY_WORDS,
+    Results,
+    averaged,
+    finite_seeds,
+    half_interval,
+    theory_between,
+    theory_of,
+    window_starts,
+)
 from .task import AT, NOTES, WARNINGS, Variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHORT = {"T": "temperature", "T_rot": "rotational_temperature", "tau": PER_DISK, "t": "time"}
-"""Symbols for names, on the command line and on axes."""
 SYMBOLS = {
     "temperature": "$T$",
     "rotational_temperature": r"$T_\mathrm{rot}$",
@@ -56,13 +74,18 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 MARKERS = "osD^vPX"
 """Markers of curves, by which they differ in grey."""
 MOST_PANELS = 12
+PANEL_SHAPE, HEADS = 0.75, 1.2
+"""Height over width of a panel of a figure of a given width; height of its title and legends [inches]."""
 MOST_OF_ANALYSIS = 4
 """Quantities of an analysis that a message lists."""
 MOST_REMARKS = 3
 AT_POINTS = "theory at points"
 """Mark of the markers of theory that stand at swept values only."""
+WINDOW_START = "steady window"
+"""Mark of the lines at which steady windows begin."""
 SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
+Ends = tuple[float | None, float | None] | None
 FILE = "file"
 PARTS = ("species", "component", "mechanism", "regime", "axis")
 """Dimensions of a quantity that several numbers make up: curves or panels, as swept keys are."""
@@ -86,16 +109,18 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
 
 def draw(
     results: Results, what: str, over: str | None = None, by: str | None = None, *, start: float | None = None,
-    size: tuple[float, ...] | None = None, dpi: int = 200, title: bool = True,
+    as_map: bool = False, xlim: Ends = None, ylim: Ends = None, shown: Sequence[int] | None = None, size: tuple[float, ...] | None = None, dpi: int = 200, title: bool = True,
 ) -> Figure:  # fmt: skip
     """Draw a quantity: its mean over seeds, a band of its 95 % interval, and kinetic theory, dashed.
 
     `what` is its name, or T, T_rot. It is drawn over the rows (tau, t), a column of a table of an analysis over the
-    first column of that table, or `over` another of its dimensions, or a swept key, where the last row counts. Each
-    value of the swept key `by` (the first one without it) is a curve, every combination of the others a panel; so is
-    each species, or component, of a quantity that has some. From `start` on, in what ends the runs, a series is
-    averaged over its rows, and drawn over a swept key. `size` is the width, and the height if given, of the figure
-    [inches].
+    first column of that table, or `over` another of its dimensions, or a swept key: a series is then averaged over the
+    steady window of each point, and has its last row where there is none (`averaged`). Each value of the swept key `by`
+    (the first one without it) is a curve, every combination of the others a panel; so is each species, or component, of
+    a quantity that has some. From `start` on, in what ends the runs, a series is averaged over its rows, and drawn over
+    a swept key. With `as_map` colours show it over two swept keys, `over` along and `by` upwards (by default the first
+    two). `xlim` and `ylim` are ends of the axes, None for one that stays; `shown` are the numbers of the panels that
+    are drawn, from 1. `size` is the width, and the height if given, of the figure [inches].
 
     Raises InputError if there is no such quantity or key, it has no axis or no value, or there are too many panels.
     """
@@ -103,7 +128,6 @@ def draw(
 
     swept = list(results.axes)
     name = SHORT.get(what, what)
-    whole = results
     if start is not None:
         results = _from(results, name, start)
     if f"{name}_mean" not in results.variables:
@@ -118,50 +142,74 @@ def draw(
     if not _has_axis(results, name):
         text = "is a column of a table, and no other column of it rises from row to row, to be its axis"
         raise InputError(f"{name}: {text}; what can be drawn: {_listed(drawable(results))}")
+    if as_map and over is None:
+        over = next(iter(swept), None)
     x, curve = _x(results, over, mean.dims), None
+    if x in swept and {*mean.dims} & {*ROWS} and np.isfinite(window_starts(results)).any():
+        results = averaged(results)
+        mean = results.variables[f"{name}_mean"]
     split = [*swept, *(dim for dim in mean.dims if dim in PARTS)]
     if left := [dim for dim in split if dim != x]:
         curve = _dim(results, option_name("--by", "by ="), by, left) if by is not None else left[0]
     elif by is not None:
         raise InputError(f"{option_name('--by', 'by =')} {by}: no dimension is left for curves")
+    if as_map and (x not in swept or curve not in swept):
+        raise InputError(
+            f"{option_name('--map', 'as_map:')} requires two swept keys; there are: {', '.join(swept)}"
+        )
     panels = [dim for dim in split if dim not in (x, curve)]
     panels_at = list(itertools.product(*(range(len(results.values(dim))) for dim in panels)))
+    panels_at = [panels_at[i] for i in chosen_panels(len(panels_at), shown)]
     if len(panels_at) > MOST_PANELS:
         text = f"{len(panels_at)} panels, one for each {', '.join(panels)}"
         raise InputError(f"{text}: {MOST_PANELS} at most are drawn")
     columns = min(3 if size is None or size[0] >= NARROW else 1, len(panels_at))
     lines = math.ceil(len(panels_at) / columns)
-    width, height = 2.2 + 4.4 * columns, 0.9 + 3.9 * lines
+    usual = width, height = 2.2 + 4.4 * columns, 0.9 + 3.9 * lines
     if size is not None:
         width, height = size[0], size[1] if len(size) > 1 else height / width * size[0]
-    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
-    table = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
-    all_axes = list(table.ravel())
-    for i, (axes, panel) in enumerate(itertools.zip_longest(all_axes, panels_at)):
-        if panel is None:
-            axes.set_visible(False)
-            all_axes[i - columns].tick_params(labelbottom=True)  # the lowest of its column
-            all_axes[i - columns].set_xlabel(_label(results, x))
-            continue
-        fixed = dict(zip(panels, panel, strict=True))
-        _panel(axes, results, name, x, curve, fixed)
-        values = ", ".join(_named(results, dim, i) for dim, i in fixed.items())
-        axes.set_title(values, fontsize="medium")
-    first = all_axes[0]
-    _scales(all_axes[: len(panels_at)])
-    _legend(
-        first, _theory(results, name) is not None, _seeds(results, name), x not in swept,
-        several=len(panels_at) > 1,
-    )  # fmt: skip
-    for axes in table[-1]:
-        axes.set_xlabel(_label(results, x))
-    for line in table:
-        line[0].set_ylabel(_label(results, name, _power(first)))
-    fit_to_column(figure, all_axes[: len(panels_at)], taller=size is not None and len(size) == 1)
-    if title:
-        texts = (plain(results.attributes.get("title", "")), _window(whole, name, x, start))
-        figure.suptitle("; ".join(filter(None, texts)), fontsize="medium")
-    return figure
+        if len(size) == 1 and NARROW <= width < usual[0]:
+            height = max(height, lines * PANEL_SHAPE * width / columns + HEADS)
+    with text_for(width, usual[0]):
+        figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+        table = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
+        all_axes = list(table.ravel())
+        for i, (axes, panel) in enumerate(itertools.zip_longest(all_axes, panels_at)):
+            if panel is None:
+                axes.set_visible(False)
+                all_axes[i - columns].tick_params(labelbottom=True)  # the lowest of its column
+                all_axes[i - columns].set_xlabel(_label(results, x))
+                continue
+            fixed = dict(zip(panels, panel, strict=True))
+            if as_map and curve is not None:
+                _map(axes, results, name, x, curve, fixed)
+            else:
+                _panel(axes, results, name, x, curve, fixed)
+            values = ", ".join(_named(results, dim, i) for dim, i in fixed.items())
+            axes.set_title(values, fontsize="medium")
+        first = all_axes[0]
+        if as_map and curve is not None:
+            frame_axes(all_axes[: len(panels_at)], xlim, ylim)
+            _bar(figure, all_axes[: len(panels_at)], _label(results, name))
+            upwards = _label(results, curve)
+        else:
+            _scales(all_axes[: len(panels_at)])
+            frame_axes(all_axes[: len(panels_at)], xlim, ylim)
+            _legend(
+                first, theory_of(results, name) is not None, _seeds(results, name), x not in swept,
+                several=len(panels_at) > 1,
+                velocities=results.attributes.get(VELOCITY_WORDS, "") if name in THEORY else "",
+            )  # fmt: skip
+            upwards = _label(results, name, _power(first))
+        for axes in table[-1]:
+            axes.set_xlabel(_label(results, x))
+        for line in table:
+            line[0].set_ylabel(upwards)
+        fit_to_column(figure, all_axes[: len(panels_at)], taller=size is not None and len(size) == 1)
+        if title:
+            texts = (plain(results.attributes.get("title", "")), _window(results, name, x))
+            figure.suptitle("; ".join(filter(None, texts)), fontsize="medium")
+        return figure
 
 
 def _from(results: Results, name: str, start: float) -> Results:
@@ -174,21 +222,33 @@ def _from(results: Results, name: str, start: float) -> Results:
     return averaged(results, start, option)
 
 
-def _window(results: Results, name: str, x: str, start: float | None) -> str:
+def _window(results: Results, name: str, x: str) -> str:
     """Text on which part of the runs the values of a quantity belong to, where the axis does not show it."""
-    mean = results.variables[f"{name}_mean"]
+    mean, end = results.variables[f"{name}_mean"], "at the end of the runs"
     clock, unit = results.row_axis, results.variables[results.row_axis].unit
     clock = f"{'tau' if clock == PER_DISK else 't'} = {{:.3g}} {written(unit) if unit != REDUCED else ''}".rstrip()
-    if start is not None:
-        return f"means from {clock.format(start)} on"
-    if x in results.axes and {*ROWS} & {*mean.dims}:
-        return "at the end of the runs"
-    if x in results.axes and AT in mean.dims:
-        return f"at {clock.format(results.values(AT)[-1])}"
-    if START in results.variables and any(name.startswith(f"{identifier(each)}_") for each in OVER_TIME):
-        low, high = (clock.format(end(results.values(START))) for end in (np.nanmin, np.nanmax))
+
+    def means_from(starts: NDArray[np.float64]) -> str:
+        low, high = (clock.format(end(starts)) for end in (np.nanmin, np.nanmax))
         return f"means from {low}{f' to {high}' if high != low else ''} on"
-    return ""
+
+    if START in results.variables and name not in SERIES and _is_over_time(name):
+        return means_from(results.values(START))
+    if x not in results.axes:
+        return ""
+    if AT in mean.dims:
+        return f"at {clock.format(results.values(AT)[-1])}"
+    if name not in (*SERIES, *ROWS, "theta"):
+        return ""
+    if SERIES_FROM not in results.variables or name in ADDING:
+        return end
+    starts = results.values(SERIES_FROM)
+    return f"{means_from(starts)}{f', {end} without a steady part' * bool(np.isnan(starts).any())}"
+
+
+def _is_over_time(name: str) -> bool:
+    """True of what an analysis over time gives."""
+    return any(name.startswith(f"{identifier(each)}_") for each in OVER_TIME)
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -249,21 +309,16 @@ def _remarks(results: Results, name: str) -> str:
     return f": {'; '.join(lines[:MOST_REMARKS])}" if lines else ""
 
 
-def _theory(results: Results, name: str) -> str | None:
-    """The variable with kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
-    names = (f"{name}_theory", f"{name}_theory_mean", f"{name}_by_theory_mean")
-    return next((each for each in names if each in results.variables), None)
-
-
 def _seeds(results: Results, name: str) -> str | None:
-    """Numbers of seeds that have an interval, as text; None if no mean has one."""
-    if f"{name}_error" not in results.variables:
+    """Of what the intervals are, as text: numbers of seeds, or rows of single runs; None if no mean has one."""
+    if (half := half_interval(results, name)) is None:
         return None
-    count = finite_seeds(results, name)
-    known = count[count > 1]
-    if not len(known):
+    known = finite_seeds(results, name)[np.isfinite(half)]
+    if not len(known) or not len(known := known[known > 0]):
         return None
-    return f"{known.min()}" if known.min() == known.max() else f"{known.min()} to {known.max()}"
+    if known.max() == 1:
+        return "rows of one run"
+    return f"{known.min()} seeds" if known.min() == known.max() else f"{known.min()} to {known.max()} seeds"
 
 
 def _x(results: Results, over: str | None, dims: tuple[str, ...]) -> str:
@@ -327,7 +382,7 @@ def _panel(
         y = along(f"{name}_mean")
         half = half_interval(results, name)
         part = None if half is None else along(results.variables[f"{name}_mean"]._replace(values=half))
-        theory = along(_theory(results, name) or "")
+        theory = along(theory_of(results, name) or "")
         own = x in results.variables and results.variables[x].dims == (x,)
         where = results.values(x) if own else along(f"{x}_mean")
         assert y is not None
@@ -344,6 +399,8 @@ def _panel(
             marker["markevery"] = ((i % len(MARKERS)) / (8 * len(MARKERS)), 0.125)
         elif rows:
             marker["marker"] = ""
+        if rows and {*ROWS} & {*dims} and name not in ADDING:
+            _start(axes, results, x, where, panel, colour)
         axes.plot(where, y, color=colour, lw=1.4, ms=4, label=label, **marker)
         if part is not None and np.isfinite(part).any():
             if rows:
@@ -361,9 +418,63 @@ def _panel(
     grid(axes)
 
 
+def _map(axes: Axes, results: Results, name: str, x: str, y: str, fixed: Mapping[str, int]) -> None:
+    """Colours of the means at the values of two swept keys; of rows and frames, the last one counts."""
+    mean = results.variables[f"{name}_mean"]
+    taken = tuple(slice(None) if dim in (x, y) else fixed.get(dim, -1) for dim in mean.dims)
+    values = mean.values[taken]
+    if mean.dims.index(x) < mean.dims.index(y):
+        values = values.T
+    ends = []
+    for dim, scale, ticks in ((x, axes.set_xscale, axes.set_xticks), (y, axes.set_yscale, axes.set_yticks)):
+        places = results.values(dim)
+        if places.dtype.kind not in "iuf" or len(places) < 2 or not (np.diff(places) > 0).all():
+            ticks(
+                np.arange(len(places)),
+                [plain(f"{each:.4g}" if places.dtype.kind in "iuf" else str(each)) for each in places],
+            )
+            ends.append(np.arange(len(places) + 1) - 0.5)
+            continue
+        logarithmic = places[0] > 0 and places[-1] > SEVERAL_DECADES * places[0]
+        at = np.log(places) if logarithmic else places.astype(float)
+        middle = 0.5 * (at[1:] + at[:-1])
+        edges = np.concatenate(([2.0 * at[0] - middle[0]], middle, [2.0 * at[-1] - middle[-1]]))
+        ends.append(np.exp(edges) if logarithmic else edges)
+        if logarithmic:
+            scale("log")
+    shown = np.ma.masked_invalid(values)
+    axes.pcolormesh(*ends, shown, cmap="cividis", rasterized=True)  # even in grey
+    axes.set_facecolor("0.85")  # of points without a value
+
+
+def _bar(figure: Figure, panels: Sequence[Axes], text: str) -> None:
+    """One colour bar of all maps, which have the same range."""
+    meshes = [each for axes in panels for each in axes.collections]
+    known = np.concatenate([np.ma.compressed(np.ma.asarray(each.get_array())) for each in meshes])
+    for each in meshes:
+        each.set_clim(float(known.min()), float(known.max()))
+    figure.colorbar(meshes[0], ax=panels, label=text)
+
+
+def _start(
+    axes: Axes, results: Results, x: str, where: NDArray[Any], panel: Mapping[str, int], colour: Any
+) -> None:
+    """A dotted line where the steady window of a point begins, on the axis of a clock; once for all curves that agree."""
+    start = float(window_starts(results)[tuple(panel[dim] for dim in results.axes)])
+    place = float(np.interp(start, results.row_places, where))
+    drawn = [line for line in axes.lines if line.get_gid() == WINDOW_START]
+    if not np.isfinite(start) or place <= where[0]:
+        return
+    for line in drawn:
+        if float(np.asarray(line.get_xdata(), float)[0]) == place:
+            line.set_color("0.4")
+            return
+    axes.axvline(place, ls=":", lw=1.0, color=colour, gid=WINDOW_START)
+
+
 def _scales(panels: Sequence[Axes]) -> None:
     """Make axes logarithmic where values of any panel span decades; all panels share their axes."""
-    lines = [line for axes in panels for line in axes.lines]
+    lines = [line for axes in panels for line in axes.lines if line.get_gid() != WINDOW_START]
     y = np.concatenate([[], *(np.asarray(line.get_ydata(), float) for line in lines)])
     paths = [path for axes in panels for one in axes.collections for path in one.get_paths()]
     ends = np.concatenate([y, *(np.asarray(path.vertices)[:, 1] for path in paths)])  # of intervals too
@@ -398,9 +509,11 @@ def _power(axes: Axes) -> int:
     return power
 
 
-def _legend(axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several: bool) -> None:
-    """`seeds`: their number, as text, if means have intervals."""
-    label = f"{PERCENT} interval of the mean (Student's $t$, {seeds} seeds)"
+def _legend(
+    axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several: bool, velocities: str = ""
+) -> None:
+    """`seeds`: of what the intervals are, as text, if means have some; `velocities`: of the theory."""
+    label = f"{PERCENT} interval of the mean (Student's $t$, {seeds})"
     if seeds is not None and rows:
         axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)
     elif seeds is not None:
@@ -409,7 +522,10 @@ def _legend(axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several:
         at_points = any(line.get_gid() == AT_POINTS for line in axes.lines)
         style: Any = {"marker": "_", "ms": 12, "mew": 1.5, "ls": ""} if at_points else {"ls": "--", "lw": 1.1}
         label = "kinetic theory" if is_narrow(axes) else "kinetic theory (homogeneous)"
+        label = ", ".join(filter(None, (label, velocities)))
         axes.plot([], [], color="black", label=label, **style)
+    if any(line.get_gid() == WINDOW_START for line in axes.lines):
+        axes.plot([], [], ":", color="0.4", lw=1.0, label="the steady window begins")
     if several:
         legend_of_figure(axes.get_figure(), axes, 6 if not is_narrow(axes) else 2)
     else:
@@ -426,7 +542,7 @@ def _named(results: Results, dim: str, i: int) -> str:
     """One value of a dimension: $e_n$ = 0.9, and 1 m/s with its unit; of species and other parts their name alone."""
     value, unit = results.values(dim)[i], results.variables[dim].unit
     text = f"{value:.4g}" if isinstance(value, np.floating) else plain(str(value))
-    if dim in (FILE, *PARTS):
+    if dim in (FILE, VARIANT, *PARTS):
         return text
     return f"{_symbol(results, dim)} = {text} {written(unit) if unit != REDUCED else ''}".rstrip()
 

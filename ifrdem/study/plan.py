@@ -11,25 +11,27 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..analysis.names import ANALYSES, OF_FRAMES, OVER_TIME
+from ..analysis.options import checked_option
 from ..case import file as case_file
 from ..case import shipped
 from ..case.case import CaseSections
 from ..case.estimate import long_steps
 from ..case.gas import CaseGas
 from ..case.messages import spelled
+from ..case.output_section import TRACKED
 from ..errors import InputError, cut, listed, nearest, option_name, shortened
 from ..quantities import LEDGER, OBSERVABLES
 from ..tools import checked, text_file
 from ..tools.checked import Integer, NonNegative
 from ..tools.versions import __version__
-from .task import Task
+from .task import Task, along
 
 if TYPE_CHECKING:
     AnalysisName = str
@@ -65,8 +67,29 @@ RESERVED = {
     "notes",
     "analyses_from",
     "at",
+    "variant",
 }
 """Names that a swept key cannot have in the results."""
+CADENCES = (
+    "series_interval",
+    "series_collisions",
+    "series_spacing",
+    "frames_interval",
+    "frames_collisions",
+    "frames_spacing",
+    "log_from",
+)
+"""Keys of [output] that say when rows and frames are due, beside their numbers."""
+VARIANT = "variant"
+"""Dimension of the variants of a study."""
+FIRST_SEED = 1_000_003
+"""What is added to the seed of a run for that of its equilibration, whose random forces are others."""
+LAST_FRAME = {"frames": "1", "series": "1", "picture": "false", "views": "false"}
+"""Keys of [output] of an equilibration, of which the last frame is needed."""
+FRAME_KEYS = ("file", "frame", "psi", "speed", "columns", "units", "delimiter", "decimal", "relax")
+"""Keys of [start] that do not go with a start from the last frame of a trajectory."""
+MOTION_KEYS = ("speed_rms", "temperature", "spin_rms")
+"""Keys of species that do not go with velocities of a frame."""
 TEMPLATE = """\
 # Haff's law and the ratio of temperatures of a cooling gas, for restitution and friction.
 # ifrdem study FILE --dry-run estimates its cost; ifrdem study FILE runs it; the same command resumes it.
@@ -88,6 +111,25 @@ set = ["species[0].number=2000", "run.collisions_per_disk=20", "output.histories
 # "species[0].number" = [500, 2000, 8000]
 # "species[0].speed_rms" = [1.0, 2.0, 4.0]
 
+# Different laws, forces or geometries, as a further axis "variant": keys that are set, keys that are removed, or
+# another case file, whose runs have the same end.
+# [[variants]]
+# name = "table"
+# [[variants]]
+# name = "frictionless"
+# set = ["material[0].mu=0.0"]
+# remove = ["material[0].rho"]
+# [[variants]]
+# name = "other"
+# case = "other.toml"
+
+# A first run for each seed, with these changes; the runs of the study begin with positions and motion of its last
+# frame. Swept keys that it needs, too, such as the size of the box, are in along.
+# [equilibrate]
+# set = ["run.collisions_per_disk=50", "material[0].e_n=1.0"]
+# remove = []
+# along = []
+
 [ensemble]
 # A number of seeds, from run.seed of the case on, or a list: [1, 2, 5].
 seeds = 20
@@ -101,9 +143,12 @@ series = 50
 # at these collisions per disk (times, where the run ends at a time).
 # analyses = ["velocity", "rdf"]
 # analyses_at = [5.0, 10.0, 20.0]
-# Where averages over a run begin (stress, species, profiles, ...), in the same; without it, driven and sheared gases
-# and those between walls are averaged over the steady part, and gases that cool over the whole run.
+# Where averages over a run begin (of series, stress, species, profiles, ...), in the same; without it, driven and
+# sheared gases and those between walls are averaged over the steady part, and analyses of gases that cool over the
+# whole run.
 # analyses_from = 10.0
+# Options of analyses, as of `ifrdem analyse`; frames as of --frames.
+# options = { profiles = { axis = "y", bins = 20, frames = "100:" }, fields = { cells = [20, 20], average = true } }
 # Keep the trajectory of every run.
 # trajectories = true
 
@@ -160,7 +205,22 @@ class StudyOutput(_Part):
     analyses: list[AnalysisName] = Field(default=[])
     analyses_at: list[float] = Field(default=[])
     analyses_from: NonNegative | None = None
+    options: dict[AnalysisName, dict[str, Any]] = Field(default={})
     trajectories: bool = False
+
+    @model_validator(mode="after")
+    def _options_of_analyses(self) -> StudyOutput:
+        for name, given in self.options.items():
+            if name not in self.analyses:
+                raise PydanticCustomError("options", f"{name}: must be among the analyses of this study")
+            for option, value in given.items():
+                try:
+                    checked_option(name, option, value)
+                except InputError as error:
+                    raise PydanticCustomError("options", f"{name}.{error}") from None
+            if "frames" in given and name in OF_FRAMES and self.analyses_at:
+                raise PydanticCustomError("options", f"{name}.frames: cannot be combined with analyses_at")
+        return self
 
     @property
     def has_averages(self) -> bool:
@@ -186,6 +246,28 @@ class ClusterSection(_Part):
         return self
 
 
+class VariantSection(_Part):
+    """A variant of the case: keys that are set, keys that are removed, or another case file."""
+
+    name: Annotated[str, Field(min_length=1)]
+    set: list[str] = Field(default=[])
+    remove: list[str] = Field(default=[])
+    case: str | None = None
+
+    @property
+    def changes(self) -> list[str]:
+        """Changes as of `--set`."""
+        return [*self.set, *(f"{key}=" for key in self.remove)]
+
+
+class EquilibrateSection(_Part):
+    """A first run of each seed, with whose last frame the runs of the study begin."""
+
+    set: list[str] = Field(default=[])
+    remove: list[str] = Field(default=[])
+    along: list[str] = Field(default=[])
+
+
 class StudyFile(_Part):
     """The content of a study file."""
 
@@ -193,6 +275,8 @@ class StudyFile(_Part):
     set: list[str] = Field(default=[])
     sweep: dict[str, Any] = Field(default={})
     zip: list[dict[str, Any]] = Field(default=[])
+    variants: list[VariantSection] = Field(default=[])
+    equilibrate: EquilibrateSection | None = None
     ensemble: EnsembleSection = EnsembleSection()
     output: StudyOutput = StudyOutput()
     cluster: ClusterSection = ClusterSection()
@@ -212,8 +296,18 @@ class Axis:
         return ", ".join(f"{name} = {_text(each)}" for name, each in pairs)
 
     def assignments(self, i: int) -> list[str]:
-        """The values as overrides of a case, "KEY=VALUE"."""
+        """The values as overrides of a case, "KEY=VALUE"; none of variants, which are in `Plan.base`."""
+        if self.names == (VARIANT,):
+            return []
         return [f"{key}={json.dumps(each)}" for key, each in zip(self.keys, self.values[i], strict=True)]
+
+
+class Base(NamedTuple):
+    """A case that is varied: its text, its path, and what every run changes of it."""
+
+    text: str
+    path: Path
+    overrides: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -228,6 +322,12 @@ class Plan:
     seeds: tuple[int, ...]
     output: StudyOutput
     cluster: ClusterSection
+    variants: tuple[Base, ...] = ()  # of the first axis, if there are some
+    first: EquilibrateSection | None = None
+
+    def base(self, point: tuple[int, ...]) -> Base:
+        """The case of a point without its swept keys."""
+        return self.variants[point[0]] if self.variants else Base(self.text, self.path, self.overrides)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -245,7 +345,23 @@ class Plan:
 
     def _changes(self, point: tuple[int, ...], seed: int) -> list[str]:
         swept = [one for axis, i in zip(self.axes, point, strict=True) for one in axis.assignments(i)]
-        return [*self.overrides, *swept, f"run.seed={seed}"]
+        return [*self.base(point).overrides, *swept, f"run.seed={seed}"]
+
+    def _first_changes(self, point: tuple[int, ...], seed: int) -> list[str]:
+        """Changes of the case of a point for its equilibration."""
+        first = self.first
+        assert first is not None
+        swept = [
+            one
+            for axis, i in zip(self.axes, point, strict=True)
+            if {*axis.keys} & {*first.along}
+            for one in axis.assignments(i)
+        ]
+        removed = [f"{key}=" for key in first.remove]
+        kept = [f"output.{key}={value}" for key, value in LAST_FRAME.items()]
+        kept += [f"output.{key}=" for key in (*TRACKED, *CADENCES)]
+        seed = (seed + FIRST_SEED) % 2**63
+        return [*self.base(point).overrides, *swept, *first.set, *removed, *kept, f"run.seed={seed}"]
 
     def checked_cases(self) -> tuple[dict[tuple[int, ...], CaseSections], list[str], list[str]]:
         """Cases of the points that are in order, lines on what `check` refuses of the others, and warnings.
@@ -255,16 +371,28 @@ class Plan:
         good: dict[tuple[int, ...], CaseSections] = {}
         refused: dict[str, list[str]] = {}
         warned: dict[str, list[str]] = {}
+        axis: tuple[str, tuple[float, ...]] | None = None
+        species: list[str] = []
         for point in self.points:
+            base = self.base(point)
             try:
-                file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
+                file = case_file.of_text(base.text, base.path, self._changes(point, self.seeds[0]))
                 self._refuse_start(file.gas)
+                self._refuse_equilibration(file.gas, point)
+                name, rows = along(file.case)
+                axis, species = (
+                    axis or (name, tuple(rows)),
+                    species or [each.name for each in file.case.species],
+                )
+                if axis != (name, tuple(rows)) or species != [each.name for each in file.case.species]:
+                    text = "runs of all variants must have the same end, rows and names of species"
+                    raise InputError(f"{VARIANT}: {text}")
                 good[point] = file.case  # without its arrays, of which there may be many
                 for line in long_steps(file.gas):
                     warned.setdefault(line, []).append(self.label(point))
             except InputError as error:
                 for line in str(error).replace(" [set on the command line]", "").splitlines():
-                    line = line.removeprefix(f"{self.path}: ").removeprefix("--set ").removeprefix("set: ")
+                    line = line.removeprefix(f"{base.path}: ").removeprefix("--set ").removeprefix("set: ")
                     refused.setdefault(line, []).append(self.label(point))
         count = math.prod(self.shape[:-1])
         return good, with_labels(refused, 0 if good else count), with_labels(warned, count)
@@ -285,25 +413,86 @@ class Plan:
                 f"start nor forces nor thermal walls.{motion} Or give one seed"
             )
 
+    def _refuse_equilibration(self, gas: CaseGas, point: tuple[int, ...]) -> None:
+        """Raise InputError if the equilibration of a point is refused, or ends in another box or with other disks."""
+        if self.first is None:
+            return
+        base = self.base(point)
+        if gas.case.start.trajectory is not None or gas.case.start.file is not None:
+            raise InputError("equilibrate: cannot be combined with a start from a file")
+        try:
+            first = case_file.of_text(base.text, base.path, self._first_changes(point, self.seeds[0])).gas
+        except InputError as error:
+            raise InputError("\n".join(f"equilibrate: {line}" for line in str(error).splitlines())) from None
+        same = first.box.lengths == gas.box.lengths and first.n == gas.n
+        if not same or not np.array_equal(first.disks.radius, gas.disks.radius):
+            text = "must have the box and the disks of the run that begins with its last frame"
+            raise InputError(f"equilibrate: {text}: name the swept keys that change them in along")
+
+    def equilibration(self, point: tuple[int, ...], seed: int, folder: Path) -> Task | None:
+        """The first run of a seed of a point; None in a study without. Points that do not change it share it."""
+        if self.first is None:
+            return None
+        base = self.base(point)
+        changes = self._first_changes(point, seed)
+        case = case_file.of_text(base.text, base.path, changes).case
+        record = case.model_dump(mode="json", exclude={"run": {"name", "threads"}})
+        outside = {name: _digest(base.path.parent / name) for name in case.files}
+        return Task(
+            key=_key([record, outside, "equilibration", __version__]), index=(*point, 0), text=base.text,
+            path=str(base.path.resolve()), overrides=tuple(changes), folder=str(folder.resolve()), analyses=(), at=(),
+            start=None, trajectory=True,
+            weight=sum(each.number for each in case.species) * (case.run.collisions_per_disk or 1.0),
+        )  # fmt: skip
+
     def tasks(self, good: dict[tuple[int, ...], CaseSections], folder: Path) -> Iterator[Task]:
         """The runs of the points that are in order, whose results stand in a folder."""
+        firsts: dict[tuple[str, ...], Task] = {}
         for point, case in good.items():
+            base = self.base(point)
             # The case has the rows of series; only averages over the run have a start.
             without = {"series", "series_spacing", *["analyses_from"] * (not self.output.has_averages)}
-            kept = self.output.model_dump(exclude=without)
+            kept = self.output.model_dump(
+                exclude=without | {"options"} if not self.output.options else without
+            )
             record = case.model_dump(mode="json", exclude={"run": {"name", "threads"}})
-            outside = {name: _digest(self.path.parent / name) for name in case.files}
+            outside = {name: _digest(base.path.parent / name) for name in case.files}
             for i, seed in enumerate(self.seeds):
                 record["run"]["seed"] = seed
-                identity = [record, outside, kept, __version__]
-                key = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:16]
+                identity, changes, after = (
+                    [record, outside, kept, __version__],
+                    self._changes(point, seed),
+                    "",
+                )
+                if self.first is not None:
+                    first_changes = (base.text, *self._first_changes(point, seed))
+                    if first_changes not in firsts:
+                        made = self.equilibration(point, seed, folder)
+                        assert made is not None
+                        firsts[first_changes] = made
+                    after = firsts[first_changes].key
+                    identity.append(after)
+                    changes += _from_frame(folder.resolve() / f"{after}.h5", len(case.species))
                 yield Task(
-                    key=key, index=(*point, i), text=self.text, path=str(self.path.resolve()),
-                    overrides=tuple(self._changes(point, seed)), folder=str(folder.resolve()),
+                    key=_key(identity), index=(*point, i), text=base.text, path=str(base.path.resolve()),
+                    overrides=tuple(changes), folder=str(folder.resolve()),
                     analyses=tuple(self.output.analyses), at=tuple(self.output.analyses_at),
                     start=self.output.analyses_from, trajectory=self.output.trajectories,
                     weight=sum(each.number for each in case.species) * (case.run.collisions_per_disk or 1.0),
+                    options=self.output.options, after=after,
                 )  # fmt: skip
+
+
+def _key(identity: list[Any]) -> str:
+    """Name of the files of a run, from all that decides its result."""
+    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _from_frame(path: Path, species: int) -> list[str]:
+    """Changes of a case by which it begins at time 0 with positions and motion of the last frame of a trajectory."""
+    found = [f"start.{key}=" for key in FRAME_KEYS]
+    found += [f"start.positions={json.dumps(str(path))}", "start.motion=true", "start.time=0.0"]
+    return found + [f"species[{i}].{key}=" for i in range(species) for key in MOTION_KEYS]
 
 
 def with_labels(labels_of: dict[str, list[str]], count: int) -> list[str]:
@@ -331,7 +520,7 @@ def read(
     text, raw = case_file.load(path)
     of_study = "case" in raw or not {"run", "box", "species"} & raw.keys()
     name = path.stem if of_study else f"{path.stem}-study"  # NAME.nc is a view of the trajectory of a run
-    study = _checked(raw if of_study else {"case": str(path)}, path)
+    study, folder = _checked(raw if of_study else {"case": str(path)}, path), path.parent
     if of_study:
         path = path.parent / study.case if Path(study.case).suffix else shipped.find(study.case)
         text, raw = case_file.load(path)
@@ -339,15 +528,61 @@ def read(
     groups += [axis_of(each) for each in vary]
     axes = _axes([{key: _values(key, each) for key, each in group.items()} for group in groups])
     changes = [*study.set, *set]
-    for assignment in changes:
-        case_file.override(raw, assignment)
+    main = _base(path, text, raw, changes, study.output)
     chosen = _seeds(study.ensemble.seeds if seeds is None else seeds, int(_number(raw, "seed")))
-    overrides = (*changes, *_output_overrides(raw, study.output))
-    plan = Plan(name, path, text, overrides, axes, chosen, study.output, study.cluster)
+    variants = _variants(study, main, changes, folder)
+    if variants:
+        axes = (Axis((VARIANT,), (VARIANT,), tuple((each.name,) for each in study.variants)), *axes)
+    if study.equilibrate is not None and (
+        unknown := [
+            key for key in study.equilibrate.along if key not in {key for axis in axes for key in axis.keys}
+        ]
+    ):
+        swept = ", ".join(key for axis in axes for key in axis.keys if key != VARIANT)
+        raise InputError(
+            f"equilibrate.along: {unknown[0]}: must be a swept key{nearest(unknown[0], swept.split(', '))}"
+        )
+    plan = Plan(
+        name,
+        path,
+        text,
+        main.overrides,
+        axes,
+        chosen,
+        study.output,
+        study.cluster,
+        variants,
+        study.equilibrate,
+    )
     runs = math.prod(plan.shape)
     if runs > MOST_RUNS:
         raise InputError(f"{runs} runs: a study can have {MOST_RUNS} at most")
     return plan
+
+
+def _base(path: Path, text: str, raw: dict[str, Any], changes: Sequence[str], output: StudyOutput) -> Base:
+    """A case with what every run changes of it; `raw`, its keys, is changed, too."""
+    for assignment in changes:
+        case_file.override(raw, assignment)
+    return Base(text, path, (*changes, *_output_overrides(raw, output)))
+
+
+def _variants(study: StudyFile, main: Base, changes: Sequence[str], folder: Path) -> tuple[Base, ...]:
+    """The cases of the variants of a study; paths start from its folder."""
+    names = [each.name for each in study.variants]
+    if twice := [name for i, name in enumerate(names) if name in names[:i]]:
+        raise InputError(f"variants: two are called {json.dumps(twice[0])}")
+    found = []
+    for each in study.variants:
+        path = main.path
+        if each.case is not None:
+            path = folder / each.case if Path(each.case).suffix else shipped.find(each.case)
+        try:
+            text, raw = case_file.load(path)
+            found.append(_base(path, text, raw, [*changes, *each.changes], study.output))
+        except InputError as error:
+            raise InputError(f"variants: {each.name}: {error}") from None
+    return tuple(found)
 
 
 def axis_of(text: str) -> dict[str, Any]:
@@ -465,9 +700,9 @@ def _output_overrides(case: dict[str, Any], output: StudyOutput) -> Iterator[str
     """Changes of the case's [output] by a study: rows of series at the same places in every run, no pictures."""
     given = case.get("output")
     given = given if isinstance(given, dict) else {}
-    replaced = ["series_interval", "series_collisions"]
+    replaced = [*CADENCES[:2]]
     if output.analyses_at:
-        replaced += ["frames", "frames_interval", "frames_collisions", "frames_spacing"]
+        replaced += ["frames", *CADENCES[3:6]]
     yield from (f"output.{key}=" for key in replaced if key in given)
     yield f"output.series={output.series or given.get('series') or ROWS}"
     if output.series_spacing:
@@ -479,8 +714,6 @@ def _output_overrides(case: dict[str, Any], output: StudyOutput) -> Iterator[str
     if at and not output.analyses:
         raise InputError("analyses_at requires analyses")
     start = output.analyses_from
-    if start is not None and not output.has_averages:
-        raise InputError(f"analyses_from = {start:g}: requires an analysis over time: {', '.join(OVER_TIME)}")
     t_end, per_disk = (_number(case, key) for key in ("t_end", "collisions_per_disk"))
     if start is not None and (end := t_end or per_disk) and not start < end:
         raise InputError(f"analyses_from = {start:g}: must be before {end:g}, the end of the run")

@@ -10,21 +10,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analysis.gas_theory import MOST_KINDS
-from ..analysis.window import since
+from ..analysis.common import mean_errors
+from ..analysis.gas_theory import MOST_KINDS, VELOCITIES
+from ..analysis.window import DRIVES, since
 from ..case import file as case_file
 from ..case.case import UNITS, CaseSections
 from ..case.gas import CaseGas
 from ..case.keys import about
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, counted, there_are
 from ..model.laws.ifr import EnergyWarning
-from ..quantities import AXES, NUMBER, SERIES
+from ..quantities import AXES, NUMBER, SERIES, SPECIES_SERIES
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..tools import files
@@ -36,7 +37,7 @@ from ..trajectory.descriptions import REDUCED
 from ..trajectory.file import new_file
 from ..trajectory.tables import optional_import
 from . import reading
-from .plan import Plan, with_labels
+from .plan import VARIANT, Plan, with_labels
 from .task import AT, NOTES, WARNINGS, Task, Variable, along, grown, load
 from .windows import SAME_RUN, window_of
 
@@ -50,10 +51,16 @@ ENDING, RUNS = ".nc", ".runs"
 """Endings of the file of results, and of the folder of runs next to it."""
 THEORY = ("temperature", "rotational_temperature", "theta")
 """Predictions of kinetic theory for a gas."""
-START, N_EFF = "analyses_from", "_n_eff"
-"""Variable with the start of averages over time of each point; ending of numbers of independent values."""
+START, N_EFF, RUN_ERROR = "analyses_from", "_n_eff", "_run_error"
+"""Variable with the start of averages over time of each point; endings of numbers of independent values, and of
+standard errors within a run."""
+SERIES_FROM = "series_from"
+"""Variable of means over rows (`averaged`): where they begin."""
+SHORT = {"T": "temperature", "T_rot": "rotational_temperature", "tau": "collisions_per_disk", "t": "time"}
+"""Symbols for names, on the command line and on axes."""
 STATISTICS = {
     N_EFF: ": number of independent values with the same error, in the window of a run",
+    RUN_ERROR: ": standard error within a run, over its window",
     "_theory": ": kinetic theory",
     "_error": ": standard error of the mean over seeds",
     "_mean": ": mean over seeds",
@@ -66,7 +73,8 @@ TEXTS = {
     "theta": "rotational over translational temperature", "failure": "message of a run that failed",
     "runs": "number of finished runs", "axis": "axes of vectors", "species": "names of the species",
     "component": "components of the pressure tensor", "mechanism": "mechanisms of dissipation",
-    "regime": "regimes of collisions", START: "where averages over time begin",
+    "regime": "regimes of collisions", VARIANT: "variants of the case", START: "where averages over time begin",
+    SERIES_FROM: "where means over rows begin",
     WARNINGS: "warnings of the analyses of each run", NOTES: "notes of the analyses of each run",
 }  # fmt: skip
 """Text on variables that are no quantities of the whole gas."""
@@ -166,7 +174,7 @@ class Results:
         """The attributes of a variable: `units` ("1" for a pure number, none for texts) and `long_name`."""
         one, keys = self.variables[name], json.loads(self.attributes.get("keys", "{}"))
         texts = TEXTS | self.texts
-        text = about(keys[name])[0] if name in keys else texts.get(name)
+        text = about(keys[name])[0] if name in keys and name != VARIANT else texts.get(name)
         for suffix, statistic in STATISTICS.items():
             if text is None and name.endswith(suffix):
                 stem = name.removesuffix(suffix)
@@ -229,7 +237,14 @@ def collect(
         except DamageError as error:
             texts["failure"][task.index] = str(error)
     windows = {
-        point: window_of(row_axis, positions, of_seeds, plan.output.analyses_from, names.get("species", ()))
+        point: window_of(
+            row_axis,
+            positions,
+            of_seeds,
+            plan.output.analyses_from,
+            names.get("species", ()),
+            steady=_has_window(good[point], of_seeds),
+        )
         for point, of_seeds in loaded.items()
     }
     found: dict[str, Variable] = {}
@@ -254,19 +269,21 @@ def collect(
     unit = UNITS[case.run.units]["time"] if row_axis == "time" else ""
     variables[row_axis] = Variable((row_axis,), positions, unit)
     variables |= {name: Variable((*swept, SEED), each) for name, each in texts.items()}
-    if plan.output.has_averages:
+    if plan.output.has_averages or np.isfinite(effective).any():
         variables[START] = Variable(swept, starts, unit)
     if np.isfinite(effective).any():
         variables[f"temperature{N_EFF}"] = Variable((*swept, SEED), effective)
     variables |= _means(
         found, len(swept), [point for point, each in windows.items() if SAME_RUN in each.marks]
     )
+    attributes: dict[str, str] = {}
     if "temperature" in found:
         variables["runs"] = Variable(swept, np.isfinite(found["temperature"].values[..., 0]).sum(axis=-1))
-        variables |= _theory(plan, good, row_axis, variables)
+        theory, attributes[VELOCITY_WORDS] = _theory(plan, good, row_axis, variables)
+        variables |= theory
     used = {dim for one in variables.values() for dim in one.dims if len(one.dims) > 1} | {SEED, row_axis}
     keys = [each for axis in plan.axes for each in zip(axis.names, axis.keys, strict=True)]
-    attributes = {
+    attributes |= {
         "title": f"{plan.name}: {math.prod(plan.shape[:-1])} points, {len(plan.seeds)} seeds",
         "axes": json.dumps({axis.names[0]: axis.names for axis in plan.axes}),
         "keys": json.dumps(dict(keys)),
@@ -274,12 +291,35 @@ def collect(
         "case": plan.text,
         "path": str(plan.path.resolve()),
         "overrides": "\n".join(plan.overrides),
+        **_bases(plan),
         "ifrdem": __version__,
         "git": revision(),
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     kept = {name for name, one in variables.items() if len(one.dims) != 1 or one.dims[0] in {*used, *swept}}
     return Results({name: one for name, one in variables.items() if name in kept}, attributes)
+
+
+def _bases(plan: Plan) -> dict[str, str]:
+    """Attributes on the variants of a study, and on whether its runs begin with the last frames of others."""
+    found = {} if plan.first is None else {EQUILIBRATED: plan.first.model_dump_json()}
+    if plan.variants:
+        bases = [(each.text, str(each.path.resolve()), each.overrides) for each in plan.variants]
+        found[VARIANTS] = json.dumps(bases)
+    return found
+
+
+EQUILIBRATED, VARIANTS, VELOCITY_WORDS = "equilibrate", "variants", "velocities_of_theory"
+"""Attributes of results: the equilibration of the runs; text, path and changes of the case of each variant; which
+velocities kinetic theory takes."""
+
+
+def _has_window(case: CaseSections, results: Mapping[int, Mapping[str, Variable]]) -> bool:
+    """True of a point whose gas is driven, sheared or between walls, as `analysis.window.has_window` of a run."""
+    driven = any(
+        name in one and np.nan_to_num(one[name].values).any() for one in results.values() for name in DRIVES
+    )
+    return bool(case.box.shear_rate) or (case.walled and not case.box.open) or bool(case.wall) or driven
 
 
 def _coordinate(values: tuple[Any, ...]) -> NDArray[Any]:
@@ -315,18 +355,24 @@ def _means(
 
 def _theory(
     plan: Plan, good: Mapping[tuple[int, ...], CaseSections], row_axis: str, variables: Mapping[str, Variable]
-) -> dict[str, Variable]:
-    """Temperatures of each point by kinetic theory, at the places of the rows; nan where it does not hold."""
+) -> tuple[dict[str, Variable], str]:
+    """Temperatures of each point by kinetic theory, at the places of the rows, nan where it does not hold; and words.
+
+    These say which velocities it takes, such as "Gaussian, Sonine" for the one at some points, the other at others.
+    """
     T = variables["temperature_mean"]
     made = {name: np.full(T.values.shape, np.nan) for name in THEORY}
+    velocities: set[str] = set()
     for point, case in good.items():
         times = variables["time"].values if row_axis == "time" else variables["time_mean"].values[point]
         if not np.isfinite(T.values[point]).any():
             continue
-        curves = predicted(case, plan.path.parent, float(np.nanmax(times)))
+        start = _measured_start(point, variables) if plan.first is not None else None
+        curves = predicted(case, plan.base(point).path.parent, float(np.nanmax(times)), start)
         if curves is None:
             continue
-        when, tau, T_theory, T_rot = curves
+        when, tau, T_theory, T_rot, words = curves
+        velocities.add(words)
         base = when if row_axis == "time" else tau
         positions = variables[row_axis].values
         inside = positions <= base[-1]
@@ -335,8 +381,20 @@ def _theory(
     with np.errstate(divide="ignore", invalid="ignore"):
         made["theta"] = made["rotational_temperature"] / made["temperature"]
     if not np.isfinite(made["temperature"]).any():
-        return {}
-    return {f"{name}_theory": Variable(T.dims, values, variables[name].unit) for name, values in made.items()}
+        return {}, ""
+    words = ", ".join(sorted(velocities))
+    found = {name: Variable(T.dims, values, variables[name].unit) for name, values in made.items()}
+    return {f"{name}_theory": one for name, one in found.items()}, words
+
+
+def _measured_start(
+    point: tuple[int, ...], variables: Mapping[str, Variable]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """T and T_rot of each species in the first row, mean over seeds: of runs that begin with the end of others."""
+    whole = ("temperature", "rotational_temperature")
+    names = SPECIES_SERIES[:2] if f"{SPECIES_SERIES[0]}_mean" in variables else whole
+    T, T_rot = (np.atleast_1d(variables[f"{name}_mean"].values[point][0]) for name in names)
+    return T, T_rot
 
 
 FINE = 41
@@ -346,9 +404,10 @@ FINE = 41
 def theory_between(
     results: Results, name: str, x: str, fixed: Mapping[str, int]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Values between those of the swept key `x`, and kinetic theory for a quantity at the last row; None without it.
+    """Values between those of the swept key `x`, and kinetic theory for a quantity there; None without it.
 
-    `fixed` are the positions on the other swept dimensions. Only for a numeric key that varies
+    It is that at the last row, or of `averaged` results a mean over rows, from a place that is interpolated between
+    those of the swept values. `fixed` are the positions on the other swept dimensions. Only for a numeric key that varies
     alone, and only if all files that the case needs still exist.
     """
     swept, keys, path = (
@@ -357,17 +416,21 @@ def theory_between(
         results.attributes.get("path"),
     )
     one_number = len(results.axes.get(x, ())) == 1 and swept.dtype.kind in "if" and len(swept) > 1
-    if path is None or name not in THEORY or not one_number:
+    if path is None or name not in THEORY or not one_number or EQUILIBRATED in results.attributes:
         return None
-    dims = results.variables[f"{name}_theory"].dims
-    row_axis = next((dim for dim in dims if dim not in results.axes), None)
-    if row_axis is None:  # of means over rows, theory is known where they are
-        return None
-    positions = results.values(row_axis)
-    at = tuple(fixed.get(dim, slice(None)) for dim in dims[:-1])
+    text = results.attributes["case"]
+    row_axis, positions = results.row_axis, results.row_places
+    at = tuple(fixed.get(dim, slice(None)) for dim in results.axes)
+    starts = np.full(len(swept), np.nan)
+    if SERIES_FROM in results.variables:
+        starts = results.values(SERIES_FROM)[at]
     times = positions if row_axis == "time" else results.values("time_mean")[at]
     overrides = [line for line in results.attributes["overrides"].splitlines() if line]
+    if VARIANT in fixed:
+        text, path, overrides = json.loads(results.attributes[VARIANTS])[fixed[VARIANT]]
     for dim, i in fixed.items():
+        if dim == VARIANT:
+            continue
         overrides += [f"{keys[one]}={_assigned(results.values(one)[i])}" for one in results.axes[dim]]
     low, high = float(swept.min()), float(swept.max())
     space = np.geomspace if low > 0.0 and high > 10.0 * low else np.linspace
@@ -377,7 +440,7 @@ def theory_between(
     for value in values.tolist():
         try:
             file = case_file.of_text(
-                results.attributes["case"],
+                text,
                 Path(path),
                 (*overrides, f"{keys[x]}={value}"),
                 stored=True,
@@ -385,27 +448,61 @@ def theory_between(
             curves = predicted(file.case, Path(path).parent, float(np.nanmax(times)))
         except InputError:  # not every value between has an admissible law
             curves = None
-        found.append((np.nan, np.nan) if curves is None else _at(curves, row_axis, float(positions[-1])))
+        weights = _row_weights(positions, float(np.interp(value, np.sort(swept), starts[np.argsort(swept)])))
+        found.append((np.nan, np.nan) if curves is None else _at(curves, row_axis, positions, weights))
     T, T_rot = np.array(found).T
     with np.errstate(divide="ignore", invalid="ignore"):
         theory = {"temperature": T, "rotational_temperature": T_rot, "theta": T_rot / T}[name]
     return (np.asarray(values, dtype=float), theory) if np.isfinite(theory).any() else None
 
 
+def theory_of(results: Results, name: str) -> Variable | None:
+    """Kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
+    names = (f"{name}_theory", f"{name}_theory_mean", f"{name}_by_theory_mean")
+    return next((results.variables[each] for each in names if each in results.variables), None)
+
+
 def _assigned(value: Any) -> str:
     return json.dumps(value.item() if isinstance(value, np.generic) else value)
 
 
-def _at(curves: tuple[NDArray[np.float64], ...], row_axis: str, position: float) -> tuple[float, float]:
-    """T and T_rot of curves at the position of a row."""
-    when, tau, T, T_rot = curves
-    base = when if row_axis == "time" else tau
-    inside = position <= base[-1]
-    return tuple(float(np.interp(position, base, each)) if inside else np.nan for each in (T, T_rot))  # type: ignore[return-value]
+def _at(
+    curves: Predicted, row_axis: str, positions: NDArray[np.float64], weights: NDArray[np.float64]
+) -> tuple[float, float]:  # fmt: skip
+    """T and T_rot of curves, averaged over the positions of rows with their weights; nan beyond the curves."""
+    when, tau, T, T_rot, _ = curves
+    base, used = when if row_axis == "time" else tau, weights > 0.0
+    inside = positions[-1] <= base[-1]
+    at = [np.interp(positions[used], base, each) for each in (T, T_rot)]
+    return tuple(float(np.average(each, weights=weights[used])) if inside else np.nan for each in at)  # type: ignore[return-value]
 
 
-def predicted(case: CaseSections, folder: Path, end: float) -> tuple[NDArray[np.float64], ...] | None:
-    """Times, collisions per disk, T and T_rot by kinetic theory, to beyond a time [time]; None where it holds not."""
+def _row_weights(places: NDArray[np.float64], start: float) -> NDArray[np.float64]:
+    """Weights of rows in a mean from a place on, each the distance from the row before; the last row alone for nan."""
+    if np.isfinite(start):
+        weights = np.where(since(places, start), np.diff(places, prepend=places[0]), 0.0)
+    else:
+        weights = np.where(np.arange(len(places)) == len(places) - 1, 1.0, 0.0)
+    return np.asarray(weights)
+
+
+class Predicted(NamedTuple):
+    """Kinetic theory of a gas: times [time], collisions per disk, T and T_rot [energy]; and which velocities it takes."""
+
+    times: NDArray[np.float64]
+    collisions_per_disk: NDArray[np.float64]
+    temperature: NDArray[np.float64]
+    rotational_temperature: NDArray[np.float64]
+    velocities: str
+
+
+def predicted(
+    case: CaseSections, folder: Path, end: float, start: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+) -> Predicted | None:  # fmt: skip
+    """Temperatures by kinetic theory, to beyond a time [time]; None where it holds not.
+
+    `start` are T and T_rot of each species at the start, if not those of the case [energy].
+    """
     gas = CaseGas.from_case(case, folder)
     if not case.homogeneous or gas.box.is_open or end <= 0.0:
         return None
@@ -427,47 +524,114 @@ def predicted(case: CaseSections, folder: Path, end: float) -> tuple[NDArray[np.
             mixture, which = Mixture.of(disks, laws, phi)
             if mixture.species > MOST_KINDS:
                 return None
+            energies = [0.5 * disks.mass * speed**2, disks.inertia * spin**2]
+            if start is not None:
+                energies = [np.repeat(each, numbers) for each in start]
             T0, T_rot0 = (
-                np.array([each[which == kind].mean() for kind in range(mixture.species)])
-                for each in (0.5 * disks.mass * speed**2, disks.inertia * spin**2)
+                np.array([each[which == kind].mean() for kind in range(mixture.species)]) for each in energies
             )
             found = prediction(
                 disks, laws, phi, T0, T_rot0, steps, shear_rate=gas.box.shear_rate,
-                forces=[each.model_dump(exclude_none=True) for each in case.force],
+                forces=[each.model_dump(exclude_none=True) for each in case.force], velocities="best",
             )  # fmt: skip
     except (InputError, TheoryError):  # rolling friction, forces that are not linear, ...: there is no theory
         return None
-    return steps, found.collisions_per_disk, found.temperature, found.rotational_temperature
+    of_all = found.collisions_per_disk, found.temperature, found.rotational_temperature
+    return Predicted(steps, *of_all, VELOCITIES[found.velocities])
 
 
-def averaged(results: Results, start: float, option: str = "start") -> Results:
+def averaged(results: Results, start: float | None = None, option: str = "start") -> Results:
     """Results whose series are means of each run over its rows from a place on, in what ends the runs.
 
-    A row counts with the distance from the one before, because rows may be spaced logarithmically. `option` is that of
-    the message. Raises InputError if there is no such row after the first.
+    Without `start`, the place is the steady window of each point (`window_starts`); points without one have the last
+    row. So have quantities that add up over the run. A row counts with the distance from the one before, because rows
+    may be spaced logarithmically. Of each mean over rows, NAME_run_error and NAME_n_eff are its standard error within a
+    run and the number of independent values behind it; where a point has a single seed, that is the error of NAME_mean.
+    `option` is the name of `start` in the message. Raises InputError if no row after the first is as late.
     """
     row_axis, places = results.row_axis, results.row_places
-    inside = since(places, start)
-    weights = np.where(inside, np.diff(places, prepend=places[0]), 0.0)
-    if not weights.any():
+    shape = tuple(len(results.values(axis)) for axis in results.axes)
+    starts = window_starts(results) if start is None else np.full(shape, start)
+    weights = np.zeros((*shape, len(places)))
+    for at in np.ndindex(shape):
+        if np.isfinite(starts[at]):
+            weights[at] = _row_weights(places, float(starts[at]))
+    if start is not None and not weights.any():
         raise InputError(f"{option} {start:g}: must be at most {places[-1]:g}, the last row of {row_axis}")
-    kept, series = {}, {}
+    kept, series, within = {}, {}, {}
     for name, one in results.variables.items():
         if row_axis not in one.dims or name == row_axis:
             kept[name] = one
         elif SEED in one.dims and f"{name}_mean" in results.variables:
-            series[name] = _mean_of_rows(one, row_axis, weights)
+            mean, *errors = _over_window(one, row_axis, places, weights, last=name in ADDING)
+            series[name] = mean
+            within[name] = errors
         elif name.endswith("_theory"):
-            kept[name] = _mean_of_rows(one, row_axis, weights)
-    return Results(kept | _means(series, len(results.axes), _same_points(results)), results.attributes)
+            kept[name] = _over_window(one, row_axis, places, weights)[0]
+    found = kept | _means(series, len(shape), _same_points(results))
+    if np.isfinite(starts).any():
+        found[SERIES_FROM] = Variable(tuple(results.axes), starts, results.variables[row_axis].unit)
+    for name, (error, n_eff) in within.items():
+        found |= {f"{name}{RUN_ERROR}": error, f"{name}{N_EFF}": n_eff}
+        one = found[f"{name}_error"]
+        single = np.isfinite(series[name].values).sum(axis=len(shape)) == 1
+        own = np.nanmax(
+            np.where(np.isfinite(error.values), error.values, -np.inf), axis=len(shape), initial=-np.inf
+        )
+        found[f"{name}_error"] = one._replace(values=np.where(single & np.isfinite(own), own, one.values))
+    return Results(found, results.attributes)
 
 
-def _mean_of_rows(one: Variable, row_axis: str, weights: NDArray[np.float64]) -> Variable:
-    """A variable averaged over its rows; those without a weight, such as the first one of stresses, are left out."""
-    axis = one.dims.index(row_axis)
-    values = np.compress(weights > 0.0, one.values, axis=axis)
-    mean = np.average(values, axis=axis, weights=weights[weights > 0.0])
-    return one._replace(dims=one.dims[:axis] + one.dims[axis + 1 :], values=mean)
+ADDING = {name for name, each in SERIES.items() if each.adds_up} | {*ROWS}
+"""Series that add up over the run, whose value is that at its end."""
+
+
+def window_starts(results: Results) -> NDArray[np.float64]:
+    """Places from which series of each point are averaged, in what ends the runs; nan where it has no window.
+
+    A point has one if its gas is driven, sheared or between walls, or if the study sets analyses_from.
+    """
+    shape = tuple(len(results.values(axis)) for axis in results.axes)
+    n_eff = results.variables.get(f"temperature{N_EFF}")
+    if START not in results.variables or n_eff is None:  # cooling gases, or of another version
+        return np.full(shape, np.nan)
+    known = np.isfinite(n_eff.values).any(axis=len(shape))
+    return np.where(known, results.values(START), np.nan)
+
+
+def _over_window(
+    one: Variable, row_axis: str, places: NDArray[np.float64], weights: NDArray[np.float64], *, last: bool = False
+) -> tuple[Variable, Variable, Variable]:  # fmt: skip
+    """Mean of a variable over the rows that have weights, (points..., rows), its error within a run, and n_eff.
+
+    Rows without a value in any run, such as the first one of stresses, are left out. Where no row has a weight, and
+    with `last`, it is the last row with a value, without an error.
+    """
+    axis, points = one.dims.index(row_axis), weights.ndim - 1
+    values = np.moveaxis(one.values, axis, points)  # points, rows, seeds, components
+    shape = (*values.shape[:points], *values.shape[points + 1 :])
+    mean, error, n_eff = (np.full(shape, np.nan) for _ in range(3))
+    for at in np.ndindex(values.shape[:points]):
+        rows = values[at]
+        known = np.isfinite(rows).any(axis=tuple(range(1, rows.ndim)))
+        used = known & (weights[at] > 0.0) & (not last)
+        if used.any():
+            mean[at] = np.average(rows[used], axis=0, weights=weights[at][used])
+            error[at], n_eff[at] = mean_errors(_at_even_places(places[used], rows[used]))
+        elif known.any():
+            mean[at] = rows[np.flatnonzero(known)[-1]]
+    dims = one.dims[:axis] + one.dims[axis + 1 :]
+    return one._replace(dims=dims, values=mean), Variable(dims, error, one.unit), Variable(dims, n_eff)
+
+
+def _at_even_places(places: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows at places of equal distance, interpolated if they are not there, as rows of a logarithmic spacing are not."""
+    steps = np.diff(places)
+    if len(steps) < 2 or np.ptp(steps) <= 0.5 * np.mean(steps):
+        return rows
+    even = np.linspace(places[0], places[-1], len(places))
+    columns = [np.interp(even, places, column) for column in rows.reshape(len(places), -1).T]
+    return np.stack(columns, axis=1).reshape(rows.shape)
 
 
 def _same_points(results: Results) -> list[tuple[int, ...]]:
@@ -508,14 +672,20 @@ MOST_SHOWN = 8
 
 
 def half_interval(results: Results, name: str) -> NDArray[np.float64] | None:
-    """Half the 95 % interval of the mean of a quantity over its seeds, by Student's t; nan of a single seed.
+    """Half the 95 % interval of the mean of a quantity, by Student's t over its seeds.
 
-    None for quantities of no seeds.
+    Of a single seed, by n_eff of its mean over rows where it has one (`averaged`), else nan. None for quantities of no
+    seeds.
     """
     if f"{name}_error" not in results.variables:
         return None
-    factor = student_t(finite_seeds(results, name))
-    return np.asarray(factor * results.values(f"{name}_error"))  # nan for a single seed
+    count: NDArray[Any] = finite_seeds(results, name)
+    if f"{name}{RUN_ERROR}" in results.variables:
+        over = results.variables[name].dims.index(SEED)
+        known = np.isfinite(results.values(name))
+        n_eff = np.where(known, results.values(f"{name}{N_EFF}"), 0.0).sum(axis=over)  # of a single seed
+        count = np.where(count == 1, n_eff, count)
+    return np.asarray(student_t(count) * results.values(f"{name}_error"))  # nan for a single seed
 
 
 def finite_seeds(results: Results, name: str) -> NDArray[np.int64]:

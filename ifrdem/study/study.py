@@ -28,7 +28,7 @@ from ..tools.files import check_files
 from ..tools.progress import clock_face, quiet
 from . import workers
 from .plan import ClusterSection, Plan, read
-from .results import ENDING, RUNS, Results, collect, warnings_of
+from .results import ENDING, RUNS, Results, averaged, collect, warnings_of
 from .task import Task, load
 from .workers import check_jobs
 
@@ -115,6 +115,17 @@ class Study:
         """The runs of the points that `check` does not refuse."""
         return list(self.plan.tasks(self._checked_cases[0], self.folder))
 
+    @cached_property
+    def equilibrations(self) -> list[Task]:
+        """First runs, with whose last frames the others begin, each once."""
+        plan, found = self.plan, dict[str, Task]()
+        for task in self.tasks:
+            if task.after and task.after not in found:
+                made = plan.equilibration(task.index[:-1], plan.seeds[task.index[-1]], self.folder)
+                assert made is not None
+                found[task.after] = made
+        return [*found.values()]
+
     @property
     def runs(self) -> int:
         """Number of runs."""
@@ -181,7 +192,9 @@ class Study:
             of_rows[point] = 8 * columns * ((case.output.series_cadence.number or 0) + 1)
             of_runs[point] = RUN_BYTES + of_rows[point]
             if self.plan.output.trajectories:
-                of_runs[point] += RunEstimate.of(CaseGas.from_case(case, self.plan.path.parent)).file_bytes
+                of_runs[point] += RunEstimate.of(
+                    CaseGas.from_case(case, self.plan.base(point).path.parent)
+                ).file_bytes
         runs = [task.index[:-1] for task in self.tasks if not (missing and task.result.exists())]
         rows = sum(of_rows[task.index[:-1]] for task in self.tasks)
         return RESULTS_BYTES + rows + sum(of_runs[point] for point in runs)
@@ -189,13 +202,12 @@ class Study:
     @property
     def seconds(self) -> float:
         """Estimated time of the missing runs on one core, from finished runs or else from a typical speed."""
-        done, missing, _ = self._state(self.tasks)
+        done, missing, _ = self._state([*self.equilibrations, *self.tasks])
         if done:
             elapsed, work = sum(seconds for _, seconds in done), sum(task.weight for task, _ in done)
             return elapsed / work * sum(task.weight for task in missing)
-        rows = (
-            self._checked_cases[0][missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
-        )
+        cases = self._checked_cases[0]
+        rows = cases[missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
         each = FILE_SECONDS if self.plan.output.analyses or self.plan.output.trajectories else RUN_SECONDS
         return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + each for task in missing)
 
@@ -234,6 +246,8 @@ class Study:
             face = clock_face(START_SECONDS + self.seconds / n)
             expected = f"some {face} on {n} process{'es' if n > 1 else ''}"
             expected += ", up to a minute more where kernels must be compiled"
+        if self.equilibrations:
+            lines.append(f"  equilibrations         {len(self.equilibrations)}, before the runs")
         return [
             *lines,
             f"  done already           {done} of {len(self.tasks)}, in {self.folder}",
@@ -276,6 +290,11 @@ class Study:
             warn(line)
         if workers != 0 and (trouble := backend.kernel_cache_trouble()):  # workers do not report it
             warn(trouble)
+        if part is not None and self.plan.first is not None:
+            option = option_name("--part", "part")
+            raise InputError(
+                f"{option}: cannot be combined with [equilibrate], whose runs end before others begin"
+            )
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
         self.folder.mkdir(exist_ok=True)
         with self._locked(shared=part is not None):
@@ -293,22 +312,31 @@ class Study:
         _, missing, damaged = self._state(tasks)
         for text in damaged:
             warn(f"run again: {text}")
+        firsts = self._missing_equilibrations(missing)
         failed: dict[str, str] = {}
         of_run, of_study = "the run stops after this window, with a checkpoint", "the study stops"
         stops = Stops(warn=lambda text: warn(text.replace(of_run, of_study)))
         path = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
         status = Status(path, name=self.plan.name)
-        progress = StudyProgress(len(tasks), [task.weight for task in missing], status)
-        work = self._work(missing, self._cluster(workers, scheduler), log)
+        progress = StudyProgress(
+            len(tasks) + len(firsts), [task.weight for task in (*firsts, *missing)], status
+        )
+        work: Any = None
         try:
             with stops:
-                for ended in work if missing else ():
-                    if ended is not None and (message := ended[1]) is not None:
-                        failed[ended[0].key] = message
-                        warn(f"failed: {self._name(ended[0])}: {message}")
-                        self._stop_on_full_disk()
-                    progress(ended[0].weight if ended else None, len(failed))
-                    stops.check()
+                for stage in filter(None, (firsts, missing)):
+                    stage = [task for task in stage if task.after not in failed]
+                    work = self._work(stage, self._cluster(workers, scheduler), log)
+                    for ended in work if stage else ():
+                        if ended is not None and (message := ended[1]) is not None:
+                            failed[ended[0].key] = message
+                            what = "equilibration of " * (ended[0] in firsts)
+                            warn(f"failed: {what}{self._name(ended[0])}: {message}")
+                            self._stop_on_full_disk()
+                        progress(ended[0].weight if ended else None, len(failed))
+                        stops.check()
+                lost = {task.key: task.after for task in missing if task.after in failed}
+                failed |= {key: f"equilibration: {failed[after]}" for key, after in lost.items()}
         except Stopped as stop:
             status.finish("interrupted", str(stop))
             raise Stopped(f"{stop}: {_progress_of(tasks)}", stop.status) from None
@@ -336,6 +364,18 @@ class Study:
                     warn(line)
         status.finish("done", f"{len(failed)} runs failed" if failed else "")
         return {self._name(task): failed[task.key] for task in tasks if task.key in failed}
+
+    def _missing_equilibrations(self, missing: Sequence[Task]) -> list[Task]:
+        """First runs that the missing runs need and whose last frame is not there."""
+        needed, found = {task.after for task in missing}, []
+        for task in self.equilibrations if needed != {""} else ():
+            if task.key not in needed:
+                continue
+            if not task.result.with_suffix(".h5").exists():  # it is made again with its trajectory
+                task.result.unlink(missing_ok=True)
+            if not task.done:
+                found.append(task)
+        return found
 
     def _stop_on_full_disk(self) -> None:
         """Raise Stopped if a result could not be written: the runs that are left would be lost."""
@@ -398,6 +438,17 @@ class Study:
         Raises InputError if no run is done, or xarray is not installed.
         """
         return self.results().to_xarray()
+
+    def means(self, start: float | None = None) -> xarray.Dataset:
+        """The results with means over the steady window of each point in place of series, as `dataset`.
+
+        `start` is another place to begin at, in what ends the runs. Points without a window have the last row. NAME is
+        the mean of each run, NAME_run_error its standard error and NAME_n_eff the number of independent values behind
+        it; NAME_mean and NAME_error are over seeds (of a single seed the error within the run).
+
+        Raises InputError as `dataset`, or if no row is as late.
+        """
+        return averaged(self.results(), start).to_xarray()
 
     def _repr_html_(self) -> str:
         """The plan as a table, and the first of the results if there are some, for a notebook."""

@@ -13,8 +13,8 @@ import tokenize
 import warnings
 import zipfile
 import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -36,7 +36,7 @@ from ..trajectory.damage import FAULTS, system_errors
 from ..trajectory.file import TrajectoryError
 
 if TYPE_CHECKING:
-    from ..analysis.result import Evaluation, FramesFrom
+    from ..analysis.result import Evaluation
     from ..trajectory.reader import Trajectory
 
 AT = "at"
@@ -72,6 +72,10 @@ class Task:
     start: float | None  # where averages over the run begin, in the same; None: in the steady window
     trajectory: bool  # keep the trajectory
     weight: float  # its part of the work: disks times collisions per disk
+    options: Mapping[str, Mapping[str, Any]] = field(
+        default_factory=dict, hash=False
+    )  # of analyses, by their names
+    after: str = ""  # key of the run with whose last frame it begins
 
     @property
     def result(self) -> Path:
@@ -151,7 +155,7 @@ class Task:
         """
         from ..analysis.window import frames_from, has_window, steady_starts
 
-        starts: list[FramesFrom | None] = [None]
+        starts: list[Sequence[int] | None] = [None]
         if self.start is not None:
             starts = [frames_from(trajectory, self.start, "analyses_from =")]
         elif any(name in OVER_TIME for name in self.analyses) and has_window(trajectory):
@@ -160,11 +164,17 @@ class Task:
         texts: dict[str, list[list[str]]] = {WARNINGS: [[] for _ in starts], NOTES: [[] for _ in starts]}
         for name in self.analyses:
             try:
+                options = self._options(trajectory, name)
+                used: list[Sequence[int] | None] = starts
+                if (frames := options.pop("frames", None)) is not None:
+                    used = [frames] * len(starts)
                 if name in OVER_TIME:
-                    outcomes, dims = _of_windows(trajectory, name, starts), (WINDOW,) * (len(starts) > 1)
+                    outcomes = _of_windows(trajectory, name, used, options)
+                    dims = (WINDOW,) * (len(starts) > 1)
                     remarks = [(i, "", one) for i, one in enumerate(outcomes)]
                 else:
-                    outcomes, dims = _of_frames(trajectory, name, self.at), (AT,) * bool(self.at)
+                    outcomes = _of_frames(trajectory, name, self.at, frames, options)
+                    dims = (AT,) * bool(self.at)
                     places = [f" at {place:g}" for place in self.at] or [""]
                     both = list(zip(places, outcomes, strict=True))
                     remarks = [(i, place, one) for i in range(len(starts)) for place, one in both]
@@ -183,6 +193,17 @@ class Task:
         for kind, lines in texts.items() if self.analyses else ():
             joined = np.array(["\n".join(each) for each in lines])
             found[kind] = Variable((WINDOW,), joined) if len(starts) > 1 else Variable((), joined[0])
+        return found
+
+    def _options(self, trajectory: Trajectory, name: str) -> dict[str, Any]:
+        """Options of an analysis as its function takes them."""
+        from ..analysis.options import frames_of
+
+        found = dict(self.options.get(name, {}))
+        if "cells" in found:
+            found["cells"] = tuple(found["cells"])
+        if "frames" in found:
+            found["frames"] = [*frames_of(found["frames"], len(trajectory))]
         return found
 
 
@@ -250,7 +271,7 @@ def _units(case: CaseSections) -> dict[str, str]:
 
 
 def _of_windows(
-    trajectory: Trajectory, name: str, starts: Sequence[FramesFrom | None]
+    trajectory: Trajectory, name: str, starts: Sequence[Sequence[int] | None], options: Mapping[str, Any]
 ) -> list[Evaluation | InputError]:
     """An analysis of a whole run from each start on, or why it cannot be done there.
 
@@ -261,7 +282,7 @@ def _of_windows(
     found: list[Evaluation | InputError] = []
     for start in starts:
         try:
-            found.append(FUNCTIONS[name](trajectory, start))
+            found.append(FUNCTIONS[name](trajectory, start, **options))
         except InputError as error:
             found.append(error)
     if all(isinstance(one, InputError) for one in found):
@@ -269,17 +290,23 @@ def _of_windows(
     return found
 
 
-def _of_frames(trajectory: Trajectory, name: str, at: tuple[float, ...]) -> list[Evaluation | InputError]:
-    """An analysis of the frames at each place; without places, of the frames that it takes."""
+def _of_frames(
+    trajectory: Trajectory,
+    name: str,
+    at: tuple[float, ...],
+    frames: list[int] | None,
+    options: Mapping[str, Any],
+) -> list[Evaluation | InputError]:
+    """An analysis of the frames at each place; without places, of those given, or those that it takes."""
     from ..analysis.catalogue import FUNCTIONS
     from ..analysis.window import ends_at_collisions
 
     if not at:
-        return [FUNCTIONS[name](trajectory, None)]
+        return [FUNCTIONS[name](trajectory, frames, **options)]
     by_collisions = ends_at_collisions(trajectory)
     reached = trajectory.observables["collisions_per_disk"] if by_collisions else trajectory.times
-    frames = np.searchsorted(reached, np.array(at) * (1.0 - 1e-12)).clip(max=len(trajectory) - 1)
-    return [FUNCTIONS[name](trajectory, [int(frame)]) for frame in frames]
+    places = np.searchsorted(reached, np.array(at) * (1.0 - 1e-12)).clip(max=len(trajectory) - 1)
+    return [FUNCTIONS[name](trajectory, [int(each)], **options) for each in places]
 
 
 def _outcome(

@@ -66,12 +66,15 @@ def _own_mark(line: str) -> bool:
 
 def window_of(
     row_axis: str, positions: NDArray[np.float64], results: Mapping[int, RunResult], given: float | None,
-    species: Sequence[str] = (),
+    species: Sequence[str] = (), *, steady: bool = False,
 ) -> PointWindow:  # fmt: skip
-    """The window of a point from the rows of its runs, by seed's place; `given` is the start that the study sets."""
+    """The window of a point from the rows of its runs, by seed's place.
+
+    `given` is the start that the study sets; without it only gases that become `steady` have a window.
+    """
     marks = [SAME_RUN] if _alike(results) else []
     windowed = any(WINDOW in one.dims for result in results.values() for one in result.values())
-    if given is None and not windowed:
+    if given is None and not (windowed or steady):
         return PointWindow(marks=marks)
     rows = _rows(results, species)
     known = np.all([np.isfinite(each).all(axis=0) for each in rows.values()], axis=0)

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
 from ..model.state import Disks
-from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, Real, validated
+from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, Positive, Real, validated
 from ..tools.reprs import Brief
 from . import mixtures, sheared_gas
-from .collisions import closed_law
+from .collisions import KineticLaw, closed_law, slip_coefficients
 from .contact import PackingFraction
 from .driven_gas import LINEAR, Driving
 from .mixtures import LawTable, Mixture, MixtureTemperatures
+from .rough_gas import rough_cooling
 
 
 @dataclass(frozen=True, repr=False)
@@ -31,6 +34,8 @@ class Prediction(Brief):
     `observables.measure` has them; shape (steps,)."""
     species: MixtureTemperatures | None = None
     """Temperatures of each species, in the order of `Mixture.of`; None in a sheared gas."""
+    velocities: Literal["gaussian", "sonine"] = "gaussian"
+    """Velocities that the theory takes: Gaussian, or with cumulants (`rough_cooling`)."""
 
     @property
     def theta(self) -> Array:
@@ -49,6 +54,7 @@ def prediction(
     *,
     forces: Iterable[Mapping[str, Any]] = (),
     shear_rate: Real = 0.0,
+    velocities: Literal["gaussian", "sonine", "best"] = "gaussian",
 ) -> Prediction:
     """Return the temperatures of a gas by the applicable kinetic theory.
 
@@ -68,6 +74,9 @@ def prediction(
         [time].
     forces : iterable of mappings
         Forces as a case has them (`driven_gas.Driving.of`).
+    velocities : str
+        Gaussian ones, those of Sonine's expansion to first order (equal rough disks that cool, with constant e_n and
+        beta: `constant_beta`), or "best": these where they are known.
 
     Examples
     --------
@@ -81,6 +90,13 @@ def prediction(
     """
     mixture, _ = Mixture.of(disks, law, packing_fraction)
     forces = list(forces)
+    driven = bool(forces) or shear_rate != 0.0
+    beta = beta_of_cooling(mixture, T0, driven=driven)
+    if velocities == "sonine" and beta is None:
+        text = "is beta of equal rough disks that cool, with constant e_n and beta: a large mu, and no forces"
+        raise InputError(f'velocities = "sonine": {text}')
+    if velocities != "gaussian" and beta is not None:
+        return _by_sonine(mixture, beta, float(np.ravel(T0)[0]), float(np.ravel(T_rot0)[0]), times)
     if shear_rate != 0.0:
         if forces or mixture.species > 1:
             what = "forces" if forces else f"{mixture.species} species"
@@ -105,3 +121,52 @@ def prediction(
         raise InputError(f"forces = {kinds}: kinetic theory knows linear ones only ({', '.join(LINEAR)})")
     found = mixtures.mixture_driven(mixture, known, T0, T_rot0, times)
     return Prediction("driven", *found.mean(mixture), found)
+
+
+STICKS = 100.0
+"""kappa = mu (1 + e_n) / (c sqrt(S)) from which every collision counts as sticking: 1 / (2 kappa^2) of them slide."""
+HOTTEST_SPINS = 10.0
+"""theta up to which that must hold."""
+
+
+@validated
+def constant_beta(law: KineticLaw, k: Positive) -> float | None:
+    """Ratio of the slip at the contact of equal disks after and before, with its sign changed; None if it varies.
+
+    It is constant if e_n is and every collision sticks: with a mu above some 1000. Smooth disks have no constant one here.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> law = IFRLaw(e_n=0.9, e_t=-0.5, mu=1e6, sticking="contact_point")
+    >>> theory.constant_beta(law, 2.0)
+    0.5
+    >>> theory.constant_beta(IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2, sticking="contact_point"), 2.0) is None
+    True
+    """
+    if law.depends_on_speed:
+        return None
+    inverse_a = 1.0 / (1.0 + k)
+    h, c = (float(each) for each in slip_coefficients(law, inverse_a))
+    if c * math.sqrt(1.0 + k * HOTTEST_SPINS) * STICKS > law.mu * (1.0 + law.e_n):
+        return None
+    beta = (h + c) / inverse_a - 1.0
+    return round(beta, 12) if abs(beta) <= 1.0 else None
+
+
+def beta_of_cooling(mixture: Mixture, T0: ArrayLike, *, driven: bool) -> float | None:
+    """`constant_beta` of a gas of which the expansion is known, with the temperatures T0; None of others."""
+    if driven or mixture.species > 1 or not np.all(np.asarray(T0) > 0.0):
+        return None
+    return constant_beta(closed_law("law", mixture.law[0][0]), float(mixture.k[0]))
+
+
+def _by_sonine(
+    mixture: Mixture, beta: float, T0: float, T_rot0: float, times: NonNegativeColumn
+) -> Prediction:
+    """Cooling of the only species of a mixture with the cumulants of its velocities."""
+    law = closed_law("law", mixture.law[0][0])
+    mass, radius, k = (float(each[0]) for each in (mixture.mass, mixture.radius, mixture.k))
+    found = rough_cooling(law.e_n, beta, mass, radius, k, mixture.packing_fraction, T0, T_rot0, times)
+    species = MixtureTemperatures(*(each[:, None] for each in found[:3]))
+    return Prediction("cooling", *found[:3], species, "sonine")

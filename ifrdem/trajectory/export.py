@@ -16,7 +16,7 @@ from ..errors import printable
 from ..quantities import FIELDS
 from ..tools import checked
 from ..tools.files import check_apart, write_aside
-from . import tables
+from . import collisions, tables
 from .damage import FAULTS
 from .history import History
 from .layout import chunk_disks
@@ -26,6 +26,8 @@ from .rows import converted
 from .species import named_species
 
 FORMATS = ("gsd", "extxyz", "csv", "h5")
+TABLES = ("csv", "parquet")
+"""Formats of tables that are no frames."""
 EXTXYZ_NAMES = {"position": "pos", "velocity": "velo"}  # what OVITO calls them
 CONSTANT = ("radius", "mass", "k", "material", "species")  # properties of disks that other formats are given
 TEXTS_AT_ONCE = 1 << 16
@@ -76,6 +78,28 @@ def write_history(history: History, path: Path) -> None:
         found.update(tables.columns(name, value, ends))
     texts = np.column_stack([column.astype(str) for column in found.values()]).tolist()
     write_aside(path, lambda aside: write_csv(aside, found, texts))
+
+
+def export_collisions(trajectory: Trajectory, path: Path, to: str) -> int:
+    """Write the table of collisions of tracked disks (`collisions.table`) as csv or parquet; return their number.
+
+    Raises InputError if the file has no histories, a package is missing, or the table cannot be written.
+    """
+    found = collisions.table(trajectory)
+    check_apart(path, trajectory.path)
+    write_table(path, found, to)
+    return len(found["time"])
+
+
+def write_table(path: Path, columns: dict[str, NDArray[Any]], to: str) -> None:
+    """Write columns, (rows,) each, as csv with every digit, or as parquet; the file appears whole or not at all."""
+    checked.choice("to", to, TABLES)
+    if to == "csv":
+        texts = [each.astype(str).tolist() for each in columns.values()]
+        write_aside(path, lambda aside: write_csv(aside, columns, zip(*texts, strict=True)))
+        return
+    parquet, arrow = (tables.optional_import(name, "export") for name in ("pyarrow.parquet", "pyarrow"))
+    write_aside(path, lambda aside: parquet.write_table(arrow.table(columns), aside))
 
 
 def write_csv(path: Path, names: Iterable[str], rows: Iterable[Iterable[object]]) -> None:

@@ -873,11 +873,15 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         return disk
 
     def to_pandas(
-        self, which: Literal["series", "observables", "frame"] = "series", index: int = -1
+        self, which: Literal["series", "observables", "frame", "collisions"] = "series", index: int = -1
     ) -> pandas.DataFrame:
         """A pandas table: `series` or `observables` by time, or disks of the frame `index` by id; vectors as _x, _y.
 
-        Raises InputError if `which` is another word, there is no such frame, or pandas is not installed.
+        Or `collisions` of the tracked disks, a row each: disks, species, place, relative velocities, impulses, regime,
+        energy by mechanism, free times and paths of both (`trajectory.collisions.table`).
+
+        Raises InputError if `which` is another word, there is no such frame, the file has no histories, or pandas is not
+        installed.
         """
         return tables.to_pandas(self, which, index)
 

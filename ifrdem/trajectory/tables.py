@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, NameMissing, install_extra, shortened, there_are
 from ..quantities import AXES, FIELDS, MECHANISMS, PISTON_SERIES, SERIES
 from ..tools import checked
+from . import collisions
 from .descriptions import unit_of_whole_gas
 from .layout import STATIC, version_of
 from .rows import converted
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from .reader import Series, Trajectory
 
 PER_DISK = "collisions_per_disk"
-WHICH = ("series", "observables", "frame")
+WHICH = ("series", "observables", "frame", "collisions")
 DIVIDED = ("time", "disk")
 """Axes of fields that chunks divide."""
 
@@ -71,6 +72,8 @@ def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFram
     if which == "frame":
         found = frame_columns(trajectory, index)
         return pandas.DataFrame(found, index=pandas.RangeIndex(trajectory.n, name="id"))
+    if which == "collisions":
+        return pandas.DataFrame(collisions.table(trajectory))
     series: Series = getattr(trajectory, which)
     table: dict[str, NDArray[Any]] = {}
     for name in (*series, *series.derived):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..study.results import ENDING, RUNS, SEED, Results, half_interval
+from ..study.results import ENDING, RUNS, SEED, Results, averaged, half_interval
 from ..tools.checked import Array
 from ..tools.intervals import PERCENT
 from .content import numbers
@@ -45,6 +45,7 @@ class StudyPoints:
         self._axes = list(self._results.axes)
         if not self._axes or SEED not in self._results.variables:
             raise InputError(f"{self.path}: no key was varied: there are no points to show")
+        self._means = averaged(self._results)
 
     @property
     def _indices(self) -> list[tuple[int, ...]]:
@@ -88,22 +89,21 @@ class StudyPoints:
         return numbers(values) if values.dtype.kind == "f" else values.tolist()
 
     def _end(self, name: str, kind: str) -> NDArray[np.float64] | None:
-        """A quantity of each point at the last row that is known; None if it has other dimensions.
+        """A quantity of each point: over its steady window, or at the last known row; None if it has other dimensions.
 
         An "error" is half the interval of the mean.
         """
-        one = self._results.variables.get(f"{name}_{kind}")
+        one = self._means.variables.get(f"{name}_{kind}")
         dims = ((*self._axes,), (*self._axes, self._rows))
         if one is None or one.dims not in dims or one.values.dtype.kind not in "iuf":
             return None
-        values = half_interval(self._results, name) if kind == "error" else one.values
+        values = half_interval(self._means, name) if kind == "error" else one.values
         assert values is not None  # its errors are there
         return np.array([_last(values[index]) for index in self._indices])
 
     @property
     def _rows(self) -> str:
-        names = ("collisions_per_disk", "time")
-        return next((name for name in names if name in self._results.variables), "")
+        return self._results.row_axis
 
     def point(self, number: int) -> dict[str, Any]:
         """Curves of a point: means over seeds with bands of their errors, and kinetic theory."""

@@ -8,19 +8,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from support.cases import case_text
 from test_study import CASE
 
 import ifrdem
 from ifrdem.analysis.catalogue import FUNCTIONS
+from ifrdem.analysis.common import mean_errors
 from ifrdem.analysis.motion import of_msd
 from ifrdem.analysis.result import Evaluation, FramesFrom
 from ifrdem.analysis.window import frames_from, steady_frames
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.study.contents import _window, describe
-from ifrdem.study.figure import draw
-from ifrdem.study.results import Results, warnings_of
+from ifrdem.study.figure import WINDOW_START, draw
+from ifrdem.study.results import Results, averaged, half_interval, warnings_of
 from ifrdem.study.task import Task, Variable
 from ifrdem.study.windows import SAME_RUN, window_of
 from ifrdem.tools import versions
@@ -106,9 +108,6 @@ def test_a_start_that_is_given_wins_and_must_lie_in_the_run(tmp_path):
     assert found.values("analyses_from") == 1.5
     (tmp_path / "study.toml").write_text(text.format(2.0))
     with pytest.raises(InputError, match=r"analyses_from = 2: must be"):
-        ifrdem.Study(tmp_path / "study.toml")
-    (tmp_path / "study.toml").write_text(text.format(3.0).replace('["stress"]', '["velocity"]'))
-    with pytest.raises(InputError, match=r"analyses_from = 3: requires an analysis over time: msd, "):
         ifrdem.Study(tmp_path / "study.toml")
 
 
@@ -234,11 +233,80 @@ def test_series_are_averaged_from_a_place_on(sheared, capsys):
     printed = describe(sheared.output, 12.0)
     row = next(line for line in printed.splitlines() if line.split()[:1] == ["temperature"])
     assert [float(each) for each in row.split()[1:5]] == pytest.approx(expected, rel=1e-4)
-    assert "series from 12 on" in printed
+    assert "series are means from time = 12 on" in printed
     assert cli.main(["info", str(sheared.output), "--from", "21"]) == 2
     assert "--from 21: must be at most 20, the last row of time" in capsys.readouterr().err
     assert cli.main(["plot", str(sheared.output), "stress_N_1", "--from", "3"]) == 2
     assert "stress_N_1 is no series" in capsys.readouterr().err
+
+
+def test_series_of_a_driven_gas_are_means_over_the_steady_window(sheared):
+    """Tables and pictures had the last row, whose error is that of a single row."""
+    results = sheared.results()
+    rows = results.values("time") >= 10.0  # the window, as above
+    found = averaged(results)
+    T = results.values("temperature")[:, rows]
+    assert found.values("temperature") == pytest.approx(T.mean(axis=1))
+    error, n_eff = mean_errors(T.T)
+    assert found.values("temperature_run_error") == pytest.approx(error)
+    assert found.values("temperature_n_eff") == pytest.approx(n_eff)
+    assert found.values("series_from") == 10.0
+    # Rows of the stress are means since the row before: without the one that ends where the window begins.
+    assert found.values("stress") == pytest.approx(
+        results.values("stress")[:, results.values("time") >= 10.0].mean(axis=1)
+    )
+    # What adds up has its value at the end.
+    assert np.array_equal(found.values("dissipated_energy"), results.values("dissipated_energy")[:, -1])
+    printed = describe(sheared.output)
+    row = next(line for line in printed.splitlines() if line.split()[:1] == ["temperature"]).split()
+    assert float(row[1]) == pytest.approx(T.mean(), rel=1e-4)
+    assert float(row[5]) == pytest.approx(n_eff.mean(), rel=1e-2)
+    assert "series are means from time = 10 on" in printed
+    assert "stress xy" in printed
+    (axes,) = draw(results, "T").axes
+    (begin,) = [line for line in axes.lines if line.get_gid() == WINDOW_START]
+    assert begin.get_xdata()[0] == 10.0
+    data = sheared.means(12.0)
+    assert float(data.temperature_mean) == pytest.approx(
+        results.values("temperature")[:, results.values("time") >= 12.0].mean()
+    )
+
+
+def synthetic(T: np.ndarray, drive: float = 1.0) -> Results:
+    """Results of one point from rows of T (seeds, rows), through the choice of its window."""
+    seeds, rows = T.shape
+    places = np.arange(float(rows))
+    runs = {i: {"temperature": Variable(("time",), T[i])} for i in range(seeds)}
+    window = window_of("time", places, runs, None, steady=drive > 0.0)
+    n_eff = np.array([[window.effective[i] for i in range(seeds)]])
+    variables = {
+        "e_n": Variable(("e_n",), np.array([0.9])), "seed": Variable(("seed",), np.arange(seeds)),
+        "time": Variable(("time",), places), "temperature": Variable(("e_n", "seed", "time"), T[None]),
+        "temperature_mean": Variable(("e_n", "time"), T.mean(axis=0)[None]),
+        "analyses_from": Variable(("e_n",), np.array([window.start])), "temperature_n_eff": Variable(("e_n", "seed"), n_eff),
+    }  # fmt: skip
+    return Results(variables, {"axes": '{"e_n": ["e_n"]}', "keys": "{}"})
+
+
+@pytest.mark.parametrize(
+    ("seeds", "rho", "amplitude"), [(1, 0.8, 0.0), (1, 0.8, 20.0), (4, 0.8, 20.0), (4, 0.95, 20.0)]
+)
+def test_intervals_of_means_over_the_window_hold_the_truth(seeds, rho, amplitude):
+    """Noise of correlation rho^lag with a transient of a twentieth of the run: the truth is 0.
+
+    Means over all rows hold it in none of the trials with a transient, and an interval by n_eff = rows in a third.
+    """
+    rng, rows, trials = np.random.default_rng(1), 200, 100
+    held = 0
+    for _ in range(trials):
+        noise = rng.normal(size=(seeds, rows)) * np.sqrt(1.0 - rho**2)
+        noise[:, 0] /= np.sqrt(1.0 - rho**2)
+        T = lfilter([1.0], [1.0, -rho], noise, axis=1) + amplitude * np.exp(-np.arange(rows) / (0.05 * rows))
+        found = averaged(synthetic(T))
+        half = half_interval(found, "temperature")
+        assert half is not None
+        held += abs(found.values("temperature_mean")[0]) < half[0]
+    assert held >= 0.88 * trials  # of 95 %: 3.2 standard deviations of their number
 
 
 def test_results_of_older_versions_are_read_still(sheared, tmp_path):

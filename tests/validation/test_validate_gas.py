@@ -278,29 +278,6 @@ def test_the_layer_at_walls_is_that_of_the_exact_profile_in_a_dilute_gas() -> No
     assert equilibrium.wall_pressure(n, side, 1.0) < equilibrium.wall_pressure(n, side, 0.0)
 
 
-def test_the_expansion_of_rough_disks_has_the_smooth_and_the_perfectly_rough_ones() -> None:
-    """Smooth: a_20 by van Noije and Ernst. alpha = beta = 1: equipartition, no cumulants.
-
-    Gaussians: J of Luding et al., x by -(1 - alpha^2)/4 and what friction does, in `theory.rough_rates`.
-    """
-    from ifrdem.validation.gas import rough
-
-    for alpha in (0.6, 0.8, 0.95):
-        J = rough.changes(alpha, -1.0, 1.0)
-        a_20 = (4.0 * J[0, 0] - J[2, 0]) / (J[2, 1] - 4.0 * J[0, 1] - 4.0 * J[0, 0])
-        assert a_20 == pytest.approx(theory.cooling_sonine(alpha), rel=1e-10)
-    a, balance = rough.cumulants(1.0, 1.0, 1.0)
-    np.testing.assert_allclose(a, 0.0, atol=1e-12)
-    assert balance == pytest.approx(0.0, abs=1e-12)
-    # The ratio of Gaussians, which another module has in closed form.
-    for alpha, beta in rough.PAIRS:
-        law = rough.law_of(alpha, beta)
-        found = theory.cooling_ratio(law, 2.0, 1.0)
-        J = rough.changes(alpha, beta, found)
-        assert J[0, 0] == pytest.approx(2.0 * J[1, 0], rel=1e-6)
-        assert rough.sonine(alpha, beta).theta == pytest.approx(found, rel=0.1)
-
-
 def test_cumulants_change_the_relaxation_of_perfectly_rough_disks_only_once_there_are_some() -> None:
     """At the start all is Gaussian and the rate 3 k / (1 + k)^2 = 2/3 exact; cumulants change tau^2 and beyond."""
     tau = np.array([0.0, 1e-3, 1e-2, 1.0])

@@ -27,10 +27,10 @@ from ... import theory
 from ...model.laws.ifr import IFRLaw
 from ...simulation.dsmc import DSMC
 from ...theory.collisions import collision_rate
+from ...theory.rough_gas import losses
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .rough import changes
 from .sample import Mean, compare, fluid, sampled_run, seeds_of, thermal
 
 QUESTION = (
@@ -64,7 +64,7 @@ def relaxed(tau: Array) -> Array:
     def slope(_: float, M: Array) -> Array:
         size = units(M)
         a = M / (gaussian * size) - 1.0
-        J = changes(1.0, 1.0, size[1] / size[0]) @ [1.0, *a[2:]]
+        J = -losses(1.0, 1.0, size[1] / size[0], 2.0) @ [1.0, *a[2:]]
         return np.asarray(size * J / float(theory.collision_factor(a[2])))
 
     begin = gaussian * units(gaussian * [T, T_ROT, 0.0, 0.0, 0.0])
