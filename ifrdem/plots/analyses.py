@@ -606,7 +606,7 @@ def histograms(*given: Any) -> None:
     for i, (pair, found) in enumerate(evaluation.result.items()):
         for axes, name in zip(panels, TITLES, strict=True):
             if name in found:
-                style = OPEN | {"color": KINDS[i % 8], "marker": MARKERS[i % 8], "ms": 4, "lw": 0.8}
+                style = marks(KINDS[i % len(KINDS)], ms=4, lw=0.8)
                 distribution(axes, found[name], label=pair, **style)
     for axes, name in zip(panels, TITLES, strict=True):
         axes.set_title(TITLES[name], fontsize="medium")

@@ -293,9 +293,6 @@ def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
         Simulation(equal_disks(1), Box((2.9, 10.0)), SMOOTH, state)
 
 
-<<<<<<< HEAD
-@pytest.mark.parametrize("ledger", [pytest.param(False, marks=pytest.mark.full), True])
-=======
 def test_disks_are_listed_anew_in_the_order_of_their_lists(monkeypatch: pytest.MonkeyPatch) -> None:
     """By tiles, then by the tiles that listed them, then as there; blocks of few disks do not change that."""
     disks = equal_disks(2000)
@@ -318,8 +315,7 @@ def test_disks_are_listed_anew_in_the_order_of_their_lists(monkeypatch: pytest.M
         np.testing.assert_array_equal(arrays.values(name)[rows], held[name][order])
 
 
-@pytest.mark.parametrize("ledger", [False, True])
->>>>>>> large
+@pytest.mark.parametrize("ledger", [pytest.param(False, marks=pytest.mark.full), True])
 def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     """In addition there is the scratch space of the tiles that run at the same time, which does not grow with n."""
     disks = equal_disks(60_000)
