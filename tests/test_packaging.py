@@ -64,6 +64,7 @@ def clone(tmp_path_factory) -> tuple[Path, str]:
     git(source, "init", "--quiet")
     git(source, "add", "--all")
     git(source, "-c", "user.name=test", "-c", "user.email=test", "commit", "--quiet", "-m", "test")
+    git(source, "-c", "user.name=test", "-c", "user.email=test", "tag", "-a", "v9.9.9", "-m", "test")
     return source, git(source, "rev-parse", "HEAD")
 
 

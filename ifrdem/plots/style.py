@@ -49,8 +49,10 @@ HATCH = "////"
 
 
 def marks(color: str, **more: Any) -> dict[str, Any]:
-    """Markers of a series, by its colour: hollow ones show a curve below; `more` goes before."""
+    """Markers of a series, by its colour: hollow ones show a curve below, filled ones are smaller; `more` goes before."""
     marker, filled, _ = LOOKS[color]
+    if filled and "ms" in more:
+        more["ms"] *= 0.8
     return {"color": color, "marker": marker, "mfc": color if filled else "none", "ls": "none", **more}
 
 
@@ -61,7 +63,7 @@ def dashes(color: str, **more: Any) -> dict[str, Any]:
 
 def marked_line(color: str, **more: Any) -> dict[str, Any]:
     """Line and markers of a series, by its colour."""
-    return marks(color) | dashes(color, **more)
+    return marks(color, **more) | dashes(color, **({"ls": more["ls"]} if "ls" in more else {}))
 
 
 def some_marks(color: str, place: int, **more: Any) -> dict[str, Any]:

@@ -63,18 +63,9 @@ def revision() -> str:
         return stored if stored and "$" not in stored else UNKNOWN
     import subprocess
 
-    # A clone of another user, as in containers, is read, too.
-    command = [
-        "git",
-        "-c",
-        "safe.directory=*",
-        "-C",
-        str(ROOT),
-        "describe",
-        "--always",
-        "--dirty",
-        "--abbrev=40",
-    ]
+    # A clone of another user, as in containers, is read, too; a tag does not take the place of the commit.
+    git = ["git", "-c", "safe.directory=*", "-C", str(ROOT)]
+    command = [*git, "describe", "--always", "--dirty", "--abbrev=40", "--exclude", "*"]
     try:
         found = subprocess.run(command, capture_output=True, text=True, timeout=10.0, check=True)
     except (OSError, subprocess.SubprocessError):
