@@ -51,6 +51,7 @@ def ran(suite: pytest.Pytester, *options: str) -> list[str]:
         ((), DEFAULT),
         (("--full",), DEFAULT | DEAR),
         (("--full", "-m", "full"), (DEFAULT | DEAR) - {"test_plain"}),
+        (("--full", "--rest"), DEAR),
         (("test_some.py",), DEFAULT | DEAR),
         (("test_some.py::test_dear",), {"test_dear"}),
         (("test_some.py::test_named[blue]",), {"test_named[blue]"}),

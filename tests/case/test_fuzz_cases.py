@@ -6,6 +6,7 @@ Shipped cases, templates and random cases (`ifrdem.validation.gas.cases`) are mu
 from __future__ import annotations
 
 import copy
+import functools
 import io
 import json
 import resource
@@ -51,11 +52,12 @@ VALUES = (
 )  # fmt: skip
 
 
+@functools.cache
 def sources() -> list[str]:
-    """Texts of all shipped cases and templates, and of random cases."""
+    """Texts of all shipped cases and templates, and of random cases; the shortest first."""
     texts = [(shipped.FOLDER / f"{name}.toml").read_text(encoding="utf-8") for name in shipped.names()]
     texts += [text_of(case) for _, case, _ in cases(0, 40, 0)]
-    return texts + [template.write(kind) for kind in template.TEMPLATES]
+    return sorted(texts + [template.write(kind) for kind in template.TEMPLATES], key=len)
 
 
 def leaves(value: Any) -> Iterator[tuple[Any, Any]]:
@@ -78,14 +80,11 @@ def odd(dice: Dice) -> Any:
     )  # fmt: skip
 
 
-TEXTS_OF_CASES = sorted(sources(), key=len)
-
-
 @st.composite
 def mutants(draw: Any) -> tuple[str, list[str]]:
     """Cases and the settings of the command line."""
     dice = Dice(draw)
-    text = dice.choice(TEXTS_OF_CASES)
+    text = dice.choice(sources())
     raw = copy.deepcopy(tomllib.loads(text))
     for _ in range(dice.choice((0, 1, 1, 1, 2, 3))):
         places = list(leaves(raw))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -105,6 +106,22 @@ def test_collisions_of_a_mixture_are_those_of_a_serial_code(order: str) -> None:
     disks, box, state, reference = expected("mixture", 0.25, 0.7, 3.7, COIN, 600)
     engine = made(disks, box, state, COIN, order)
     assert_same_collisions(run(engine, 600), reference.collisions)
+
+
+def test_a_gas_from_a_checkpoint_goes_on_with_the_work_of_the_flow(tmp_path: Path) -> None:
+    """It counts from the first state on, not from the one in the file; both have other energies in frames of rows."""
+    disks = equal_disks(300)
+    box, state = sheared(disks, 0.3, 0.5)
+    gas = Simulation(disks, box, IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), state)
+    gas.run(t_end=0.6)
+    gas.save_checkpoint(tmp_path / "a.h5")
+    again = Simulation.from_checkpoint(tmp_path / "a.h5")
+    for each in (gas, again):
+        each.run(t_end=1.2)
+    assert gas.collisions > 100
+    np.testing.assert_array_equal(again.state.position, gas.state.position)
+    np.testing.assert_array_equal(again.state.velocity, gas.state.velocity)
+    assert again._engine.flow_work == gas._engine.flow_work != 0.0
 
 
 def test_a_halo_is_too_narrow_if_the_flow_brings_disks_past_it(monkeypatch: pytest.MonkeyPatch) -> None:

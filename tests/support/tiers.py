@@ -18,6 +18,7 @@ RESTARTS = re.compile("thread|precision|f32|profiled?_")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--full", action="store_true", help="run tests marked `full` too")
+    parser.addoption("--rest", action="store_true", help="run only what a run without `--full` leaves out")
     parser.addoption(
         "--budget", type=float, metavar="SECONDS",
         help="fail if all tests take more CPU time, or one test more than a twentieth of it",
@@ -68,9 +69,11 @@ def beyond(items: list[pytest.Item]) -> Iterator[pytest.Item]:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what needs `--full`, unless the command names its file; begin with the files that take longest."""
-    if not config.getoption("--full"):
+    if config.getoption("--rest") or not config.getoption("--full"):
         named = {Path(word.split("::")[0]).resolve() for word in config.args if ".py" in word}
         out = set(beyond([item for item in items if item.path not in named]))
+        if config.getoption("--rest"):
+            out = set(items) - out
         config.hook.pytest_deselected(items=[item for item in items if item in out])
         items[:] = [item for item in items if item not in out]
     table, costs = costs_of(config), dict[str, float]()
