@@ -281,7 +281,7 @@ CANDIDATE = Columns(
 )
 BUNCH = Columns(
     count="lines in it", next="next bunch of the cell, or -1", radius="bits (f32) of the largest radius of its lines"
-)
+)  # fmt: skip
 # The scratch space of a block of a GPU (`windows/blocks.py`), by types of numbers.
 BLOCK_INTEGERS = Columns(
     event_info=("of disks", EVENT_INFO),
