@@ -290,10 +290,8 @@ CANDIDATE = Columns(
     slot="slot", cell="cell", own_rank="as in `event_info`", step="step of `tiles.gather_tile`"
 )
 BUNCH = Columns(
-    count="lines in it",
-    next="next bunch of the cell, or -1",
-    radius="bits (f32) of the largest radius of its lines",
-)
+    count="lines in it", next="next bunch of the cell, or -1", radius="bits (f32) of the largest radius of its lines"
+)  # fmt: skip
 # The scratch space of a block of a GPU (`windows/blocks.py`), by types of numbers.
 BLOCK_INTEGERS = Columns(
     event_info=("of disks", EVENT_INFO),

@@ -21,7 +21,7 @@ PLACES = 1 << PLACE_BITS  # of a bunch
 NUMBERS = 4  # of a line: x, y, way along x and y; bunch by bunch, and there number by number
 NO_BUNCH = -1
 ERROR = 16.0 * 2.0**-24
-FARTHEST = 1.0e12  # sum of magnitudes of a line beyond which squares might overflow: it passes all tests
+FARTHEST = 1.0e8  # sum of magnitudes of a line beyond which c^2 might overflow: it passes all tests
 SLOWEST = 1.0e-30  # square of a way, below which products are no longer exact: it is taken to be so large
 
 
