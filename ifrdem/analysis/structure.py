@@ -191,12 +191,16 @@ def _count_pairs(
         if frames == 0:
             side = int(np.clip(np.sqrt(len(points) / DISKS_OF_CELL), *CELLS))
             by_cell, centres = np.zeros((side**2, bins)), np.zeros(side**2)
-        where = np.empty(len(points), dtype=np.int32)
+        where, numbers = np.empty(len(points), dtype=np.int16), np.zeros(side**2 + 1, dtype=np.intp)
         for some in common.blocks(len(points)):
-            where[some] = _cells_of_centres(points[some], box, r_max, when, side)
+            own_cells = _cells_of_centres(points[some], box, r_max, when, side)
+            where[some] = own_cells
+            numbers += np.bincount(own_cells + 1, minlength=side**2 + 1)
         aims = points if second is None else second
         for row in range(side):  # a tree of all disks would need much memory
-            own_cells = np.unique(where[(where >= 0) & (where % side == row)])
+            own_cells = np.array(
+                [cell for cell in range(row, side**2, side) if numbers[cell + 1]], dtype=np.intp
+            )
             near = _near_row(aims, box, r_max, when, row, side) if len(own_cells) else np.zeros(0, dtype=bool)
             aim = freud_frame(aims[near], box, r_max, when, "g(r)") if near.any() else None
             query = None if aim is None else freud.locality.AABBQuery(aim.box, aim.points)
@@ -211,7 +215,7 @@ def _count_pairs(
                     counts[0] -= len(own)  # each found itself
                 by_cell[cell] += counts
         partners = len(points) - 1 if second is None else len(second)
-        ideal += np.count_nonzero(where >= 0) * partners / box.area * rings
+        ideal += numbers[1:].sum() * partners / box.area * rings
         frames += 1
     if frames == 0:
         names = "position" if others is None else "position or others"
