@@ -93,9 +93,7 @@ def prediction(
     driven = bool(forces) or shear_rate != 0.0
     beta = beta_of_cooling(mixture, T0, driven=driven)
     if velocities == "sonine" and beta is None:
-        text = (
-            "is beta of equal rough disks that cool, with constant e_n and beta: a large mu, and no forces"
-        )
+        text = "is beta of equal rough disks that cool, with constant e_n and beta: a large mu, and no forces"
         raise InputError(f'velocities = "sonine": {text}')
     if velocities != "gaussian" and beta is not None:
         return _by_sonine(mixture, beta, float(np.ravel(T0)[0]), float(np.ravel(T_rot0)[0]), times)

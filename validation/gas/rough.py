@@ -45,7 +45,10 @@ def run(quick: bool, seed: int) -> Result:
     fine = np.linspace(-0.1, 0.95, 8 if quick else 22)
     lines = [theory.rough_sonine(PAIRS[0][0], beta) for beta in fine]
     for one, name, of in zip(
-        axes, (r"$\theta = T_\mathrm{rot}/T$", r"$a_{20}$", r"$a_{02}$"), theory.RoughSonine._fields[:3], strict=True
+        axes,
+        (r"$\theta = T_\mathrm{rot}/T$", r"$a_{20}$", r"$a_{02}$"),
+        theory.RoughSonine._fields[:3],
+        strict=True,
     ):
         one.plot(
             fine,
