@@ -17,7 +17,7 @@ import ifrdem
 from ifrdem.analysis.result import Evaluation
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.study.contents import Line, _against_theory, describe
+from ifrdem.study.contents import PointMean, _against_theory, describe
 from ifrdem.study.figure import draw
 from ifrdem.study.results import Results
 from ifrdem.study.task import Task, Variable
@@ -157,7 +157,7 @@ def test_chi_square_of_few_seeds_has_its_distribution():
     for _ in range(300):
         x = rng.normal(size=(7, 3))
         lines = [
-            Line("x", (), float(one.mean()), float(one.std(ddof=1) / 3**0.5), 0.0, 3, np.nan, 0.0, "")
+            PointMean("x", (), float(one.mean()), float(one.std(ddof=1) / 3**0.5), 0.0, 3, np.nan, 0.0, "")
             for one in x
         ]
         text = list(_against_theory(lines))[1]
