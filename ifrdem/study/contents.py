@@ -44,7 +44,7 @@ PARTS = (*AXES, "species")
 """Dimensions of a quantity that several numbers make up."""
 
 
-class Line(NamedTuple):
+class PointMean(NamedTuple):
     """A number of a point: its mean over seeds."""
 
     quantity: str
@@ -104,7 +104,7 @@ def _wrapped(text: str) -> str:
     return textwrap.fill(text, 110, initial_indent="  ", subsequent_indent="    ")
 
 
-def _nothing(lines: Sequence[Line]) -> list[str]:
+def _nothing(lines: Sequence[PointMean]) -> list[str]:
     """Names of quantities that are 0 at all points, such as the work of walls without walls."""
     zeros: dict[str, bool] = {}
     for line in lines:
@@ -112,7 +112,7 @@ def _nothing(lines: Sequence[Line]) -> list[str]:
     return [name for name, each in zeros.items() if each]
 
 
-def _against_theory(lines: Sequence[Line], velocities: str = "") -> Iterator[str]:
+def _against_theory(lines: Sequence[PointMean], velocities: str = "") -> Iterator[str]:
     """Lines on the sum of squares of what means are off kinetic theory, in standard errors, of each quantity.
 
     p is the probability of that much by chance. Student's t of each point becomes the Gaussian number z of the same
@@ -121,7 +121,7 @@ def _against_theory(lines: Sequence[Line], velocities: str = "") -> Iterator[str
     """
     from scipy.special import chdtrc, ndtri, stdtr
 
-    of_quantity: dict[str, list[Line]] = {}
+    of_quantity: dict[str, list[PointMean]] = {}
     for line in lines:
         if np.isfinite(line.theory) and line.error > 0.0:
             of_quantity.setdefault(line.quantity, []).append(line)
@@ -221,7 +221,7 @@ def _range(values: NDArray[np.float64]) -> str:
     return TO.join(dict.fromkeys(f"{one:.3g}" for one in (np.nanmin(values), np.nanmax(values))))
 
 
-def _lines(results: Results, name: str, *, asked: bool) -> Iterator[Line]:
+def _lines(results: Results, name: str, *, asked: bool) -> Iterator[PointMean]:
     """Lines of a quantity, with one for each of its parts; none if it has other dimensions, or adds up and has parts."""
     axes, each = [*results.axes], results.variables.get(name)
     mean, error = (results.variables.get(f"{name}_{kind}") for kind in ("mean", "error"))
@@ -260,14 +260,14 @@ def _lines(results: Results, name: str, *, asked: bool) -> Iterator[Line]:
             for i, names in zip(point, results.axes.values(), strict=True)
             for key in names
         ]
-        yield Line(
+        yield PointMean(
             " ".join((name, *labels)), tuple(keys), number(mean.values), number(error.values), number(half),
             int(finite.sum()), float(np.mean(of_runs)),
             number(None if theory is None or theory.dims != mean.dims else theory.values), mean.unit,
         )  # fmt: skip
 
 
-def _printed(keys: Sequence[str], lines: Sequence[Line], *, intervals: bool) -> Iterator[str]:
+def _printed(keys: Sequence[str], lines: Sequence[PointMean], *, intervals: bool) -> Iterator[str]:
     """The table in columns; of n_eff and theory only if a line has some."""
     of_windows, of_theory = (
         any(np.isfinite(getattr(line, name)) for line in lines) for name in ("n_eff", "theory")
@@ -293,7 +293,7 @@ def _or_dash(value: float, form: str) -> str:
     return f"{value:{form}}" if np.isfinite(value) else "-"
 
 
-def _csv(keys: Sequence[str], lines: Iterable[Line]) -> str:
+def _csv(keys: Sequence[str], lines: Iterable[PointMean]) -> str:
     """The table with every digit, nothing where there is no number."""
     held = io.StringIO()
     writer = csv.writer(held, lineterminator="\n")

@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import rc_context
+from matplotlib.figure import Figure
 from test_objects import write_cooling
 
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.plots import pictures
+from ifrdem.plots.style import grid, legend_above, part_from_legends
 from ifrdem.study.figure import draw
 from ifrdem.study.results import Results
 from ifrdem.study.task import Variable
@@ -93,6 +95,21 @@ def test_a_figure_of_seven_inches_has_room_for_its_labels(path: Path) -> None:
     assert {axes.yaxis.label.get_size() for axes in figure.axes} == {11.0}
 
 
+def test_a_power_of_ten_at_the_corner_does_not_touch_the_legend() -> None:
+    figure = Figure((2.6, 2.2), layout="constrained")
+    axes = figure.subplots()
+    for name in ("$T_x$", "$T_y$", "$T_r$"):
+        axes.plot([0.0, 1.0], [0.0, 3e-4], "o-", label=name)
+    grid(axes)
+    legend_above(axes, 3)
+    figure.draw_without_rendering()
+    offset, legend = axes.yaxis.get_offset_text(), axes.get_legend()
+    assert offset.get_window_extent().overlaps(legend.get_window_extent())
+    part_from_legends(figure, [axes])
+    figure.draw_without_rendering()
+    assert not offset.get_window_extent().overlaps(legend.get_window_extent())
+
+
 def test_panels_of_studies_keep_their_shape_in_narrower_figures() -> None:
     rows = np.arange(5.0)
     values = 1e-4 * (1.0 + rows * np.ones((3, 2, 1, 5)))
@@ -110,7 +127,7 @@ def test_panels_of_studies_keep_their_shape_in_narrower_figures() -> None:
     figure = draw(results, "x", by="mu", size=(7.0,))
     assert overlaps(figure) == []
     box = figure.axes[0].get_window_extent()
-    assert box.height > 0.5 * box.width  # a quarter before
+    assert box.height > 0.8 * box.width  # half of it before, and less with a legend
     figure = draw(results, "x", by="mu", shown=[3], xlim=(1.0, 3.0))
     (axes,) = [axes for axes in figure.axes if axes.get_visible()]
     assert axes.get_title() == "$e_n$ = 0.9"

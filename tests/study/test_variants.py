@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas
@@ -12,12 +14,13 @@ from support.manual import block
 from test_study import CASE
 
 import ifrdem
+from ifrdem.analysis.result import Evaluation
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.study.contents import Line, _against_theory, describe
+from ifrdem.study.contents import PointMean, _against_theory, describe
 from ifrdem.study.figure import draw
 from ifrdem.study.results import Results
-from ifrdem.study.task import Variable
+from ifrdem.study.task import Task, Variable
 
 STUDY = """
 case = "gas.toml"
@@ -154,7 +157,7 @@ def test_chi_square_of_few_seeds_has_its_distribution():
     for _ in range(300):
         x = rng.normal(size=(7, 3))
         lines = [
-            Line("x", (), float(one.mean()), float(one.std(ddof=1) / 3**0.5), 0.0, 3, np.nan, 0.0, "")
+            PointMean("x", (), float(one.mean()), float(one.std(ddof=1) / 3**0.5), 0.0, 3, np.nan, 0.0, "")
             for one in x
         ]
         text = list(_against_theory(lines))[1]
@@ -210,3 +213,28 @@ def test_a_study_is_exported_with_a_line_for_each_run(study, tmp_path, capsys):
     capsys.readouterr()
     assert cli.main(["export", str(study.output), "--to", "gsd"]) == 2
     assert "--to gsd: the results of a study are exported to csv, parquet" in capsys.readouterr().err
+
+
+def test_frames_of_an_analysis_replace_its_window(monkeypatch):
+    """Of the options the frames go to the function in place of the steady window, and others by their names."""
+
+    class Frames(SimpleNamespace):
+        def __len__(self) -> int:
+            return 6
+
+    seen = {}
+
+    def analysis(name: str) -> Callable[..., Evaluation]:
+        def found(trajectory: Frames, frames: list[int], **options: object) -> Evaluation:
+            seen[name] = (frames, options)
+            return Evaluation(None, [], {}, [], (0.0, 1.0))
+
+        return found
+
+    options = {"profiles": {"frames": "2:4", "bins": 3}, "velocity": {"frames": "-1:"}}
+    names = ("profiles", "velocity", "stress")
+    task = Task("key", (0,), "", "", (), "", names, (), None, trajectory=False, weight=1.0, options=options)
+    monkeypatch.setattr("ifrdem.analysis.window.has_window", lambda trajectory: False)
+    monkeypatch.setattr("ifrdem.analysis.catalogue.FUNCTIONS", {name: analysis(name) for name in names})
+    task._analysed(Frames(path=Path("run.h5")))
+    assert seen == {"profiles": ([2, 3], {"bins": 3}), "velocity": ([5], {}), "stress": (None, {})}

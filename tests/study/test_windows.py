@@ -26,6 +26,7 @@ from ifrdem.study.results import Results, averaged, half_interval, warnings_of
 from ifrdem.study.task import Task, Variable
 from ifrdem.study.windows import SAME_RUN, window_of
 from ifrdem.tools import versions
+from ifrdem.tools.intervals import student_t
 
 SHEARED = case_text({
     "material[0].e_n": 0.8, "run.collisions_per_disk": None, "run.t_end": 20.0, "box.shear_rate": 1.0,
@@ -289,7 +290,7 @@ def synthetic(T: np.ndarray, drive: float = 1.0) -> Results:
 
 
 @pytest.mark.parametrize(
-    ("seeds", "rho", "amplitude"), [(1, 0.8, 0.0), (1, 0.8, 20.0), (4, 0.8, 20.0), (4, 0.95, 20.0)]
+    ("seeds", "rho", "amplitude"), [(1, 0.8, 0.0), (1, 0.95, 20.0), (4, 0.8, 20.0), (4, 0.95, 20.0)]
 )
 def test_intervals_of_means_over_the_window_hold_the_truth(seeds, rho, amplitude):
     """Noise of correlation rho^lag with a transient of a twentieth of the run: the truth is 0.
@@ -305,6 +306,9 @@ def test_intervals_of_means_over_the_window_hold_the_truth(seeds, rho, amplitude
         found = averaged(synthetic(T))
         half = half_interval(found, "temperature")
         assert half is not None
+        if seeds == 1:
+            error, n_eff = (found.values(f"temperature_{name}")[0, 0] for name in ("run_error", "n_eff"))
+            assert half[0] == pytest.approx(student_t(n_eff) * error)
         held += abs(found.values("temperature_mean")[0]) < half[0]
     assert held >= 0.88 * trials  # of 95 %: 3.2 standard deviations of their number
 

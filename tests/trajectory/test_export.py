@@ -281,7 +281,7 @@ def test_the_command_writes_next_to_the_trajectory_and_keeps_existing_files(thre
         (["--to", "extxyz"], "exists already; --force replaces it"),
         (
             ["--to", "extzyx"],
-            "--to extzyx: must be one of 'gsd', 'extxyz', 'csv', 'h5' (did you mean 'extxyz'?)",
+            "--to extzyx: must be one of 'gsd', 'extxyz', 'csv', 'h5', 'parquet' (did you mean 'extxyz'?)",
         ),
         (["--to", "csv", "--frames", "9"], "names none of the 6 frames"),
         (["--to", "csv", "-o", str(three_frames)], "is the trajectory itself"),

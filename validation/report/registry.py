@@ -54,7 +54,7 @@ ROUND_OFF = (
 SECONDS = {
     "gas_state": (260.0, 9.0), "gas_elastic": (100.0, 26.0), "gas_haff": (220.0, 26.0), "gas_cooling": (330.0, 58.0),
     "gas_stress": (450.0, 60.0), "gas_profiles": (200.0, 45.0), "gas_equilibrium": (260.0, 20.0),
-    "gas_rough": (100.0, 21.0),
+    "gas_rough": (124.0, 21.0),
     "gas_driven": (150.0, 56.0), "gas_piston": (180.0, 26.0), "gas_collapse": (5.0, 5.0), "gas_clusters": (180.0, 13.0),
     "gas_shaken": (250.0, 45.0), "gas_hopper": (300.0, 90.0), "gas_laws": (115.0, 40.0),
     "gas_species": (60.0, 15.0), "gas_cases": (500.0, 20.0),
