@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,7 @@ _NU = 4.0  # degrees of freedom of the Student-t noise
 _SHORT = 12  # frames of a flight that are always enough
 _RESTS = 10.0  # errors by which a disk that moves would have left its place
 _SLOW = 4.0  # errors of a velocity that may be none
+_EXACT_ANGLE = 1e-6  # error of angles that do not scatter [rad]
 _WRONG_SIZE = 0.05  # of the distance at impacts from the sum of the radii
 
 
@@ -255,7 +256,6 @@ class _Rest:
     certain: tuple[bool, bool]
     perhaps: tuple[bool, bool]
     frames: int  # next to the impact, in which it rests; 0 if it moves
-
     slow: tuple[float, float]  # error of a velocity and a spin, from straight flights through these frames
 
 
@@ -416,7 +416,7 @@ class _Finder:
             how = option_name("--noise", "error")
             text = f"{how}: must be given, as the positions do not scatter about the flights"
             raise InputError(f"{tracks.source}: {text}")
-        return found
+        return replace(found, angle=max(found.angle, _EXACT_ANGLE)) if math.isfinite(found.angle) else found
 
     def _encounters(self, walls: Sequence[Wall]) -> list[_Encounter]:
         """Minima of the distance that are near contact."""

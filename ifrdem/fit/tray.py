@@ -302,7 +302,8 @@ class _Fit:
                     z[name] = _KEEP * math.sqrt(square / _TILT_KEEP)
                     tested.setdefault("tilt", float(chdtrc(2, square)))
                     continue
-                z[name] = abs(getattr(tray, name)) / math.sqrt(end.covariance[i, i])
+                variance = float(end.covariance[i, i])  # 0 of a constant that no flight determines
+                z[name] = abs(getattr(tray, name)) / math.sqrt(variance) if variance > 0.0 else 0.0
                 tested.setdefault(name, float(chdtrc(1, z[name] ** 2)))
                 if getattr(tray, name) < 0.0 and z[name] < _NEGATIVE:
                     z[name] = 0.0

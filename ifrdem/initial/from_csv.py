@@ -17,7 +17,7 @@ from ..model.box import Box
 from ..model.walls.wall import Wall, at_displacements
 from ..mpi import current
 from ..quantities import FIELDS
-from ..tools import tables
+from ..tools import tables, text_file
 from ..tools.checked import Array
 from ..tools.tables import TableFormat
 
@@ -74,6 +74,7 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
     There must be `n` disks, in the `box` (lower sides included), if there is one. Of ranks of MPI, each reads all
     lines, and keeps the values of its slice (`Communicator`); all raise the same.
     """
+    _refuse_other_formats(path)
     try:
         table = tables.read(
             path, KINDS, {tables.plain(key): name for name in KINDS for key in (name, EXPORTED.get(name, name))},
@@ -136,6 +137,42 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
         spin=columns[MOTION[2]] if moving else None,
         errors={name: value for name, value in columns.items() if name.endswith("_error")},
     )
+
+
+_OTHERS = {
+    "x": ("x", "xu", "pos_x"),
+    "y": ("y", "yu", "pos_y"),
+    "vx": ("vx", "velo_x", "vel_x", "velocities_x"),
+    "vy": ("vy", "velo_y", "vel_y", "velocities_y"),
+    "spin": ("omegaz", "omega_z", "angular_velocity_z"),
+}
+"""Columns of a start file, and their names in dumps of LAMMPS and in extended XYZ."""
+
+
+def _refuse_other_formats(path: Path) -> None:
+    """InputError with the columns that are wanted, if a file is a dump of LAMMPS or extended XYZ."""
+    head = [line for line, _ in zip(text_file.lines(path, most=MOST_BYTES), range(20), strict=False)]
+    if head and head[0].startswith("ITEM: TIMESTEP"):
+        what = "a dump of LAMMPS"
+        names = next((line.split()[2:] for line in head if line.startswith("ITEM: ATOMS")), [])
+        kinds, box = "type", "; subtract the lower bounds of the box from x and y"
+    elif len(head) > 1 and head[0].strip().isdigit() and "Properties=" in head[1]:
+        what, names, kinds, box = "extended XYZ", [], "species", ""
+        parts = head[1].split("Properties=")[1].split()[0].strip('"').split(":")
+        for name, _, width in zip(parts[::3], parts[1::3], parts[2::3], strict=False):
+            names += [name] if width == "1" else [f"{name}_{axis}" for axis in "xyz"]
+    else:
+        return
+    wanted = {
+        name: next((other for other in others if other in names), "") for name, others in _OTHERS.items()
+    }
+    mapped = ", ".join(f"{name} from {other}" for name, other in wanted.items() if other)
+    lacking = [name for name, other in wanted.items() if not other]
+    text = f"is {what} with columns {', '.join(names)}: must be CSV; write columns {mapped or 'x, y, vx, vy, spin'}"
+    text += f" (and {', '.join(lacking)}, which it does not have, or no motion at all)" * bool(
+        mapped and lacking
+    )
+    raise InputError(f"{text}, with rows sorted by {kinds}, as the species of the case, and then by id{box}")
 
 
 def _key(key: str, value: str, name: str) -> str:

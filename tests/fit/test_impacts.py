@@ -64,7 +64,7 @@ def test_impacts_in_a_walled_tray_are_right_within_their_errors(
     assert found.noise.typical == pytest.approx(3e-4, rel=0.03)
     assert found.noise.angle == pytest.approx(np.radians(1.0), rel=0.05)
     every = np.array([*found.noise.position.values()])
-    np.testing.assert_allclose(every, 3e-4, rtol=0.2)  # each from some 360 second differences at least: 5 %
+    np.testing.assert_allclose(every, 3e-4, rtol=0.2)  # each from some 360 third differences at least: 5 %
     good = [
         row
         for columns in (found.pairs, found.walls)

@@ -66,12 +66,16 @@ def test_layouts_are_read(
 
 
 def test_frames_of_openptv_are_linked_by_rows(tmp_path: Path) -> None:
-    """Rows 0 and 1 change places in the second frame; a third disk appears in it."""
-    frames = {100: "2\n-1 1 10 20 0\n-1 0 30 40 0\n", 101: "3\n1 -2 31 41 0\n0 -2 11 21 0\n-1 -2 50 60 0\n"}
+    """Rows 0 and 1 change places in the second frame, in which a third disk appears; one is left in the third."""
+    frames = {
+        100: "2\n-1 1 10 20 0\n-1 0 30 40 0\n",
+        101: "3\n1 -2 31 41 0\n0 0 11 21 0\n-1 -2 50 60 0\n",
+        102: "1\n1 -2 12 22 0\n",
+    }
     for frame, text in frames.items():
         (tmp_path / f"ptv_is.{frame}").write_text(text, encoding="utf-8")
     found = tracks.read(tmp_path, fps=10.0)
-    np.testing.assert_allclose(found.position[0], [[0.010, 0.020], [0.011, 0.021]])
+    np.testing.assert_allclose(found.position[0], [[0.010, 0.020], [0.011, 0.021], [0.012, 0.022]])
     np.testing.assert_allclose(found.position[1], [[0.030, 0.040], [0.031, 0.041]])
     np.testing.assert_allclose(found.time[2], [10.1])
     with pytest.raises(InputError, match="is one frame of OpenPTV; give the folder"):

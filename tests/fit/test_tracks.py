@@ -60,6 +60,11 @@ def test_places_without_scatter_need_their_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="error: must be given, as the positions do not scatter"):
         impacts.find(observed, DISK)
     assert len(impacts.find(observed, DISK, error=1e-5)) == 1
+    still = tracks.Tracks(
+        observed.time, observed.position, {i: 0.0 * t for i, t in observed.time.items()}, "still"
+    )
+    found = impacts.find(still, DISK, error=1e-5)  # disks that never turn have angles without scatter
+    assert found.pairs["spin_1_after"][0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_bounce_off_a_wall_is_found(tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ def shown(files: Sequence[Path]) -> Iterator[str]:
                 for tray in (each["tray"], "all"):
                     for fps in (f"{each['fps']:g}", "all"):
                         groups.setdefault((tray, fps, key.split()[1]), []).append(row)
-    for (tray, fps, kind), rows in groups.items():
+    for (tray, fps, kind), rows in sorted(groups.items(), key=lambda each: (each[0][0] == "all", *each[0])):
         inside = np.array([row["rises"] for row in rows]) < 1.0  # (fit, coefficient, level)
         pulls = np.array([row["pulls"] for row in rows])[:, :3]
         chi2 = np.sum([row["chi2"] for row in rows]) / np.sum([row["dof"] for row in rows])
