@@ -2,6 +2,7 @@
 
 =========  ========================================================================
 `tiles`    gather disks for a window, write them at its end, prove that it is exact
+`lines`    lines of flight in cells, by which thin gases find neighbours
 `sums`     sums over all tiles
 `readout`  disks by id, sums over all disks
 =========  ========================================================================
