@@ -101,6 +101,11 @@ class Tray:
         q = math.hypot(speed, rim)
         return self.a0 * float(FRICTION[self.law](np.array([speed / q]), np.array([rim / q]))[0][0])
 
+    def text(self) -> str:
+        """Law and constants."""
+        values = [f"{name} = {value:g}" for name in NAMES if (value := getattr(self, name))]
+        return f"{self.law}, {', '.join(values) or 'no friction'} (SI units)"
+
     def leaving(self, R: float, k: float, sigma: float, sigma_angle: float) -> tuple[float, float]:
         """Least acceleration with which centres and angles of disks that come to rest have approached their place.
 

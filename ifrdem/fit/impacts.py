@@ -91,6 +91,7 @@ class FoundCollisions:
     window: int  # frames of a flight that were used at most
     tracks: Tracks
     step: float  # time between two frames
+    friction: str | Tray  # as it was asked for
 
     def __len__(self) -> int:
         """The number of collisions."""
@@ -121,9 +122,16 @@ class FoundCollisions:
             f"disks of {mass:g} kg and {radius:g} m: {each.text()}"
             for (mass, radius, _), each in self.trays.items()
         ]
-        if self.tray is not None and not found:
+        if isinstance(self.friction, Tray):
+            found.append(f"the tray is given: {self.friction.text()}")
+        elif self.friction == "none":
+            found.append("flights are taken as straight")
+        elif self.tray is None:
+            found.append("flights are taken as straight: none has frames enough to tell how they slow down")
+        elif not found:
             found.append(self.tray.text())
-        if self.tray is not None and self.tray.names and (moves := self.common_error) > 0.0:
+        used = self.tray is not None and self.tray.names and self.friction != "none"
+        if used and (moves := self.common_error) > 0.0:
             found.append(
                 f"the error of these constants is common to all impacts and moves e_n by less than {moves:.1g}"
             )
@@ -511,7 +519,7 @@ class _Finder:
         warnings = _spin_warnings((pairs, walls), source, be_silent=bool(bent))
         return FoundCollisions(
             pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, (*bent, *warnings), self.estimate,
-            self.of_kinds, self.window, self.tracks, float(np.median([*self.step.values()])),
+            self.of_kinds, self.window, self.tracks, float(np.median([*self.step.values()])), self.friction,
         )  # fmt: skip
 
     def _after_exchange(self, one: int, time: float) -> bool:

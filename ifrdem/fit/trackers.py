@@ -31,6 +31,7 @@ _TRACKMATE = {
     "LABEL": "name",
     "POSITION_Z": "z",
 }
+_FRAME = re.compile(r"ptv_is\.\d+")
 _NO_UNITS = ("(pixel)", "(quality)")
 
 
@@ -49,9 +50,9 @@ def converted(path: Path) -> Converted | None:
     Raises InputError with a line for each value that is no number.
     """
     if path.is_dir():
-        files = sorted(path.glob("ptv_is.*"), key=lambda each: int(number_of(each.suffix[1:]) or 0))
-        return _openptv(path, files) if files else None
-    if re.fullmatch(r"ptv_is\.\d+", path.name):
+        files = [each for each in path.glob("ptv_is.*") if _FRAME.fullmatch(each.name)]
+        return _openptv(path, sorted(files, key=lambda each: int(each.suffix[1:]))) if files else None
+    if _FRAME.fullmatch(path.name):
         raise InputError(f"{path}: is one frame of OpenPTV; give the folder of all ptv_is files")
     lines = [line.rstrip("\r\n") for line in _head(path)]
     if not lines:
@@ -130,7 +131,7 @@ def _deeplabcut(path: Path) -> Converted:
             continue
         coords = head["coords"]
         values: dict[int, dict[str, str]] = {}
-        for i in range(1, min(len(cells), len(coords))):
+        for i in range(1, min(len(cells), *(len(each) for each in head.values()))):
             part = tuple(head[name][i] for name in ("individuals", "bodyparts") if name in head)
             one = ids.setdefault(part, len(ids))
             if (text := _number(cells[i])) is None:
@@ -152,7 +153,11 @@ def _deeplabcut(path: Path) -> Converted:
 def _tracker(path: Path) -> Converted:
     """Masses side by side, or one; a name stands over the first column of its mass."""
     lines = [each for each in _rows(path) if not each[1].startswith("#multi:")]
-    sign = next(mark for mark in ("\t", ";", ",") if mark in lines[1][1])
+    sign = next((mark for mark in ("\t", ";", ",") if len(lines) > 2 and mark in lines[1][1]), None)
+    if sign is None:
+        raise InputError(
+            f"{path}: is a file of Tracker without values: must have names of masses, of columns, and values"
+        )
     names = lines[0][1].split(sign)
     columns = [text.strip() for text in lines[1][1].split(sign)]
     masses: list[dict[str, int]] = []
@@ -189,8 +194,8 @@ def _openptv(path: Path, files: Sequence[Path]) -> Converted:
     rows, problems = list[str](), list[str]()
     before: list[int] = []
     number = 0
-    for frame, file in enumerate(files):
-        frame = int(number_of(file.suffix[1:]) or frame)
+    for file in files:
+        frame = int(file.suffix[1:])
         now: list[int] = []
         for at, line in list(_rows(file))[1:]:
             cells = line.split()

@@ -89,6 +89,11 @@ def test_frames_of_openptv_are_linked_by_rows(tmp_path: Path) -> None:
         (TRACKER.replace("2.6", "abc"), r"line 5: y of mass A = abc: must be a number"),
         (TRACKMATE.replace("20000", "abc"), r"\(of TrackMate\): line 6: y = abc: must be a number"),
         (DEEPLABCUT, "requires fps"),
+        ("#multi:\n", "is a file of Tracker without values"),
+        (
+            DEEPLABCUT.replace("bodyparts,red,red,red,blue,blue,blue", "bodyparts,red"),
+            "line has an id, a time",
+        ),
     ],
 )
 def test_wrong_values_are_named_by_their_line(text: str, says: str, tmp_path: Path) -> None:

@@ -119,6 +119,7 @@ def test_straight_flights_on_such_a_tray_blame_the_tray(film: Path) -> None:
     (warning,) = found.warnings
     assert "coins slide and spin on their faces with mu g = " in warning
     assert "friction = 'estimate' takes it into account" in warning
+    assert found.tray_text()[0] == "flights are taken as straight"
 
 
 @pytest.mark.parametrize("slippery", [1.0, 0.7])
