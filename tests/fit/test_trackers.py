@@ -92,7 +92,7 @@ def test_frames_of_openptv_are_linked_by_rows(tmp_path: Path) -> None:
         ("#multi:\n", "is a file of Tracker without values"),
         (
             DEEPLABCUT.replace("bodyparts,red,red,red,blue,blue,blue", "bodyparts,red"),
-            "line has an id, a time",
+            "column y: has no value",
         ),
     ],
 )

@@ -13,6 +13,7 @@ from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.fit import impacts, tracks
 from ifrdem.fit.flight import Tray
+from ifrdem.fit.tray import Piece, estimate
 
 FPS = 120.0
 MU_G = 2.0
@@ -167,3 +168,19 @@ def test_a_coupled_law_needs_angles(film: Path) -> None:
     blind = tracks.Tracks(seen.time, seen.position, {}, "blind")
     with pytest.raises(InputError, match="friction coin: requires angles of the disks"):
         impacts.find(blind, DISKS, friction="coin")
+
+
+def test_disks_that_rest_do_not_hide_those_that_move() -> None:
+    """300 long pieces of disks at rest, and 40 flights of 0.25 s: the former were all that was used."""
+    rng, true = np.random.default_rng(1), Tray(law="coin", a0=MU_G)
+    pieces = []
+    for i in range(340):
+        tau = np.arange(60 if i < 300 else 30) / FPS
+        v, w = rng.normal(0.0, 1.0, (1, 2)) * (i >= 300), rng.normal(0.0, 10.0, 1) * (i >= 300)
+        moved, turned = true.flight(tau[None], v, w, 0.025, 2.0)
+        x = moved[0] + 3e-4 * rng.standard_normal((len(tau), 2))
+        angle = turned[0] + 0.0175 * rng.standard_normal(len(tau))
+        pieces.append(Piece(tau, x, angle, np.full(2, 3e-4), 0.0175, 0.025, 2.0))
+    found = estimate(pieces)
+    assert found.tray.law == "coin"
+    assert abs(found.tray.a0 - MU_G) < 4.0 * found.error("a0") < 0.05
