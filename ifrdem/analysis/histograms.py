@@ -27,10 +27,11 @@ FEWEST_EXPECTED = 5.0
 class CollisionDistribution(Brief, ResultPlot):
     """Distribution of the collisions of a pair of species by the angle of impact, the normal speed or the free time.
 
-    In equilibrium the angle psi has the density cos psi, as in molecular chaos; the normal speed (g / s^2)
-    exp(-g^2 / 2 s^2), with s^2 the variance of the relative velocity along a line (S. Chapman, T. G. Cowling, The
-    Mathematical Theory of Non-Uniform Gases, Cambridge 1970, section 5.2, in two dimensions); the free time, in a
-    dilute gas, nearly exp(-t / mean) / mean. s and the mean are those of the counts.
+    In equilibrium the angle psi has the density cos psi, as in molecular chaos. The normal speed has (g / s^2)
+    exp(-g^2 / 2 s^2), for the relative velocity along a line is Gaussian, with the variance s^2, and pairs meet in
+    proportion to g. The free time has nearly exp(-t / mean) / mean in a dilute gas: fast disks collide more often (P.
+    Visco, F. van Wijland, E. Trizac, Phys. Rev. E 77, 041117 (2008), doi:10.1103/PhysRevE.77.041117). s and the mean
+    are those of the counts.
     """
 
     name: str
