@@ -126,7 +126,9 @@ def test_docs_shows_every_page_and_suggests_near_spellings() -> None:
     assert next(iter(program.topics())) == "index"
     with pytest.raises(ifrdem.InputError, match="no topic 'wals' \\(did you mean 'walls'"):
         program.page("wals")
-    with pytest.raises(ifrdem.InputError, match=r"no topic 'gravity'; pages that have .* most often: .*walls"):
+    with pytest.raises(
+        ifrdem.InputError, match=r"no topic 'gravity'; pages that have .* most often: .*walls"
+    ):
         program.page("gravity")
 
 
