@@ -32,6 +32,16 @@ class CollisionDistribution(Brief, ResultPlot):
     proportion to g. The free time has nearly exp(-t / mean) / mean in a dilute gas: fast disks collide more often (P.
     Visco, F. van Wijland, E. Trizac, Phys. Rev. E 77, 041117 (2008), doi:10.1103/PhysRevE.77.041117). s and the mean
     are those of the counts.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> from ifrdem import analysis
+    >>> edges = ifrdem.observables.histogram_edges("free_time")
+    >>> counts = 1000 * (edges[:-1] == 1.0)[None]
+    >>> found = analysis.collision_distribution(ifrdem.observables.Histogram("free_time", edges, counts))
+    >>> float(found.density.max()), found.mean  # all in the bin from 1 to 1.125
+    (8.0, 1.0625)
     """
 
     name: str

@@ -35,6 +35,14 @@ class Histogram:
     edges : array (b + 1,)
         Edges of the bins. Speeds and times beyond the first and last one are counted in the bins there.
     counts : array (pairs, b) of int
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ifrdem
+    >>> found = ifrdem.observables.Histogram("regime", np.arange(6) - 0.5, np.array([[3, 1, 0, 0, 0]]))
+    >>> found.total, found.density[0]
+    (array([4]), array([0.75, 0.25, 0.  , 0.  , 0.  ]))
     """
 
     name: str

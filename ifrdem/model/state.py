@@ -33,7 +33,6 @@ _Masses = Annotated[
 ]
 
 
-@validated
 def _by_row(formula: Callable[..., NDArray[Any]], *columns: NDArray[Any]) -> NDArray[Any]:
     """A formula of columns, row by row: in the memory of one row, and read-only, where all of them are."""
     if len(columns[0]) and all(each.strides[0] == 0 for each in columns):
@@ -41,6 +40,7 @@ def _by_row(formula: Callable[..., NDArray[Any]], *columns: NDArray[Any]) -> NDA
     return formula(*columns)
 
 
+@validated
 @dataclass(frozen=True, eq=False, repr=False)
 class Disks(Brief):
     """The constant properties of n disks.

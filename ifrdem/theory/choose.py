@@ -15,7 +15,7 @@ from ..model.state import Disks
 from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, Positive, Real, validated
 from ..tools.reprs import Brief
 from . import mixtures, sheared_gas
-from .collisions import KineticLaw, closed_law, slip_coefficients
+from .collisions import KineticLaw, checked_law, closed_law, slip_coefficients
 from .contact import PackingFraction
 from .driven_gas import LINEAR, Driving
 from .mixtures import LawTable, Mixture, MixtureTemperatures
@@ -158,7 +158,8 @@ def beta_of_cooling(mixture: Mixture, T0: ArrayLike, *, driven: bool) -> float |
     """`constant_beta` of a gas of which the expansion is known, with the temperatures T0; None of others."""
     if driven or mixture.species > 1 or not np.all(np.asarray(T0) > 0.0):
         return None
-    return constant_beta(closed_law("law", mixture.law[0][0]), float(mixture.k[0]))
+    law = checked_law("law", mixture.law[0][0])
+    return None if law.depends_on_speed else constant_beta(law, float(mixture.k[0]))
 
 
 def _by_sonine(

@@ -10,6 +10,7 @@ from ifrdem import analysis
 from ifrdem.analysis.catalogue import FUNCTIONS
 from ifrdem.errors import InputError
 from ifrdem.model.histograms import Histogram, histogram_edges
+from ifrdem.plots import pictures
 
 CASE = case_text(
     {
@@ -94,6 +95,10 @@ def test_a_run_stores_counts_of_which_the_analysis_takes_those_between_frames(wr
         later = FUNCTIONS["histograms"](file, range(2, len(file)))
         assert {row.name: row.value for row in later.rows}["collisions"] == total[-1] - total[2]
         assert file.observables["histogram_free_time"][-1].sum() > total[-1]
+        figure = pictures.figure(file, "histograms")
+        assert [axes.get_title() for axes in figure.axes] == ["angle of impact", "normal speed", "free time"]
+        lines = [line for axes in figure.axes for line in axes.lines if line.get_label() == "equilibrium"]
+        assert len(lines) == 3
     with written({"output.histograms": None, "output.free_times": None}) as file:
         assert "histogram_regime" not in file.observables
         with pytest.raises(InputError, match=r"output\.histograms = true"):

@@ -139,7 +139,7 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     shown = capsys.readouterr().out
     record = json.loads(Path("run-analysis/run.json").read_text())
     assert set(record["analyses"]) | set(record["not_possible"]) == set(ANALYSES) == set(catalogue.FUNCTIONS)
-    assert set(record["not_possible"]) == {"species", "impact"}
+    assert set(record["not_possible"]) == {"species", "impact", "histograms"}
     assert "impact: not possible: run.h5 holds no histories of collisions" in shown
     assert "output.histories of the case" in shown
     for found in record["analyses"].values():
@@ -198,8 +198,8 @@ def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     assert "cooling: is there already" in shown
     assert "impact: not possible" in shown
     record = json.loads(Path("out/run.json").read_text())
-    assert set(record["analyses"]) == set(ANALYSES) - {"species", "impact"}
-    assert set(record["not_possible"]) == {"species", "impact"}
+    assert set(record["analyses"]) == set(ANALYSES) - {"species", "impact", "histograms"}
+    assert set(record["not_possible"]) == {"species", "impact", "histograms"}
     assert Path("out/run-cooling.csv").stat().st_mtime_ns == before
     assert cli.main(["analyse", "run.h5", "-o", "out"]) == 2
     assert "holds all that the file allows already" in capsys.readouterr().err
@@ -459,7 +459,7 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
     [
         one
         for one in pictures.PICTURES
-        if one not in ("mechanisms", "dissipation", "walls", "piston", "species")
+        if one not in ("mechanisms", "dissipation", "walls", "piston", "species", "histograms")
     ],
 )
 def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Path) -> None:
