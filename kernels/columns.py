@@ -237,6 +237,15 @@ HISTOGRAM = Columns(
     regime=("by regime", 5),
     free_time=("of both disks, by the time since their latest collision, in bins of `octave_bin`", OCTAVES * PER_OCTAVE),
 )  # fmt: skip
+
+
+def histogram_columns(species: int, free_times: bool) -> int:
+    """Columns of the tally for a pair of species; 0 without histograms, of so many species."""
+    if species == 0:
+        return 0
+    return HISTOGRAM.width if free_times else HISTOGRAM.free_time.first
+
+
 WALL_SUM = Columns(
     momentum_x="momentum along x given to disks", momentum_y="momentum along y given to disks",
     torque="angular momentum given to disks", work="work on disks", heat="heat given to disks", hits="collisions",

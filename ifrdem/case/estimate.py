@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
-from ..kernels.columns import rows_dtype
-from ..kernels.disks.histograms import histogram_columns
-from ..kernels.layout import Uses
+from ..kernels.columns import histogram_columns, rows_dtype
 from ..model.density import packing_fraction
 from ..model.laws.law import EnergyWarning
 from ..quantities import (
@@ -587,8 +585,8 @@ def _trajectory_bytes(n: int, case: CaseSections, *, frames: int, rows: int, eve
     pistons = sum(each.piston is not None for each in case.wall)
     totals = numbers_of(OBSERVABLES) + len(PISTON_SERIES) * pistons
     pairs = len(case.species) * (len(case.species) + 1) // 2
-    uses = Uses(histograms=output.histograms or output.free_times, free_times=output.free_times)
-    counts = pairs * histogram_columns(uses)
+    counted = output.histograms or output.free_times
+    counts = pairs * histogram_columns(len(case.species) * counted, output.free_times)
     per_chunk = layout.chunk_disks(n)
     chunks = -(-n // per_chunk)
     frame = chunks * sum(on_pages(per_chunk * _field_bytes(output, name)) for name in output.fields)

@@ -259,9 +259,9 @@ LAWS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 @functools.cache
-def path(law: str, k: float) -> Path:
+def path(law: str, k: float) -> Flight:
     """The paths to rest of disks with a shape number, 0.1 s of computing."""
-    return Path(law, k)
+    return Flight(law, k)
 
 
 @dataclass(frozen=True)
@@ -276,7 +276,7 @@ class _Table:
     early: tuple[float, float]  # powers of the time with which moved and rim grow before the table begins
 
 
-class Path:
+class Flight:
     """Paths to rest: v = q sin(theta), u = q cos(theta), ds = a0 dt/q."""
 
     def __init__(self, law: str, k: float) -> None:

@@ -36,7 +36,7 @@ from .tracks import (
     nearest_pair,
     noise,
 )
-from .tray import DIFFER, LEAST_FRAMES, LONGEST, Estimate, Piece, estimate, frames_at_rest
+from .tray import DIFFER, LEAST_FRAMES, LONGEST, Piece, TrayEstimate, estimate, frames_at_rest
 
 WINDOWS = (6, 30)
 """Least and largest number of frames of a flight that are used at most, unless it is given."""
@@ -84,9 +84,9 @@ class FoundCollisions:
     exchanges: tuple[Exchange, ...]  # ids that were exchanged
     repaired: bool  # and exchanged back
     warnings: tuple[str, ...]
-    tray: Estimate | None  # how flights slow down; None if it was given, or no flight is long enough
+    tray: TrayEstimate | None  # how flights slow down; None if it was given, or no flight is long enough
     trays: Mapping[
-        tuple[float, float, float], Estimate
+        tuple[float, float, float], TrayEstimate
     ]  # the same by (mass, radius, k) of disks, if these differ
     window: int  # frames of a flight that were used at most
     tracks: Tracks
@@ -297,8 +297,8 @@ class _Finder:
         self.noise = self._noise(_times(self.encounters, self.exchanged_at), error)
         self.of = {one: [each for each in self.encounters if one in each.ids] for one in tracks.time}
         self.friction = friction
-        self.estimate: Estimate | None = None
-        self.of_kinds: dict[tuple[float, float, float], Estimate] = {}
+        self.estimate: TrayEstimate | None = None
+        self.of_kinds: dict[tuple[float, float, float], TrayEstimate] = {}
         self.trays = dict.fromkeys(disks, friction if isinstance(friction, Tray) else Tray())
         if not isinstance(friction, Tray):
             self._estimate(friction)

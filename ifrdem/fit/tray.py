@@ -67,7 +67,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class TrayEstimate:
     """A law of flight, and how well the flights determine it."""
 
     tray: Tray
@@ -142,7 +142,7 @@ def _with_error(value: float, error: float) -> str:
     return f"{value:.{min(digits, 9)}f} +- {error:.2g}"
 
 
-def estimate(pieces: Sequence[Piece], law: str = "estimate") -> Estimate:
+def estimate(pieces: Sequence[Piece], law: str = "estimate") -> TrayEstimate:
     """The law of flight of some pieces by maximum likelihood; constants that do not differ from 0 are left out.
 
     `law` is one of `flight.LAWS`, or "estimate": plain, and if that slows disks down and angles are known each coupled
@@ -152,7 +152,7 @@ def estimate(pieces: Sequence[Piece], law: str = "estimate") -> Estimate:
     longest = sorted(moving, key=lambda each: -float(each.tau[-1]) * len(each.tau) ** 0.5)[:_MOST]
     fit = _Fit(longest)
     spins = any(each.angle is not None for each in longest)
-    found: list[Estimate] = []
+    found: list[TrayEstimate] = []
     if law in ("estimate", "plain"):
         names = [name for name in LAWS["plain"] if spins or name[0] != "b"]
         found.append(fit.selected(Tray(), names))
@@ -288,7 +288,7 @@ class _Fit:
         good = squares < self.dof + 6.0 * np.sqrt(2.0 * self.dof) + 10.0
         return _Fitted(tray, covariance, np.sum(losses, axis=1), squares, good)
 
-    def selected(self, start: Tray, names: Sequence[str]) -> Estimate:
+    def selected(self, start: Tray, names: Sequence[str]) -> TrayEstimate:
         """All constants of these names, without those that do not differ from 0, the least one first."""
         left, tray, tested = [*names], start, dict[str, float]()
         while True:
@@ -311,7 +311,7 @@ class _Fit:
             if weakest is None or z[weakest] >= _KEEP:
                 slowing = self.slowing(tray, left, end.covariance)
                 good, squares = end.good, end.squares
-                return Estimate(
+                return TrayEstimate(
                     tray, tuple(left), end.covariance, int(np.sum(good)), float(np.sum(squares[good])),
                     int(np.sum(self.dof[good])), math.nan, end.losses, good, tested, slowing,
                 )  # fmt: skip

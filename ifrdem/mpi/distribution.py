@@ -98,8 +98,8 @@ Table = NDArray[Any] | RowsByBlock
 
 def pieces(rows: Table) -> Iterator[tuple[int, NDArray[Any]]]:
     """Rows in pieces, each contiguous in memory, with the number of its first row; an array of no axis as one row."""
-    if isinstance(rows, np.ndarray) and rows.ndim == 0:
-        rows = rows.reshape(1)
+    if isinstance(rows, np.ndarray | np.generic) and rows.ndim == 0:
+        rows = np.reshape(rows, 1)
     step = (rows.step if isinstance(rows, RowsByBlock) else 0) or BLOCK
     for first in range(0, len(rows), step):
         yield first, np.ascontiguousarray(rows[first : min(first + step, len(rows))])

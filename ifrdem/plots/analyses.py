@@ -606,26 +606,24 @@ def histograms(*given: Any) -> None:
     for i, (pair, found) in enumerate(evaluation.result.items()):
         for axes, name in zip(panels, TITLES, strict=True):
             if name in found:
-                style = marks(KINDS[i % len(KINDS)], ms=4, lw=0.8)
-                distribution(axes, found[name], label=pair, **style)
+                distribution(
+                    axes, trajectory, found[name], pair, **marks(KINDS[i % len(KINDS)], ms=4, lw=0.8)
+                )
     for axes, name in zip(panels, TITLES, strict=True):
         axes.set_title(TITLES[name], fontsize="medium")
-        axes.set_xlabel({
-            "impact_angle": r"$\psi$ (degrees)",
-            "normal_speed": label(trajectory, "$g_n$", "length/time"),
-            "free_time": label(trajectory, "$t$", "time"),
-        }[name])  # fmt: skip
         if not axes.lines:
             axes.text(
                 0.5, 0.5, "output.free_times = true\nrecords them", ha="center", transform=axes.transAxes
             )
-    panels[0].set_ylabel("density over that in equilibrium at its maximum")
-    panels[0].set_ylim(bottom=0.0)
+    for axes in panels[1:]:
+        axes.set_ylabel("")
     legend(panels[0])
     grid(*panels)
 
 
-def distribution(axes: Axes, found: analysis.CollisionDistribution, **style: Any) -> None:
+def distribution(
+    axes: Axes, trajectory: Trajectory | None, found: analysis.CollisionDistribution, name: str, **style: Any
+) -> None:
     """A distribution of collisions, with the line of equilibrium, in parts of that line's maximum."""
     middle, highest = 0.5 * (found.edges[1:] + found.edges[:-1]), found.equilibrium.max()
     # On a logarithmic axis a bar that reaches 0 says nothing.
@@ -633,11 +631,18 @@ def distribution(axes: Axes, found: analysis.CollisionDistribution, **style: Any
     if found.name == "impact_angle":
         middle = np.degrees(middle)
     error = found.density_error[shown] / highest
-    axes.errorbar(middle[shown], found.density[shown] / highest, error, **style)
-    said = any(line.get_label() == "equilibrium" for line in axes.lines)
-    name = None if said else "equilibrium"
-    axes.plot(middle[shown], found.equilibrium[shown] / highest, "-", color=RATIO, lw=1.5, label=name)
-    if found.name != "impact_angle":
+    axes.errorbar(middle[shown], found.density[shown] / highest, error, label=name, **style)
+    line = None if any(each.get_label() == "equilibrium" for each in axes.lines) else "equilibrium"
+    axes.plot(middle[shown], found.equilibrium[shown] / highest, "-", color=RATIO, lw=1.5, label=line)
+    quantity, dimension = {
+        "impact_angle": (r"angle of impact $\psi$ (degrees)", None), "normal_speed": ("normal speed $g_n$", "length/time"),
+        "free_time": ("free time $t$", "time"),
+    }[found.name]  # fmt: skip
+    axes.set_xlabel(quantity if dimension is None else label(trajectory, quantity, dimension))
+    axes.set_ylabel("density over that in equilibrium at its maximum")
+    if found.name == "impact_angle":
+        axes.set_ylim(bottom=0.0)
+    else:
         axes.set(xscale="log", yscale="log")
 
 
@@ -692,7 +697,9 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.RatioFit: Panels(_ratio),
     analysis.Pressure: Panels(_pressure),
     analysis.MeanStress: Panels(lambda left, right, found: stress(left, right, None, _alone(found)), TWO),
-    analysis.CollisionDistribution: Panels(lambda axes, found: distribution(axes, found, **POINTS)),
+    analysis.CollisionDistribution: Panels(
+        lambda axes, found: distribution(axes, None, found, f"{found.count} collisions", **POINTS)
+    ),
     analysis.Impacts: Panels(lambda left, right, found: impact(left, right, None, _alone(found)), TWO),
 }  # fmt: skip
 """Type of a result of `ifrdem.analysis` -> its picture, which takes the axes and the result."""

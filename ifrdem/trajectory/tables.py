@@ -115,7 +115,7 @@ def _dataset(xarray: Any, trajectory: Trajectory) -> xarray.Dataset:
         data[name] = _lazy(xarray, trajectory, name, dims)
     for name in STATIC:
         data[name] = ("disk", getattr(trajectory.disks, name))
-    data["species"] = ("disk", trajectory.constants("species"))
+    data["disk_species"] = ("disk", trajectory.constants("species"))  # `species` is an axis of series
     coordinates: dict[str, Any] = {
         "time": trajectory.times, "disk": np.arange(trajectory.n), "axis": list(AXES["axis"]),
         **({"mechanism": list(MECHANISMS)} if "dissipated" in trajectory.fields else {}),

@@ -6,7 +6,7 @@ into equal parts, which are the exponent and the first bits of a double. What is
 there.
 """
 
-from ..columns import FIRST_OCTAVE, HISTOGRAM, OCTAVES, PER_OCTAVE, TALLY, VIRIAL
+from ..columns import FIRST_OCTAVE, HISTOGRAM, OCTAVES, PER_OCTAVE, TALLY, VIRIAL, histogram_columns
 from ..compiler.language import ti
 from ..layout import ELASTICALLY, FAR
 from .particle import add
@@ -16,13 +16,6 @@ SHIFT = 52 - (
     PER_OCTAVE.bit_length() - 1
 )  # of the bits of a double, to exponent and first bits of the fraction
 FIRST = (1023 + FIRST_OCTAVE) * PER_OCTAVE
-
-
-def histogram_columns(uses):
-    """Columns of the tally for a pair of species; 0 without histograms."""
-    if uses.histograms == 0:
-        return 0
-    return HISTOGRAM.width if uses.free_times else HISTOGRAM.free_time.first
 
 
 @ti.func
@@ -54,7 +47,7 @@ def enter_histograms(tile, id_a, id_b, g_n, g_t, free_a, free_b, regime, gas: ti
     high, low = ti.max(p, q), ti.min(p, q)
     pair = high * (high + 1) // 2 + low
     first = ti.static(TALLY.width + VIRIAL.width * gas.uses.stress) + pair * ti.static(
-        histogram_columns(gas.uses)
+        histogram_columns(gas.uses.histograms, gas.uses.free_times)
     )
     closing = ti.max(g_n, 0.0)  # rounding can make it negative
     angle = 0

@@ -207,7 +207,7 @@ def test_all_that_a_disk_is_goes_from_window_to_window() -> None:
     )
     uses = Uses(
         walls=True,
-        contact_time=True,
+        latest_collision=True,
         angle=True,
         last_partner=True,
         ledger=True,

@@ -22,6 +22,7 @@ from support.figures import texts
 import ifrdem
 from ifrdem import InputError, Trajectory, TrajectoryWriter, analysis, plots
 from ifrdem.model.box import Box
+from ifrdem.model.histograms import Histogram, histogram_edges
 from ifrdem.model.state import Disks, State
 from ifrdem.plots import analyses, disks, movie, pictures
 
@@ -274,6 +275,9 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
             analysis.velocity_autocorrelation(times, np.array(velocities)),
             analysis.mean_square_displacement(times, np.array(positions)),
             analysis.impacts(np.random.default_rng(1).uniform(0.0, 1.5, 200)),
+            analysis.collision_distribution(
+                Histogram("free_time", histogram_edges("free_time"), np.full((1, 320), 5))
+            ),
             analysis.haff_fit(steps, 3.0 / (1.0 + steps) ** 2),
             analysis.ratio_fit(steps, 0.6 - 0.5 * np.exp(-steps)),
             analysis.pressure_from_impulses(

@@ -172,7 +172,7 @@ def test_every_reader_and_export_has_the_species(tmp_path):
         assert run.universe().atoms.types.tolist() == names.tolist()
         assert np.array_equal(run.to_pandas("frame").species, number)
         assert np.array_equal(run.to_pandas("frame").k, disks.k)
-        assert np.array_equal(run.to_xarray().species, number)
+        assert np.array_equal(run.to_xarray().disk_species, number)
         assert run.constants("species", slice(8, 12)).tolist() == [0, 0, 1, 1]
         for to in ("csv", "extxyz", "gsd", "h5"):
             export(run, tmp_path / f"new.{to}", to, [1])

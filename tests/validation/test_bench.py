@@ -271,9 +271,9 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     summary.refuse_beyond_memory(20_000, "cuda", "random")
     with pytest.raises(InputError, match=r"20000 disks need some 20 MB"):
         summary.refuse_beyond_memory(20_000, "cuda", "grown")
-    # 200 bytes of the writer, when those of the start are free, and 191 of the engine, of which others of 8 ranks have
+    # 200 bytes of the writer, when those of the start are free, and 192 of the engine, of which others of 8 ranks have
     # seven parts; few frames take less.
-    with pytest.raises(InputError, match=r"30000 disks need some 11.7 MB"):
+    with pytest.raises(InputError, match=r"30000 disks need some 11.8 MB"):
         summary.refuse_beyond_memory(30_000, "cpu")
     summary.refuse_beyond_memory(30_000, "cpu", share=1 / 8)
     summary.refuse_beyond_memory(30_000, "cpu", writer=100)

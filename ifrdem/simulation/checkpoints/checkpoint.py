@@ -132,7 +132,10 @@ def _write(target: Path, arrays: Mapping[str, Table], record: Mapping[str, Any])
                 digest.begin(name, array)
                 for first, piece in pieces(array):
                     digest.update(piece)
-                    dataset[first : first + len(piece) if array.shape else ()] = piece
+                    if array.shape:
+                        dataset[first : first + len(piece)] = piece
+                    else:
+                        dataset[()] = piece[0]
             file.attrs["digest"] = np.bytes_(digest.text)
     except (OSError, RuntimeError) as error:
         raise InputError(f"checkpoint {target} cannot be written: {files.cause(error)}") from error

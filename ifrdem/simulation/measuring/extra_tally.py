@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernels.columns import LEVELS, PISTON_STATE, TALLY, VIRIAL, WALL_SUM, Named, named
-from ...kernels.disks.histograms import histogram_columns
+from ...kernels.columns import LEVELS, PISTON_STATE, TALLY, VIRIAL, WALL_SUM, Named, histogram_columns, named
 from ...kernels.layout import Uses
 from ...kernels.walls.kinds import FREE
 
@@ -53,7 +52,7 @@ class ExtraTally:
         owner = wall.owner.astype(np.int64)
         thermal, pistons = np.unique(owner[wall.temperature > 0.0]), np.flatnonzero(wall.motion.kind == FREE)
         found = cls(
-            VIRIAL.width * uses.stress, uses.histograms * (uses.histograms + 1) // 2, histogram_columns(uses), thermal,
+            VIRIAL.width * uses.stress, uses.histograms * (uses.histograms + 1) // 2, histogram_columns(uses.histograms, uses.free_times), thermal,
             int(owner.max()) + 1 if uses.wall_sums else 0, pistons,
         )  # fmt: skip
         if len(rows):
