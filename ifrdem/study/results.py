@@ -113,8 +113,11 @@ class Results:
 
     @property
     def row_axis(self) -> str:
-        """The dimension of series: what ends the runs."""
-        return next(name for name in ROWS if name in self.variables and self.variables[name].dims == (name,))
+        """The dimension of series: what ends the runs. InputError if the results have none."""
+        for name in ROWS:
+            if name in self.variables and self.variables[name].dims == (name,):
+                return name
+        raise InputError(f"the results have no rows: must have the variable {' or '.join(ROWS)} along itself")
 
     @property
     def row_places(self) -> NDArray[Any]:

@@ -208,11 +208,12 @@ def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == set(ANALYSES) - {
         "species",
         "impact",
+        "histograms",
     }
     # What has become possible since is said to be so no more.
     add_histories(tmp_path / "run.h5")
     assert cli.main(["analyse", "run.h5", "impact", "-o", "out"]) == 0
-    assert json.loads(Path("out/run.json").read_text())["not_possible"].keys() == {"species"}
+    assert json.loads(Path("out/run.json").read_text())["not_possible"].keys() == {"species", "histograms"}
 
 
 def test_analyses_of_another_run_and_foreign_files_in_the_folder_are_not_mixed_or_harmed(
