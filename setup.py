@@ -1,4 +1,4 @@
-"""What pyproject.toml cannot say: packages carry the commit they were built from, and need no symbolic links."""
+"""Build steps beyond pyproject.toml: packages carry the commit they were built from, and need no symbolic links."""
 
 import runpy
 from pathlib import Path

@@ -43,13 +43,13 @@ from . import common
 from . import result as stored
 from .bins import Bins, Grid, Rings, Strips
 from .common import BLOCKS, mean_errors
+from .options import MOST_BINS, MOST_CELLS
 from .window import steady_frames
 
 if TYPE_CHECKING:
     import xarray
 
 AXES = ("x", "y", "r")
-MOST_BINS, MOST_CELLS = 10_000, 300
 OF_DISKS = ("velocity", "temperatures", "temperature", "rotational_temperature", "theta")
 """Means over disks: in nearly empty bins those of the history of single ones."""
 MOST_WORK = 20_000_000

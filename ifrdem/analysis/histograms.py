@@ -158,7 +158,7 @@ def of_histograms(trajectory: Trajectory, frames: Sequence[int] | None) -> Evalu
     if len(used) < 2:
         raise InputError(f"{trajectory.path}: collisions are counted between two frames or more")
     counts = {
-        name: np.diff(trajectory.observables[whole][[used[0], used[-1]]], axis=0)[0]
+        name: np.diff(trajectory.observables[whole][[min(used), max(used)]], axis=0)[0]
         for name, whole in stored.items()
     }
     pairs = list(_names_of_pairs(trajectory))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..model.laws.ifr import Regime
+from ..model.laws.ifr import ELASTIC, Regime
 from ..tools.checked import Array, Integer, Integers, Numbers, validated
 from ..tools.intervals import error_of_share, of_share
 from ..tools.notebook import ResultPlot
@@ -19,7 +19,7 @@ from ..tools.reprs import Brief
 REGIMES = {
     -1: "not known",
     **{int(one): one.name.lower().replace("_", " + ") for one in Regime},
-    9: "elastic (remedy)",
+    ELASTIC: "elastic (remedy)",
 }
 """Names of the numbers of `regime` in a file."""
 COUNTED = {
@@ -27,7 +27,7 @@ COUNTED = {
     "sticking": REGIMES[Regime.STICKING],
     "rolling_sliding": REGIMES[Regime.SLIDING_ROLLING],
     "rolling_sticking": REGIMES[Regime.STICKING_ROLLING],
-    "elastic": REGIMES[9],
+    "elastic": REGIMES[ELASTIC],
 }
 """Labels of the regimes that a run counts, `quantities.REGIMES`; regimes without the torque rho P_n are one there."""
 BINS = (9, 45)

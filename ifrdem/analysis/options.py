@@ -10,8 +10,8 @@ from ..tools.values import Integer, check_in, whole_of
 from .names import OPTIONS
 
 Axis = Literal["x", "y", "r"]
-Bins = Annotated[int, Integer(1, 10_000)]
-MOST_CELLS = 300
+MOST_BINS, MOST_CELLS = 10_000, 300
+Bins = Annotated[int, Integer(1, MOST_BINS)]
 """Cells of `fields` along a side, at most."""
 CELLS = f"must be two integers from 1 to {MOST_CELLS}, along x and y"
 

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 OVERHEAD = 1.02
 """Of HDF5's groups, indices of chunks and half-filled chunks, as a multiple of the data of a trajectory file."""
 
-COSTS = np.array([[1e-6, 106.0], [1e-4, 11.9], [0.1, 0.85], [0.3, 0.55], [0.6, 0.49]])
+COSTS = np.array([[1e-6, 50.0], [1e-4, 6.0], [0.1, 0.85], [0.3, 0.55], [0.6, 0.49]])
 """Packing fractions, and microseconds of one thread for a collision there, of a gas in one tile
 (`ifrdem/docs/results/bench.md`). Thinner gases cost phi^(-1/2), for disks pass so many more cells."""
 IN_A_WINDOW = 1.2
@@ -62,7 +62,7 @@ def run_seconds(collisions: float, n: int, phi: float, threads: int) -> float:
     Examples
     --------
     >>> round(run_seconds(1e6, 10_000, 0.1, 1), 2), round(run_seconds(1e6, 10_000, 1e-8, 1) / 1e3, 2)
-    (0.85, 1.06)
+    (0.85, 0.5)
     """
     if not phi > 0.0:
         return math.nan

@@ -70,7 +70,7 @@ class OutputSection(Section):
     """Count collisions of each pair of species by angle of impact, normal speed and regime, and store the counts in
     frames; costs far less than histories [true or false]."""
     free_times: bool = field(True, False)
-    """Count them also by the time since the latest collision of either disk [true or false]."""
+    """Count them also by the time since the latest collision of either disk; includes histograms [true or false]."""
     histories: list[Natural] | None = field([0, 7], None, min_length=1)
     """Disks of which every collision is stored [list of their numbers, from 0]; their paths are then exact."""
     histories_sample: Count | None = field(100, None)

@@ -549,7 +549,7 @@ def collisions(
         option(
             Annotated[int, Integer(3, 10_000)],
             "N",
-            "frames of a flight that are used at most (default: 6 to 30, by the errors of the law of flight)",
+            "frames of a flight that are used at most (default: 6 to 30, by the errors of the law of flight; 12 where that is not estimated)",
         ),
     ] = None,
     friction: Annotated[

@@ -237,7 +237,7 @@ def _ends(_kind: object, tokens: Sequence[Token]) -> tuple[float | None, float |
     known = [each for each in found if each is not None]
     if len(found) != 2 or not known or not all(map(math.isfinite, known)) or len({*known}) < len(known):
         raise invalid_value(
-            tokens, "must be two different numbers, such as 0,2, of which one may lack (0, or ,2)"
+            tokens, "must be two different numbers, such as 0,2, of which one may be left out (0, or ,2)"
         )
     return found[0], found[1]
 
@@ -251,7 +251,7 @@ def _panels(_kind: object, tokens: Sequence[Token]) -> list[int]:
 
 def _axis_ends(which: str) -> Parameter:
     return option(
-        str, "A,B", f"ends of the {which} axis; one may lack: 0, or ,2", converter=_ends, n_tokens=1
+        str, "A,B", f"ends of the {which} axis; one may be left out: 0, or ,2", converter=_ends, n_tokens=1
     )
 
 

@@ -45,7 +45,7 @@ def _command(name: str, function: Callable[..., Any]) -> Iterator[str]:
     from .main import app
 
     found = _arguments(app[name])
-    words = [_word(each) for each in found if not each.names[0].startswith("-")]
+    words = [_word(each) for each in found if not each.names[0].startswith(("-", "*"))]
     yield f"### ifrdem {' '.join([name, *words])}"
     yield ""
     yield " ".join(inspect.cleandoc(function.__doc__ or "").split())
@@ -58,13 +58,13 @@ def _arguments(command: App) -> Any:
     """Arguments and options of a command, without the opposites of flags, which the program does not have."""
     from .main import app
 
-    return command.assemble_argument_collection(default_parameter=app.default_parameter)
+    return command.assemble_argument_collection(default_parameter=app.default_parameter, parse_docstring=True)
 
 
 def _options(found: Any) -> Iterator[str]:
     """A line for each argument and option that `--help` shows."""
     for each in found:
-        if each.parameter.show is False or not each.parameter.help:
+        if each.parameter.show is False or not each.parameter.help or each.names[0] == "*":
             continue
         names = [name for name in each.names if name.startswith("-")]
         value = f" {each.parameter.metavar}" if names and each.parameter.metavar else ""

@@ -52,7 +52,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(
 
 @dataclass(frozen=True, kw_only=True)
 class Tray:
-    """How a tray slows disks down.
+    """Law of deceleration of disks on a tray, with its constants.
 
     Raises InputError for a law that does not exist, a constant that is not finite, or one that the law does not have.
     """
@@ -94,7 +94,7 @@ class Tray:
         given: dict[str, Any] = dict(constants)
         return replace(self, **given)
 
-    def braking(self, speed: float, rim: float, k: float) -> float:
+    def braking(self, speed: float, rim: float) -> float:
         """Deceleration of a centre [length/time^2] at a speed of it and of the rim [length/time]; not at rest."""
         if not self.coupled:
             return self.a0 + self.a1 * speed

@@ -42,7 +42,7 @@ WINDOWS = (6, 30)
 """Least and largest number of frames of a flight that are used at most, unless it is given."""
 
 FRICTIONS = ("estimate", "none", *LAWS)
-"""How the law of flight may be asked for, besides giving it."""
+"""Names by which the law of flight is chosen, where its constants are not given."""
 
 POOR = 0.01
 """Quality below which a collision is not used by default: something else has changed its flights."""
@@ -259,7 +259,7 @@ _Result = tuple[Flights | str, dict[int, float]]
 
 @dataclass(frozen=True)
 class _Rest:
-    """What the frames of a disk before an impact say of its rest: of its centre, and of its spin."""
+    """Rest of a disk before an impact by its frames: of its centre, and of its spin."""
 
     certain: tuple[bool, bool]
     perhaps: tuple[bool, bool]
@@ -528,7 +528,7 @@ class _Finder:
         return any(at <= time and self.tracks.clip(at) == clip for at in self.exchanged_at.get(one, ()))
 
     def _not_of_the_law(self) -> tuple[str, ...]:
-        """What is wrong with the flights, so that nothing else is to blame for what follows from it."""
+        """Warnings on flights that the law does not describe: no other cause is named then."""
         found, source = self.estimate, self.tracks.source
         if found is None:
             return ()

@@ -171,7 +171,7 @@ def _tracker(path: Path) -> Converted:
             masses.append({"t": time, "x": i})
             titles.append(title or f"mass {len(masses)}")
         elif masses and column:
-            masses[-1].setdefault({"y": "y", "θ": "angle", "theta": "angle"}.get(column, column), i)
+            masses[-1].setdefault(column, i)
     rows, problems = list[str](), list[str]()
     for number, line in lines[2:]:
         cells = line.split(sign)

@@ -1,4 +1,4 @@
-"""How a tray slows disks down, estimated from all flights of a film.
+"""Estimate of the law by which a tray slows disks down, from all flights of a film.
 
 Each piece of a flight has an unknown place, velocity, angle and spin at its first frame; the constants of the law are
 common to all. The unknowns of pieces are eliminated from every Gauss-Newton step (G. H. Golub and V. Pereyra, SIAM J.
@@ -124,7 +124,7 @@ class TrayEstimate:
         return f"{'; '.join(parts)} ({fit}, straight {self.straight_chi2:.4g})"
 
     def warnings(self) -> list[str]:
-        """What the law leaves out."""
+        """Warnings on effects that the law leaves out."""
         found = [
             f"flights differ by {what} (p = {p:.2g}): the law of the tray is a mean"
             for what, p in self.differences.items()
@@ -331,10 +331,7 @@ class _Fit:
         _, A, B, D = _parts(np.swapaxes(flat, 1, 2) @ flat)
         S = D[:, 0, 0] - np.einsum("pi,pi->p", B[..., 0], np.linalg.solve(A, B)[..., 0])
         speeds, rims = np.hypot(self.local[:, 2], self.local[:, 3]), self.R[:, 0] * np.abs(self.local[:, 5])
-        each = [
-            tray.braking(v, u, k)
-            for v, u, k in zip(speeds.tolist(), rims.tolist(), self.k.tolist(), strict=True)
-        ]
+        each = [tray.braking(v, u) for v, u in zip(speeds.tolist(), rims.tolist(), strict=True)]
         error = 1.0 / math.sqrt(max(float(np.sum(S)), 1e-300))
         for v in np.quantile(speeds, [0.1, 0.9]).tolist():
             by = np.array([{"a0": 1.0, "a1": v}.get(name, 0.0) for name in names])

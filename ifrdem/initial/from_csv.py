@@ -169,9 +169,10 @@ def _refuse_other_formats(path: Path) -> None:
     mapped = ", ".join(f"{name} from {other}" for name, other in wanted.items() if other)
     lacking = [name for name, other in wanted.items() if not other]
     text = f"is {what} with columns {', '.join(names)}: must be CSV; write columns {mapped or 'x, y, vx, vy, spin'}"
-    text += f" (and {', '.join(lacking)}, which it does not have, or no motion at all)" * bool(
-        mapped and lacking
-    )
+    if mapped and {"x", "y"} & {*lacking}:
+        text += " (it has no x and y: write unscaled ones)"
+    elif mapped and lacking:
+        text += f" (and {', '.join(lacking)}, which it does not have, or no motion at all)"
     raise InputError(f"{text}, with rows sorted by {kinds}, as the species of the case, and then by id{box}")
 
 

@@ -137,7 +137,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
           tensor of two of these;
         - "histograms": collisions of each pair of species by angle of impact, normal speed and regime, in every
           `Measure`: `observables.histogram`; includes "ledger";
-        - "free_times": also by the time since the latest collision of either disk;
+        - "free_times": also by the time since the latest collision of either disk; includes "histograms";
         - "wall_sums": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
     histories : sequence of int
         Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.

@@ -77,9 +77,11 @@ def describe(
     ]
     nothing = [] if chosen else _nothing(lines)
     lines = [line for line in lines if line.quantity not in nothing]
-    if chosen and not lines:
-        text = f"`ifrdem plot {path} {what[0]}` draws it"
-        raise InputError(f"{what[0]}: has more than one number a point, or no value; {text}")
+    shown_names = {line.quantity.split(" ")[0] for line in lines}
+    for given, name in zip(what, chosen, strict=True):
+        if name not in shown_names:
+            text = f"`ifrdem plot {path} {given}` draws it"
+            raise InputError(f"{given}: has more than one number a point, or no value; {text}")
     if csv:
         return _csv(keys, lines)
     head = [f"{path}: {results.attributes.get('title', 'results of a study')}"]

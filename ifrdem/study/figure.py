@@ -310,7 +310,7 @@ def _remarks(results: Results, name: str) -> str:
 
 
 def _seeds(results: Results, name: str) -> str | None:
-    """Of what the intervals are, as text: numbers of seeds, or rows of single runs; None if no mean has one."""
+    """Text on the intervals: numbers of seeds, or rows of single runs; None if no mean has one."""
     if (half := half_interval(results, name)) is None:
         return None
     known = finite_seeds(results, name)[np.isfinite(half)]

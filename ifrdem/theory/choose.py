@@ -93,7 +93,7 @@ def prediction(
     driven = bool(forces) or shear_rate != 0.0
     beta = beta_of_cooling(mixture, T0, driven=driven)
     if velocities == "sonine" and beta is None:
-        text = "is beta of equal rough disks that cool, with constant e_n and beta: a large mu, and no forces"
+        text = 'must be "gaussian" or "best" but for equal rough disks that cool without forces, with constant e_n and beta'
         raise InputError(f'velocities = "sonine": {text}')
     if velocities != "gaussian" and beta is not None:
         return _by_sonine(mixture, beta, float(np.ravel(T0)[0]), float(np.ravel(T_rot0)[0]), times)
@@ -133,7 +133,7 @@ HOTTEST_SPINS = 10.0
 def constant_beta(law: KineticLaw, k: Positive) -> float | None:
     """Ratio of the slip at the contact of equal disks after and before, with its sign changed; None if it varies.
 
-    It is constant if e_n is and every collision sticks: with a mu above some 1000. Smooth disks have no constant one here.
+    It is constant if e_n is and every collision sticks: with a mu above some 100. Smooth disks have no constant one here.
 
     Examples
     --------
@@ -144,8 +144,6 @@ def constant_beta(law: KineticLaw, k: Positive) -> float | None:
     >>> theory.constant_beta(IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2, sticking="contact_point"), 2.0) is None
     True
     """
-    if law.depends_on_speed:
-        return None
     inverse_a = 1.0 / (1.0 + k)
     h, c = (float(each) for each in slip_coefficients(law, inverse_a))
     if c * math.sqrt(1.0 + k * HOTTEST_SPINS) * STICKS > law.mu * (1.0 + law.e_n):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.laws.ifr import Regime
+from ..model.laws.ifr import ELASTIC, Regime
 from ..model.laws.law import parts_of
 from ..quantities import EVENT, MECHANISMS
 from .history import KICK
@@ -212,7 +212,7 @@ def _restitution(trajectory: Trajectory, of: dict[str, NDArray[Any]], g_n: Array
         if parts is not None:
             P_et = impulses(type(law), tuple(each[rows] for each in pair), law.table_row(), parts)[3]
         found[rows] = P_et * (g_t[rows] - 0.5 * P_et * inverse_t[rows])
-    return np.where(of["regime"] == 9, 0.0, found)
+    return np.where(of["regime"] == ELASTIC, 0.0, found)
 
 
 def _names(trajectory: Trajectory) -> NDArray[np.str_]:

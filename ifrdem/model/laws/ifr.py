@@ -59,9 +59,13 @@ class Regime(IntEnum):
     STICKING_NONROLLING = 6
 
 
+ELASTIC = 9
+"""In place of a `Regime`: a custom law or a thermal wall; elastic by a remedy for collapse."""
+
+
 def regime_name(number: int) -> str:
     """Words for a regime as histories number them: -1 not known, 0 none, 9 elastic by a remedy for collapse."""
-    special = {-1: "not known", 0: "-", 9: "elastic"}
+    special = {-1: "not known", 0: "-", ELASTIC: "elastic"}
     if number not in special and number not in [*Regime]:
         return f"{number}?"
     return special.get(number) or Regime(number).name.lower().replace("_", " ")

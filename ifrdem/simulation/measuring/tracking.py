@@ -18,7 +18,7 @@ from ...kernels.columns import named, rows_dtype
 from ...model.box import Box, below
 from ...model.custom_code import is_custom
 from ...model.laws.collision import UNKNOWN, collide
-from ...model.laws.ifr import EnergyWarning
+from ...model.laws.ifr import ELASTIC, EnergyWarning
 from ...model.laws.law import CollisionLaw, parts_of
 from ...model.state import Disks
 from ...model.walls.wall import Wall
@@ -26,8 +26,6 @@ from ...quantities import EVENT
 
 KICK = k.KICKED
 """In place of a partner: a force changed the disk's velocity or spin."""
-ELASTIC = 9
-"""In place of a `law.Regime`: a custom law or a thermal wall; elastic by a remedy for collapse."""
 
 
 @dataclass(frozen=True, eq=False)
