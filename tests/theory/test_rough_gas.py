@@ -77,7 +77,7 @@ def test_theory_of_constant_beta_is_chosen_where_it_holds() -> None:
     assert best.theta[-1] != plain.theta[-1]
     slides = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.3, sticking="contact_point")
     assert theory.prediction(disks, slides, *given, velocities="best").velocities == "gaussian"
-    with pytest.raises(InputError, match='velocities = "sonine": is known of equal rough disks'):
+    with pytest.raises(InputError, match='velocities = "sonine": must be "gaussian" or "best"'):
         theory.prediction(disks, slides, *given, velocities="sonine")
     walton = ifrdem.laws.Walton(e_n=0.9, beta_0=0.5, mu=1e6)
     assert theory.constant_beta(walton, 2.0) == pytest.approx(0.5)
