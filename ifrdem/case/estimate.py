@@ -220,7 +220,7 @@ HOST_BYTES_PER_DISK = 300
 PROCESS_BYTES = 280_000_000
 """Memory of a process without disks: Python, the runtime and their libraries, and Matplotlib for the picture."""
 KEPT_BYTES, KEPT_BYTES_PER_DISK = 90_000_000, 30
-"""What the process keeps of arrays that were there before: at most, and for each disk of fewer. The allocator gives
+"""Memory that the process keeps of arrays that were there before: at most, and for each disk of fewer. The allocator gives
 arrays of more than 32 MB back (DEFAULT_MMAP_THRESHOLD_MAX of glibc)."""
 START_BYTES_PER_DISK = 48
 """Memory of a start beside the engine's arrays: 40 bytes of places and motion, and their tiles; 45 were seen

@@ -663,7 +663,7 @@ def collisions(
 
 
 def _summary(found: Any) -> list[str]:
-    """What was found and what is left out of a fit, the largest part first."""
+    """Lines on the collisions that were found and that a fit leaves out, the largest part first."""
     tables = {"of two disks": found.pairs, "with walls": found.walls}
     parts = [f"{len(columns['t'])} {what}" for what, columns in tables.items() if columns]
     shown = [f"found {len(found)} collisions: {', '.join(parts)}"]

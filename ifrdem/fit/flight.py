@@ -156,7 +156,7 @@ class Tray:
         return displacement, turned * np.sign(w)[:, None]
 
     def _tilted(self, t: Array, speed: Array, along: Array) -> Array:
-        """What g adds to displacements (m, n, 2) after times in motion t (m, n), to first order in g.
+        """Parts of displacements (m, n, 2) by g after times in motion t (m, n), to first order in g.
 
         A small velocity along the path decays by a1, one across it by a0/s + a1, so that it is s int dt/s. Of a
         coupled law the braking is that of pure sliding.

@@ -381,7 +381,7 @@ class _Finder:
         return int(np.clip(round(n), *WINDOWS))
 
     def _rest(self, one: int, rows: NDArray[np.int64], at: float) -> _Rest:
-        """Whether a disk rests before an impact, from the frames before it, the nearest ones first.
+        """Rest of a disk before an impact, by the frames before it, the nearest ones first.
 
         It does for certain if it has one place in n frames next to it, and a disk that moves, however slowly, would
         have left that place: by a T^2/2 at least, T the time of these frames and a the deceleration.

@@ -192,7 +192,7 @@ class _Model:
         return np.concatenate([*parts, [False]])
 
     def bent(self, p: Array, i: int) -> Array:
-        """What the tray adds to straight flights at the frames of disk i, (n, 2) [length]."""
+        """Displacements of the frames of disk i from straight flights, by the tray, (n, 2) [length]."""
         (before, _, _), (after, _, _) = self.flights(p, i)
         tau, k = (self.sides[i].t - p[0])[:, None], 3 + 6 * i
         line = np.minimum(tau, 0.0) * p[k : k + 2] + np.maximum(tau, 0.0) * p[k + 2 : k + 4]

@@ -103,7 +103,7 @@ def _table(
 
 
 def _trackmate(path: Path, cells: Sequence[Sequence[str]]) -> Converted:
-    """The same lines, with the names of columns that tracks have; lines below the header are left out."""
+    """Lines with the names of columns that tracks have; lines below the header are left out."""
     names = [_TRACKMATE.get(name, name) for name in cells[0]]
     below = 1
     while below < len(cells) and all(number_of(text) is None for text in cells[below] if text):

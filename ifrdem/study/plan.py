@@ -83,7 +83,7 @@ CADENCES = (
 VARIANT = "variant"
 """Dimension of the variants of a study."""
 FIRST_SEED = 1_000_003
-"""What is added to the seed of a run for that of its equilibration, whose random forces are others."""
+"""Added to the seed of a run for that of its equilibration, whose random forces differ."""
 LAST_FRAME = {"frames": "1", "series": "1", "picture": "false", "views": "false"}
 """Keys of [output] of an equilibration, of which the last frame is needed."""
 FRAME_KEYS = ("file", "frame", "psi", "speed", "columns", "units", "delimiter", "decimal", "relax")

@@ -1,4 +1,4 @@
-"""What `ifrdem check` says of large gases, compared with runs of them (`ifrdem/docs/results/starts.md`)."""
+"""Estimates of `ifrdem check` for large gases, compared with runs of them (`ifrdem/docs/results/starts.md`)."""
 
 from __future__ import annotations
 
