@@ -187,11 +187,12 @@ def read(
             for each in row_problems:
                 alike = _VALUE.sub("", each)
                 repeated[alike] += 1
-                if repeated[alike] <= _REPEATED:
+                if n or repeated[alike] <= _REPEATED:  # slices of ranks do not know each other's
                     count += 1
                     problems += [f"line {line}: {each}"] * (len(problems) < most_problems)
-        more = [f"{n - _REPEATED} more lines: {text}" for text, n in repeated.items() if n > _REPEATED]
-        problems, count = problems + more, count + len(more)
+        if not n:
+            more = [f"{i - _REPEATED} more lines: {text}" for text, i in repeated.items() if i > _REPEATED]
+            problems, count = problems + more, count + len(more)
         if not total:
             raise InputError("no line of values follows the names of the columns")
         columns = {name: np.array(each) for name, each in values.items()}

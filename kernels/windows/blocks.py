@@ -1019,8 +1019,15 @@ def take_tile(n_tiles, me, block: ti.template()):
     return block.note.tile
 
 
+# A kernel for a GPU has 64 arguments at most, and lines of thin gases are for CPUs.
+OF_CPUS = ("line", "line_slot", "bunch", "spare")
 BLOCKS = Arrays(
-    " ".join((*WINDOW.names, "near near_image image_list dense block_integers block_reals block_sums"))
+    " ".join(
+        (
+            *(name for name in WINDOW.names if name not in OF_CPUS),
+            "near near_image image_list dense block_integers block_reals block_sums",
+        )
+    )
 )
 
 
