@@ -1,4 +1,4 @@
-"""How the tray slows disks down, and impacts on it, in films of a simulator that shares no code with the fit."""
+"""Laws of the tray and impacts on it, in films of a simulator that shares no code with the fit."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Tray:
-    """How disks slow down: dv/dt = -(a0 + a1 |v|) v/|v| + g, dw/dt = -(b0 + b1 |w|) sign(w), to rest.
+    """Law of deceleration of disks: dv/dt = -(a0 + a1 |v|) v/|v| + g, dw/dt = -(b0 + b1 |w|) sign(w), to rest.
 
     `face` or `ring` instead couples both motions: Coulomb friction a0 = mu g, spread evenly over the face of a disk
     (Farkas et al. 2003), or over its rim. `slippery` multiplies a0 of material B.

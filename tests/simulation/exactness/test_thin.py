@@ -71,7 +71,7 @@ GASES: dict[str, tuple[Callable[[int], Disks], Callable[[Disks], tuple[Box, Stat
 
 
 def story(gas: Simulation, folder: Path) -> list[dict[str, bytes]]:
-    """All that a gas tells of frames, rows, stops by time and by count, changes, tracked disks and a checkpoint."""
+    """Bytes of frames, rows, stops by time and by count, changes, tracked disks and a checkpoint of a gas."""
     told: list[dict[str, bytes]] = []
     gas.run(
         collisions_per_disk=1.5, frames=7, series=5,
@@ -95,7 +95,7 @@ def story(gas: Simulation, folder: Path) -> list[dict[str, bytes]]:
 def both(
     make: Callable[[], Simulation], monkeypatch: pytest.MonkeyPatch, folder: Path
 ) -> list[list[dict[str, bytes]]]:
-    """What a gas tells where neighbours are found by lines, and where they are not."""
+    """Bytes of a gas whose neighbours are found by lines, and of the same gas where they are not."""
     found = []
     for thin in (True, False):
         with monkeypatch.context() as patch:
