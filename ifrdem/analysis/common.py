@@ -106,6 +106,16 @@ class FreudFrame(NamedTuple):
     points: NDArray[np.float32]
 
 
+def _sides_for_freud(position: Array, box: Box, reach: float) -> tuple[Array, Array]:
+    """Corner and lengths [length] of the box that freud gets; an open one is what the disks span."""
+    low, lengths = np.zeros(2), np.array(box.lengths)
+    if box.is_open:
+        low = position.min(axis=0)
+        lengths = np.ptp(position, axis=0)
+    periodic = np.array(box.periodic)
+    return np.where(periodic, low, low - 1.25 * reach), np.where(periodic, lengths, lengths + 2.5 * reach)
+
+
 def freud_frame(position: Array, box: Box, reach: float, time: float, purpose: str) -> FreudFrame:
     """Positions [length] in a box of freud whose sides are all periodic, for neighbours up to `reach` [length].
 
@@ -114,13 +124,7 @@ def freud_frame(position: Array, box: Box, reach: float, time: float, purpose: s
     where neighbours would be counted twice.
     """
     freud = load("freud", purpose)
-    low, lengths = np.zeros(2), np.array(box.lengths)
-    if box.is_open:
-        low = position.min(axis=0)
-        lengths = np.ptp(position, axis=0)
-    periodic = np.array(box.periodic)
-    lengths = np.where(periodic, lengths, lengths + 2.5 * reach)
-    low = np.where(periodic, low, low - 1.25 * reach)
+    low, lengths = _sides_for_freud(position, box, reach)
     if reach >= 0.5 * lengths.min():
         raise InputError(
             f"{purpose}: neighbours up to {reach:.4g}: must be less than half the shortest side of the box, "
@@ -152,25 +156,34 @@ def neighbours(
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 2))
     freud = load("freud", purpose)
     span = 1.0 if box.is_open else max(box.lengths)
-    margin = reach + 1e-6 * span
-    frame = freud_frame(position, box, margin, time, purpose)
-    pairs = 0.5 * len(position) ** 2 * min(1.0, np.pi * margin**2 / (frame.box.Lx * frame.box.Ly))
+    margin = reach + SINGLE * span
+    area = float(np.prod(_sides_for_freud(position, box, margin)[1]))
+    pairs = 0.5 * len(position) ** 2 * min(1.0, np.pi * margin**2 / area)
     if pairs > MOST_PAIRS:
         raise InputError(
             f"{purpose}: neighbours up to {reach:.4g} of {len(position)} disks are some {pairs:.2g} pairs: at most "
             f"{MOST_PAIRS:g}; choose a shorter distance"
         )
-    query = freud.locality.AABBQuery(frame.box, frame.points)
-    found = query.query(frame.points, {"r_max": margin, "exclude_ii": True}).toNeighborList()
-    i = np.asarray(found.query_point_indices, dtype=np.intp)
-    j = np.asarray(found.point_indices, dtype=np.intp)
-    once = i < j
-    i, j = i[once], j[once]
-    vector = box.minimum_image(position[j] - position[i], time)
-    near = np.einsum("ij,ij->i", vector, vector) < reach * reach
-    return i[near], j[near], vector[near]
+    found = []
+    rows = strips_of(len(position), box)
+    for row in range(rows):
+        near, own = strip(position, box, row, rows, margin)
+        frame = freud_frame(position[near], box, margin, time, purpose)
+        query = freud.locality.AABBQuery(frame.box, frame.points).query(frame.points[own], {"r_max": margin})
+        listed = query.toNeighborList()
+        i = near[own[listed.query_point_indices]]
+        j = near[listed.point_indices]
+        once = i < j
+        i, j = i[once], j[once]
+        vector = box.minimum_image(position[j] - position[i], time)
+        close = np.einsum("ij,ij->i", vector, vector) < reach * reach
+        found.append((i[close], j[close], vector[close]))
+    i, j, vector = (np.concatenate(each) for each in zip(*found, strict=True))
+    return i, j, vector
 
 
+SINGLE = 1e-6
+"""Part of the box that positions in single precision are off by, at most."""
 AT_ONCE = 1 << 20
 """Disks that are worked on together, where what is computed of all would need several times the memory of a frame."""
 
@@ -180,6 +193,39 @@ def blocks(n: int, size: int = 0) -> Iterator[slice]:
     size = size or AT_ONCE
     for first in range(0, n, size):
         yield slice(first, min(first + size, n))
+
+
+def near_row(y: Array, box: Box, row: int, rows: int, reach: float) -> NDArray[np.bool_]:
+    """True for disks, of these y [length], that are in a row of equal rows of the box along x, or nearer to it."""
+    length = box.lengths[1]
+    farthest = 0.5 * length / rows + reach + SINGLE * max(box.lengths)
+    near = np.empty(len(y), dtype=bool)
+    for some in blocks(len(y)):
+        away = y[some] - (row + 0.5) * length / rows
+        if box.periodic[1]:
+            away -= length * np.round(away / length)
+        near[some] = np.abs(away) <= farthest
+    return near
+
+
+def strips_of(n: int, box: Box) -> int:
+    """Number of strips in which neighbours of n disks are looked for: of some AT_ONCE disks; one of an open box."""
+    return 1 if box.is_open else max(1, -(-n // AT_ONCE))
+
+
+def strip(
+    position: Array, box: Box, row: int, rows: int, reach: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Disks in one of equal strips of the box along x or nearer to it than `reach` [length], and which are in it.
+
+    The latter as places in the former. Each disk is in one strip.
+    """
+    if rows == 1:
+        return np.arange(len(position)), np.arange(len(position))
+    near = np.flatnonzero(near_row(position[:, 1], box, row, rows, reach))
+    y = position[near, 1] / box.lengths[1]
+    level = rows * (y - np.floor(y)) if box.periodic[1] else rows * y
+    return near, np.flatnonzero(np.clip(level.astype(np.intp), 0, rows - 1) == row)
 
 
 def cells_of(position: Array, box: Box, side: int) -> NDArray[np.intp]:

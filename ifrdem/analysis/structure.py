@@ -7,7 +7,7 @@ import itertools
 import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,8 @@ from ..tools.checked import (
     PositivePerDisk,
     Real,
     Vectors,
-    column,
     must_be,
+    rows,
     validated,
 )
 from ..tools.intervals import of_count, of_intensity, student_t
@@ -43,8 +43,8 @@ LEAST_MODES = 32
 """Modes by whose scatter the error of S(k) is found: rings that hold fewer take those of the next rings too."""
 CELLS, DISKS_OF_CELL = (5, 10), 40
 """Cells along a side of the box by whose scatter the error of g(r) is found, and disks in each between."""
-SINGLE = 1e-6
-"""Part of the box that positions in single precision are off by, at most."""
+SPACINGS = 5.0
+"""Distance to a strip, in mean distances of disks, up to which the six nearest of its disks are looked for first."""
 Bins = Annotated[int, Integer(1, 1_000_000)]
 
 
@@ -201,7 +201,11 @@ def _count_pairs(
             own_cells = np.array(
                 [cell for cell in range(row, side**2, side) if numbers[cell + 1]], dtype=np.intp
             )
-            near = _near_row(aims, box, r_max, when, row, side) if len(own_cells) else np.zeros(0, dtype=bool)
+            near = (
+                common.near_row(aims[:, 1], box, row, side, r_max)
+                if len(own_cells)
+                else np.zeros(0, dtype=bool)
+            )
             aim = freud_frame(aims[near], box, r_max, when, "g(r)") if near.any() else None
             query = None if aim is None else freud.locality.AABBQuery(aim.box, aim.points)
             for cell in own_cells:
@@ -247,19 +251,6 @@ def _cells_of_centres(points: Array, box: Box, r_max: float, time: float, side: 
         if not box.periodic[axis]:
             inside &= (points[:, axis] > r_max) & (points[:, axis] < box.lengths[axis] - r_max)
     return np.where(inside, cells_of(box.wrap(points, time), box, side), -1)
-
-
-def _near_row(points: Array, box: Box, r_max: float, time: float, row: int, side: int) -> NDArray[np.bool_]:
-    """True for points that are, along y, no farther than `r_max` from a row of the cells along x."""
-    length = box.lengths[1]
-    reach = 0.5 * length / side + r_max + SINGLE * max(box.lengths)
-    near = np.empty(len(points), dtype=bool)
-    for some in common.blocks(len(points)):
-        away = box.wrap(points[some], time)[:, 1] - (row + 0.5) * length / side
-        if box.periodic[1]:
-            away -= length * np.round(away / length)
-        near[some] = np.abs(away) <= reach
-    return near
 
 
 @validated
@@ -572,18 +563,21 @@ def clusters(
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-    x = np.asarray(position, dtype=np.float64)
-    n = len(x)
-    radii = column("radius", radius, n)
-    if n == 0:
-        none = np.zeros(0, dtype=np.intp)
-        return Clusters(none, none, np.zeros(0), np.zeros(0, dtype=bool), gap)
-    i, j, vector = neighbours(x, box, 2.0 * float(radii.max()) + gap, time, "clusters")
+    whole = np.asarray(position, dtype=np.float64)
+    radii = rows("radius", radius, len(whole))
+    largest = float(radii.max(initial=0.0))
+    i, j, vector = neighbours(whole, box, 2.0 * largest + gap, time, "clusters")
     # Touching disks of a file in single precision are apart or overlap by its rounding.
     near = np.hypot(vector[:, 0], vector[:, 1]) <= radii[i] + radii[j] + gap
     i, j, vector = i[near], j[near], vector[near]
+    # Most disks of a homogeneous gas are alone: the graph is that of the others.
+    alone = np.ones(len(whole), dtype=bool)
+    alone[i] = alone[j] = False
+    joined = np.flatnonzero(~alone)
+    i, j = np.searchsorted(joined, i), np.searchsorted(joined, j)
+    x, n = whole[joined], len(joined)
     graph = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(n, n))
-    count, label = connected_components(graph, directed=False)
+    count, label = connected_components(graph, directed=False) if n else (0, np.zeros(0, dtype=np.intp))
     sizes = np.bincount(label, minlength=count)
     order = np.argsort(-sizes, kind="stable")
     rank = np.empty(count, dtype=np.intp)
@@ -593,9 +587,10 @@ def clusters(
 
     # Paths along the tree from one disk of each cluster, all trees hung on one more root.
     first = np.unique(label, return_index=True)[1]
-    rows = np.concatenate((i, np.full(count, n)))
-    columns = np.concatenate((j, first))
-    tree = coo_array((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(n + 1, n + 1))
+    tree = coo_array(
+        (np.ones(len(i) + count, dtype=np.int8), (np.append(i, np.full(count, n)), np.append(j, first))),
+        shape=(n + 1, n + 1),
+    )
     _, parent = breadth_first_order(tree.tocsr(), n, directed=False)
     parent = np.where(parent < 0, n, parent).astype(np.intp)
     offset = np.zeros((n + 1, 2))
@@ -607,16 +602,23 @@ def clusters(
         parent = parent[parent]
     unwrapped = offset[:n]
     # A bond that does not close is one around the box.
-    open_bond = np.any(
-        np.abs(unwrapped[j] - unwrapped[i] - vector) > 1e-6 * max(1.0, float(radii.max())), axis=1
-    )
-    spans = np.zeros(count, dtype=bool)
-    spans[label[i[open_bond]]] = True
+    open_bond = np.any(np.abs(unwrapped[j] - unwrapped[i] - vector) > 1e-6 * max(1.0, largest), axis=1)
     mean = np.stack(
         [np.bincount(label, unwrapped[:, axis], minlength=count) / sizes for axis in (0, 1)], axis=1
     )
     square = np.bincount(label, np.sum((unwrapped - mean[label]) ** 2, axis=1), minlength=count) / sizes
-    return Clusters(label, sizes, np.where(spans, np.nan, np.sqrt(square)), spans, gap)
+
+    singles = len(whole) - n
+    spans = np.zeros(count + singles, dtype=bool)
+    spans[label[i[open_bond]]] = True
+    radius_of_gyration = np.zeros(count + singles)
+    radius_of_gyration[:count] = np.where(spans[:count], np.nan, np.sqrt(square))
+    all_labels = np.empty(len(whole), dtype=np.intp)
+    all_labels[joined] = label
+    all_labels[alone] = np.arange(count, count + singles)
+    return Clusters(
+        all_labels, np.append(sizes, np.ones(singles, dtype=np.intp)), radius_of_gyration, spans, gap
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -673,12 +675,43 @@ def hexatic(
         reach = 2.0 * float(np.ptp(x, axis=0).max())
         reach = min(reach, 0.4 * min([side for side in box.periods if side] or [np.inf]))
     frame = freud_frame(x, box, reach, time, "psi_6")
-    compute = freud.order.Hexatic(k=6)
-    if neighbours == "nearest":
-        compute.compute((frame.box, frame.points), neighbors={"num_neighbors": 6, "exclude_ii": True})
-    else:
+    if neighbours == "voronoi":
+        frame = freud_frame(x, box, reach, time, "psi_6")
         cells = freud.locality.Voronoi()
         cells.compute((frame.box, frame.points))
-        compute.compute((frame.box, frame.points), neighbors=cells.nlist)
-    psi6 = np.asarray(compute.particle_order, dtype=np.complex128)
+        psi6 = _psi6(frame, cells.nlist)
+    else:
+        psi6 = np.empty(len(x), dtype=np.complex128)
+        count = common.strips_of(len(x), box)
+        for row in range(count):
+            _of_nearest(psi6, x, box, row, count, reach, time)
     return Hexatic(psi6, float(np.abs(psi6).mean()), float(np.abs(psi6.mean())), neighbours)
+
+
+def _psi6(frame: common.FreudFrame, neighbours: Any) -> NDArray[np.complex128]:
+    """psi_6 of the disks of a frame with a list of neighbours of freud."""
+    compute = load("freud", "psi_6").order.Hexatic(k=6)
+    compute.compute((frame.box, frame.points), neighbors=neighbours)
+    return np.asarray(compute.particle_order, dtype=np.complex128)
+
+
+def _of_nearest(
+    psi6: NDArray[np.complex128], x: Array, box: Box, row: int, count: int, reach: float, time: float
+) -> None:
+    """Write psi_6, with the six nearest, of the disks of one of `count` strips."""
+    freud = load("freud", "psi_6")
+    away = SPACINGS * np.sqrt(box.area / len(x)) if count > 1 else 0.0
+    while True:
+        near, own = common.strip(x, box, row, count, away)
+        if not len(own):
+            return
+        if len(near) >= 7:
+            frame = freud_frame(x[near], box, reach, time, "psi_6")
+            query = freud.locality.AABBQuery(frame.box, frame.points)
+            six = query.query(frame.points, {"num_neighbors": 6, "exclude_ii": True}).toNeighborList()
+            # The nearest of all are in the strip or nearer to it than the sixth that was found.
+            within = np.isin(six.query_point_indices, own)
+            if len(near) == len(x) or six.distances[within].max() < away:
+                psi6[near[own]] = _psi6(frame, six)[own]
+                return
+        away *= 2.0

@@ -20,6 +20,7 @@ PLAIN, SHEARED, WALLED = (
 )  # fmt: skip
 RANDOM = np.random.default_rng(3)
 PLACES = RANDOM.random((N, 2)) * (30.0, 20.0)
+LUMP = np.where(np.arange(N)[:, None] < 995, 0.1 * PLACES, PLACES)  # the six nearest of some are far away
 MOTION, SPINS, MASS = RANDOM.standard_t(9, (N, 2)), RANDOM.normal(size=N), RANDOM.uniform(1.0, 2.0, N)
 
 
@@ -44,6 +45,12 @@ def sums_in_strips() -> Any:
         lambda: analysis.structure_factor(PLACES, SHEARED, k_max=3.0, rings=5, time=1.3).S,
         lambda: analysis.pair_correlation(PLACES, WALLED, r_max=2.0, bins=7).pairs,
         lambda: analysis.pair_correlation(PLACES, SHEARED, r_max=9.0, bins=7, time=2.1).pairs,
+        lambda: analysis.clusters(PLACES, PLAIN, radius=0.1 + 0.2 * MASS, gap=0.1).radius_of_gyration,
+        lambda: analysis.clusters(PLACES, SHEARED, radius=0.1, gap=0.1, time=2.1).label,
+        lambda: analysis.clusters(PLACES, WALLED, radius=0.3, gap=0.1).sizes,
+        lambda: abs(analysis.hexatic(PLACES, SHEARED, time=2.1).psi6),
+        lambda: abs(analysis.hexatic(PLACES, WALLED).psi6),
+        lambda: abs(analysis.hexatic(LUMP, PLAIN).psi6),
         sums_in_strips,
     ],
 )  # fmt: skip
