@@ -358,7 +358,7 @@ def of_fields(
         return _of_bins(trajectory, means, [*_cells(a, b), *_extremes(trajectory, means)])
     used = second_half(trajectory, frames)[-1]
     disks, frame, box = trajectory.disks, trajectory[used], trajectory.box
-    movable: Any = slice(None) if disks.n_movable == disks.n else disks.movable  # without a copy of all
+    movable = stored.index_of_movable(disks)
     position = frame.position[movable]
     if not len(position):
         raise InputError(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.observables import Measure, drift_text
-from ..model.state import codes, unlike
+from ..model.state import Disks, codes, unlike
 from ..tools.checked import Array
 from ..tools.intervals import student_t
 from ..tools.reprs import Brief
@@ -305,6 +305,11 @@ def times(trajectory: Trajectory, used: Sequence[int]) -> tuple[float, float]:
     """First and last time of frames [time]."""
     first = used.time if isinstance(used, FramesFrom) else float(trajectory.times[used[0]])
     return first, float(trajectory.times[used[-1]])
+
+
+def index_of_movable(disks: Disks) -> Any:
+    """Index of the disks that can move; of all without a copy, if all can."""
+    return slice(None) if disks.n_movable == disks.n else disks.movable
 
 
 def kinds(trajectory: Trajectory) -> Groups:

@@ -19,13 +19,11 @@ FARTHEST, HIGHEST = 60.0, 64
 
 
 def _velocities(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
-    movable = trajectory.disks.movable
-    return (trajectory[i].peculiar_velocity[movable] for i in used)
+    return (trajectory[i].peculiar_velocity[stored.index_of_movable(trajectory.disks)] for i in used)
 
 
 def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
-    movable = trajectory.disks.movable
-    return (trajectory[i].position[movable] for i in used)
+    return (trajectory[i].position[stored.index_of_movable(trajectory.disks)] for i in used)
 
 
 def _by_frame(trajectory: Trajectory, used: Sequence[int], **columns: Sequence[float]) -> Columns:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..analysis.common import blocks
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..model.state import Disks, State
@@ -311,10 +312,12 @@ def area_fraction(gas: Gas, position: Array, region: Array) -> Array:
     lengths = np.ptp(region, axis=1)
     cell = MAP_CELL * 2.0 * float(np.sqrt(np.mean(radius**2)))
     counts = np.clip(np.rint(lengths / cell), 1, 1000).astype(int)
-    part = (position - region[:, 0]) / lengths
-    inside = ((part >= 0.0) & (part <= 1.0)).all(axis=1)
-    column, row = np.minimum((part[inside] * counts).astype(int), counts - 1).T
-    covered = np.bincount(column * counts[1] + row, np.pi * radius[inside] ** 2, int(counts.prod()))
+    covered = np.zeros(int(counts.prod()))
+    for some in blocks(len(position)):
+        part = (position[some] - region[:, 0]) / lengths
+        inside = ((part >= 0.0) & (part <= 1.0)).all(axis=1)
+        column, row = np.minimum((part[inside] * counts).astype(int), counts - 1).T
+        covered += np.bincount(column * counts[1] + row, np.pi * radius[some][inside] ** 2, len(covered))
     return covered.reshape(counts) * float(counts.prod() / np.prod(lengths))
 
 

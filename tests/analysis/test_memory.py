@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import tracemalloc
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from ifrdem import analysis
 from ifrdem.analysis import averages, bins, common, velocities
 from ifrdem.model.box import Box
+from ifrdem.plots import disks
 
 N = 1000
 PLAIN, SHEARED, WALLED = (
@@ -24,12 +26,15 @@ LUMP = np.where(np.arange(N)[:, None] < 995, 0.1 * PLACES, PLACES)  # the six ne
 MOTION, SPINS, MASS = RANDOM.standard_t(9, (N, 2)), RANDOM.normal(size=N), RANDOM.uniform(1.0, 2.0, N)
 
 
+GAS: Any = SimpleNamespace(disks=SimpleNamespace(radius=0.1 * MASS))
+
+
 def sums_in_strips() -> Any:
     """Sums of `averages` over a frame, which is as those of a file."""
     strips = bins.Strips(PLAIN, ("y",), (np.linspace(0.0, 20.0, 9),))
-    disks = type("", (), {"n": N, "mass": MASS, "inertia": MASS, "radius": np.full(N, 0.4)})()
-    disks.movable = np.arange(N) % 7 > 0
-    trajectory = type("", (), {"disks": disks, "box": PLAIN, "fields": ("angular_velocity",)})()
+    these = type("", (), {"n": N, "mass": MASS, "inertia": MASS, "radius": np.full(N, 0.4)})()
+    these.movable = np.arange(N) % 7 > 0
+    trajectory = type("", (), {"disks": these, "box": PLAIN, "fields": ("angular_velocity",)})()
     frame: Any = type("", (), {"trajectory": trajectory, "time": 0.0, "position": PLACES, "spin": SPINS})()
     frame.peculiar_velocity = MOTION
     return averages._sums_of_frame(frame, strips, np.arange(N) % 2, 2, averages._mean_velocity(frame))
@@ -51,6 +56,7 @@ def sums_in_strips() -> Any:
         lambda: abs(analysis.hexatic(PLACES, SHEARED, time=2.1).psi6),
         lambda: abs(analysis.hexatic(PLACES, WALLED).psi6),
         lambda: abs(analysis.hexatic(LUMP, PLAIN).psi6),
+        lambda: disks.area_fraction(GAS, PLACES, np.array([[0.0, 30.0], [1.0, 19.0]])),
         sums_in_strips,
     ],
 )  # fmt: skip
