@@ -35,7 +35,8 @@ from typing import Any
 from ..columns import BLOCK_INTEGERS, BLOCK_REALS, BLOCK_SUMS, Columns
 from ..disks.flights import bits_of, contact_signs, real_of
 from ..disks.force_times import action_time
-from ..events.events import collide, compare, precedes, separation
+from ..events.events import collide, precedes
+from ..events.search import compare, separation
 from ..forces.force_events import act_alone, act_on_all, first_horizon, horizon_of, kick_time
 from ..compiler.language import is_single_precision, shared, ti
 from ..tiles.grid import place_of

@@ -51,7 +51,7 @@ TESTS = {
     "kernels/events/rest.py": "tests/simulation/walls/test_rest.py tests/simulation/walls/test_turning_gravity.py",
     "kernels/tiles/readout.py": f"{ALONE} tests/simulation/test_readout.py {ENGINE}",
     "kernels/walls/*": "tests/kernels/test_random.py tests/simulation/walls",
-    "kernels/events/events.py": (
+    "kernels/events/*": (
         f"{ALONE} {ENGINE} tests/simulation/walls/test_walls.py tests/simulation/test_tracking.py "
         "tests/simulation/test_ledger.py tests/simulation/test_dissipation_per_disk.py"
     ),

@@ -3,7 +3,7 @@
 from ifrdem.kernels.compiler.language import Rows, Table, ti
 from ifrdem.kernels.compiler.signature import Arrays, kernel
 from ifrdem.kernels.disks.particle import largest_square, note_speed
-from ifrdem.kernels.events.events import search_candidates, search_cells
+from ifrdem.kernels.events.search import search_candidates, search_cells
 from ifrdem.kernels.layout import FAR, NO_PARTNER
 from ifrdem.kernels.tiles.readout import placed
 from ifrdem.kernels.tiles.tiles import is_wrong, load_from, neighbor_tile, region_of, store
