@@ -186,8 +186,8 @@ class Compilation:
     """Texts on the compilation of about `expected` kernels (0 if unknown); `clock` gives the real time [s]."""
 
     def __init__(self, expected: int = 0, *, clock: Callable[[], float] = time.perf_counter) -> None:
-        self._expected, self._clock, self._started, self._count = expected, clock, clock(), 0
-        self._shown = self._started
+        self._expected, self._clock, self._count = expected, clock, 0
+        self._shown = clock()
 
     def next(self, kernel: str) -> tuple[str, bool]:
         """The text on the next kernel; True if half a second passed since the latest such text or the beginning.
@@ -201,10 +201,7 @@ class Compilation:
         if not self._expected:
             return f"compiling kernel {self._count} ({kernel})", is_slow
         of = max(self._count, self._expected)
-        text = (
-            f"compiling kernels: {self._count} of about {of} ({kernel}), {now - self._started:.0f} s so far"
-        )
-        return text, is_slow
+        return f"compiling kernels: {self._count} of about {of} ({kernel})", is_slow
 
 
 def drawing(name: str) -> None:
