@@ -12,7 +12,7 @@ from support import gases
 from support.gases import equal_disks, gas_of, mixture
 
 from ifrdem import ContactTime, Device, Rest, RotatingGravity, VelocityCutoff
-from ifrdem.errors import InputError
+from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.initial.placement import check_no_overlap
 from ifrdem.kernels.compiler import runtime
 from ifrdem.model import forces, setup
@@ -222,6 +222,36 @@ def test_a_run_resumes_to_the_bit(tmp_path, make):
         assert equal(whole.state, goes_on.state, "dissipated")
         if whole.measure().walls is not None:
             assert np.array_equal(whole.wall_sums.values, goes_on.wall_sums.values)
+
+
+def at_rest(boxes: int = 0) -> Simulation:
+    """Two disks at rest, which kicks turn and never move, with so many boxes behind them."""
+    state = State([[1.0, 1.0], [1.0, 5.0]], [[0.0, 0.0]] * 2, [0.0] * 2)
+    state.image = np.full((2, 2), boxes, dtype=np.int32)
+    return Simulation(equal_disks(2), Box((8.0, 8.0)), COIN, state, forces=[SpinKicks(0.1, power=1.0)])
+
+
+def test_a_gas_without_collisions_is_given_up_as_late_as_without_the_checkpoint(tmp_path, monkeypatch):
+    """After 20 steps of the force in which nothing met. Counted anew from the checkpoint, at 2.55."""
+    monkeypatch.setattr("ifrdem.simulation.engine.PATIENCE", 20)
+    whole = at_rest()
+    whole.run(t_end=0.65)
+    whole.save_checkpoint(tmp_path / "a.h5")
+    again = at_rest()
+    again.load_checkpoint(tmp_path / "a.h5")
+    for gas in (whole, again):
+        with pytest.raises(NoMoreCollisions, match="t = 1.95: "):
+            gas.run(collisions_per_disk=1.0)
+
+
+def test_counters_that_are_nearly_full_are_looked_at_after_a_checkpoint(tmp_path):
+    """Boxes travelled, of which a gas that was made with none expects some 2^31 windows that all is well."""
+    full = at_rest(2**31 - 3)
+    full.save_checkpoint(tmp_path / "a.h5")
+    gas = at_rest()
+    gas.load_checkpoint(tmp_path / "a.h5")
+    with pytest.raises(EngineError, match="2147483647"):
+        gas.run(t_end=10.0)
 
 
 @pytest.mark.full(keep=("0.0",))
