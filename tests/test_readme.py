@@ -170,6 +170,7 @@ def test_docs_api_has_every_public_name_with_signature_and_first_line() -> None:
     assert " at 0x" not in text
 
 
+@pytest.mark.full
 def test_gases_of_other_codes_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -360,6 +361,7 @@ def test_python_example_is_the_case_to_the_last_bit(tmp_path: Path, monkeypatch:
             np.testing.assert_array_equal(getattr(a, field), getattr(b, field))
 
 
+@pytest.mark.full
 def test_from_file_to_figure_runs_as_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -463,6 +465,7 @@ def test_study_example_prints_errors(tmp_path, monkeypatch, capsys) -> None:
     assert float(lines[0][1]) < float(lines[1][1])  # the gas that loses more is colder
 
 
+@pytest.mark.full
 def test_walls_example_shakes_coins(capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block("walls"), "README.md", "exec"), {})
     hits, collisions, work = capsys.readouterr().out.split()
@@ -530,6 +533,7 @@ def test_walls_of_the_case_file_are_those_of_the_template() -> None:
     assert gas.walls == (Wall.line((0.0, 0.008), (0.0, 1.0), motion=motion),)
 
 
+@pytest.mark.full
 def test_force_example_turns_velocities_and_puts_in_no_energy(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -547,6 +551,7 @@ def test_force_example_turns_velocities_and_puts_in_no_energy(
     assert capsys.readouterr().out.endswith("]\n")
 
 
+@pytest.mark.full
 def test_law_example_cools_as_viscoelastic_gases_do(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -569,6 +574,7 @@ def test_law_example_cools_as_viscoelastic_gases_do(
     assert dissipated == pytest.approx(start.energy - 2000.0 * temperature, rel=1e-12)
 
 
+@pytest.mark.full
 def test_open_example_flies_apart(capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block("open"), "README.md", "exec"), {})
     collisions, windows, extent = capsys.readouterr().out.split()

@@ -226,6 +226,7 @@ def test_help_and_refusals_start_no_heavy_import(folder: Path) -> None:
         assert done.returncode == status, done.stderr
 
 
+@pytest.mark.full
 def test_readme_example_works(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
     for line in manual.block("fit").splitlines():

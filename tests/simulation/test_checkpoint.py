@@ -240,7 +240,7 @@ def test_a_gas_without_collisions_is_given_up_as_late_as_without_the_checkpoint(
     again = at_rest()
     again.load_checkpoint(tmp_path / "a.h5")
     for gas in (whole, again):
-        with pytest.raises(NoMoreCollisions, match="t = 1.95: "):
+        with pytest.raises(NoMoreCollisions, match=r"t = 1\.95: "):
             gas.run(collisions_per_disk=1.0)
 
 

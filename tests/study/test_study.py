@@ -596,8 +596,8 @@ def test_a_study_is_followed_and_drawn(toml, tmp_path, capsys, drawn):
     )
 
 
-def run_it(toml: Path, out: Path, engine: str, workers: int = 2) -> subprocess.Popen[str]:
-    """A study of eight runs of so many processes, in a process group of its own; it says when a run is done."""
+def run_it(toml: Path, out: Path, engine: str) -> subprocess.Popen[str]:
+    """A study of eight runs, in one process below its own: each more takes seconds to start."""
     program = f"""
 import ifrdem
 from ifrdem.study import workers
@@ -605,7 +605,7 @@ workers.has_dask = lambda: {engine == "dask"}
 if __name__ == "__main__":
     changes = ["run.collisions_per_disk=200"]
     study = ifrdem.Study({str(toml)!r}, vary=["{VARY}"], seeds=4, set=changes, output={str(out)!r})
-    print(study.run(workers={workers}), flush=True)
+    print(study.run(workers=1), flush=True)
 """
     script = out.with_suffix(".py")
     script.write_text(program)
@@ -657,7 +657,7 @@ def quiet(tmp_path_factory: pytest.TempPathFactory) -> ifrdem.Study:
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
 @pytest.mark.parametrize("engine", ["pool", "dask"])
 def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(toml, quiet, tmp_path, engine):
-    client = run_it(toml, tmp_path / "killed", engine, workers=1)
+    client = run_it(toml, tmp_path / "killed", engine)
     folder = tmp_path / "killed.runs"
     first_result(folder, client)
     below = children(client.pid)

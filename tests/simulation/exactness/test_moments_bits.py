@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import test_forces_within_windows as forced
-from support.gases import ELASTIC, equal_disks, mixture
+from support.gases import ELASTIC, equal_disks, mixture, start
 from test_same_bits import COMPARED, GASES, NARROW, N, made, narrowed, same
 from test_same_bits import windows_of_tiles as windows_of_tiles
 
@@ -22,6 +22,7 @@ from ifrdem.kernels.layout import AT_END
 from ifrdem.model.box import Box
 from ifrdem.model.forces import PoissonKicks, SpinKicks
 from ifrdem.model.state import State
+from ifrdem.model.walls.wall import Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.steps.schedule import RunPoint
 from ifrdem.simulation.windows.arrays import DeviceArrays
@@ -231,13 +232,17 @@ def test_low_memory_keeps_the_histories_of_tracked_disks() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "more"), [("walls", "walls"), ("driven", "forces"), ("phi = 0.3", "collapse")]
+    "more",
+    [
+        {"walls": [Wall.line((0.0, 0.0), (0.0, 1.0))]},
+        {"forces": [PoissonKicks(1.0, power=1.0)]},
+        {"collapse": ContactTime(1e-9)},
+    ],
 )
-def test_low_memory_is_refused_where_bits_depend_on_the_window(name: str, more: str) -> None:
-    disks, box, state, law, options = made(name)
-    options = options or {"collapse": ContactTime(1e-9)}
-    with pytest.raises(InputError, match=rf"low_memory = True: cannot be combined with {more}"):
-        engine_of(disks, box, state, np.array([[law]]), device=Device(low_memory=True), **options)
+def test_low_memory_is_refused_where_bits_depend_on_the_window(more: dict[str, Any]) -> None:
+    disks = equal_disks(200)
+    with pytest.raises(InputError, match=rf"low_memory = True: cannot be combined with {next(iter(more))}"):
+        engine_of(disks, *start(disks, 0.1), np.array([[ELASTIC]]), device=Device(low_memory=True), **more)
 
 
 def test_low_memory_tells_collisions_apart_that_differ_in_the_last_digits() -> None:
