@@ -20,7 +20,7 @@ from ..kernels.compiler import runtime
 from ..model.box import Box, PackingFraction
 from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.device import Device
-from ..model.gravity import DEFAULT_STEP, Gravity, RotatingGravity, Step
+from ..model.gravity import DEFAULT_STEP, EARTH, Gravity, RotatingGravity, Step
 from ..tools.checked import (
     POSITIVE,
     Count,
@@ -177,7 +177,7 @@ class BoxSection(Section):
     material: Name | None = field("steel", None)
     """Name of the material of walls at the sides [text]; needed where a side is not periodic. That of a species, or
     another one with a [[pair]] for each material of the disks."""
-    gravity: Pair = field([0.0, -9.81], [0.0, 0.0])
+    gravity: Pair = field([0.0, -EARTH], [0.0, 0.0])
     """Acceleration [gx, gy] of all disks [m/s^2]; only along directions that are not periodic."""
     gravity_rotation_rate: Real = field(0.02, 0.0)
     """Rate at which gravity rotates [rad/s], positive counter-clockwise: a slow drum in its own frame, which rotates
@@ -546,8 +546,8 @@ class TableFrictionForce(SteppedForce):
     kind: Literal["table_friction"]
     mu: Ratio = field(0.2)
     """Sliding friction on the table [1]."""
-    gravity: Positive | None = field(9.81, None)
-    """Acceleration that presses disks on the table [m/s^2]; 9.81 without it."""
+    gravity: Positive | None = field(EARTH, None)
+    """Acceleration that presses disks on the table [m/s^2]; that of the Earth without it."""
 
     @property
     def has_medium(self) -> bool:

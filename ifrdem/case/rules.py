@@ -20,6 +20,7 @@ from ..initial.from_csv import StartData
 from ..initial.packing import separate
 from ..kernels.columns import MOST_IDS, MOST_WALLS
 from ..model.box import Box
+from ..model.gravity import EARTH
 from ..model.laws import files as law_files
 from ..model.laws.law import CollisionLaw
 from ..model.overlaps import COMPUTED, STORED, tolerances
@@ -189,7 +190,7 @@ def check_forces(case: CaseSections) -> Iterator[Problem]:
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
         if force.kind == "table_friction" and force.gravity is None and case.run.units != "SI":
-            yield problem_at(case, f"{key}.gravity", "missing: 9.81 m/s^2 is meant in SI units only")
+            yield problem_at(case, f"{key}.gravity", f"missing: {EARTH} m/s^2 is meant in SI units only")
 
 
 def made_walls(

@@ -39,9 +39,6 @@ Array = NDArray[np.float64]
 NAMES = ("a0", "a1", "b0", "b1", "gx", "gy")
 """Constants of a tray: a0, gx, gy [length/time^2], a1, b1 [1/time], b0 [rad/time^2]."""
 
-GRAVITY = 9.81
-"""Acceleration with which disks press on a level tray [m/s2]."""
-
 _START = 1e-7  # distance of the tables' first angles from pure sliding and pure spinning [rad]
 _AT_LIMIT = 1e-6  # distance from the limit at which a path is on it [rad]
 _END, _STEP = 90.0, 0.002  # of the stretched time: q falls to exp(-90 F) at least

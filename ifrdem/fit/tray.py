@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from .flight import GRAVITY, LAWS, Tray
+from ..model.gravity import EARTH
+from .flight import LAWS, Tray
 
 Array = NDArray[np.float64]
 
@@ -119,7 +120,7 @@ class TrayEstimate:
                 law = " + ".join(f"({value[name]}){_UNITS[name]}" for name in names if name in value)
                 parts += [f"{of} {law}"] * bool(law)
         if "gx" in value:
-            mrad = 1e3 * math.hypot(tray.gx, tray.gy) / GRAVITY
+            mrad = 1e3 * math.hypot(tray.gx, tray.gy) / EARTH
             parts.append(f"the tray is tilted: g = ({value['gx']}, {value['gy']}) m/s2, {mrad:.3g} mrad")
         return f"{'; '.join(parts)} ({fit}, straight {self.straight_chi2:.4g})"
 

@@ -24,6 +24,7 @@ from ..tools import checked
 from ..tools.checked import NonNegative, Positive, validated
 from ..tools.read_only import ReadOnlyAttributes
 from .custom_code import declared_names, named_numbers
+from .gravity import EARTH
 from .state import Disks
 
 __all__ = [
@@ -565,7 +566,7 @@ class TableFriction(Force):
     keeps_rest = True
 
     @validated
-    def __init__(self, step: Positive, *, mu: Positive, gravity: Positive = 9.81) -> None:
+    def __init__(self, step: Positive, *, mu: Positive, gravity: Positive = EARTH) -> None:
         deceleration = number("mu", mu, positive=True) * number("gravity", gravity, positive=True)
         super().__init__(step, deceleration=deceleration)
 

@@ -11,6 +11,8 @@ from ..tools import checked
 from ..tools.checked import LEAST, Number, validated
 
 DEFAULT_STEP, MAX_STEP = 0.005, 0.1  # rad
+EARTH = 9.81
+"""Acceleration of gravity where none is given [m/s^2]."""
 
 
 Step = Annotated[float, Number(LEAST, MAX_STEP, f"an angle above 0 and up to {MAX_STEP} rad")]
