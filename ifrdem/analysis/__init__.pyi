@@ -43,6 +43,8 @@ from .structure import contact_value as contact_value
 from .structure import hexatic as hexatic
 from .structure import pair_correlation as pair_correlation
 from .structure import structure_factor as structure_factor
+from .tails import SpeedTail as SpeedTail
+from .tails import speed_tail as speed_tail
 from .transport import TransportCoefficient as TransportCoefficient
 from .transport import transport_coefficient as transport_coefficient
 from .velocities import SonineCoefficients as SonineCoefficients

@@ -31,6 +31,7 @@ from . import (
     species,
     steadiness,
     structure,
+    tails,
     transport,
     velocities,
     vortices,
@@ -824,7 +825,7 @@ def _regime_counts(trajectory: Trajectory, span: tuple[float, float]) -> dict[st
 
 
 FUNCTIONS: dict[str, Callable[..., Evaluation]] = {
-    "velocity": of_velocity, "rdf": of_pairs, "structure-factor": of_structure, "msd": motion.of_msd,
+    "velocity": of_velocity, "tail": tails.of_tail, "rdf": of_pairs, "structure-factor": of_structure, "msd": motion.of_msd,
     "vacf": motion.of_vacf, "profiles": of_profiles, "cycle": cycle.of_cycle, "fields": of_fields, "clusters": of_clusters, "psi6": of_psi6,
     "pressure": of_pressure, "stress": of_stress, "transport": transport.of_transport, "cooling": of_cooling,
     "velocity-correlation": vortices.of_correlation, "vorticity": vortices.of_spectrum, "species": species.of_species,

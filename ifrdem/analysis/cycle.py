@@ -20,13 +20,13 @@ from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 from . import result as stored
-from .common import mean_errors
+from .common import MeanValue, mean_errors, mean_with_error
 from .result import Columns, Evaluation, Reading, all_frames, times, unit
 from .window import steady_frames
 
 PHASES = 20
 """Phases by default, if the rows have not got fewer."""
-MOST_PHASES = 1000
+MOST_PHASES, FEWEST_PHASES = 1000, 3
 SHOWN = ("temperature", "rotational_temperature", "energy", *CENTER_SERIES, *REGION_SERIES)
 """Quantities of series whose means are taken: those that are no sums since the start."""
 ALIKE = 1e-3
@@ -46,10 +46,12 @@ class Cycle(Brief, ResultPlot):
     periods: int
     """Periods that have a row at each phase."""
 
-    @property
-    def amplitude(self) -> float:
-        """Half of the difference between the largest and the smallest mean."""
-        return 0.5 * float(np.ptp(self.mean))
+    whole: MeanValue
+    """Mean over the periods, with its error."""
+    amplitude: MeanValue
+    """Of the first harmonic, with the error of its projections on its phase; nan with fewer than 3 phases."""
+    maximum: float
+    """Phase at which the first harmonic has its maximum, 0 to 1."""
 
 
 @validated
@@ -85,7 +87,7 @@ def phase_average(
     >>> t = np.arange(80) / 8.0
     >>> found = analysis.phase_average(t, np.sin(2.0 * np.pi * t), period=1.0)
     >>> found.phase[:3].tolist(), found.mean[:3].round(3).tolist(), found.periods
-    ([0.0, 0.125, 0.25], [0.0, 0.707, 1.0], 9)
+    ([0.0, 0.125, 0.25], [0.0, 0.707, 1.0], 10)
     """
     t, x = np.asarray(time, dtype=float), np.asarray(series, dtype=float)
     if len(t) != len(x) or not np.all(np.diff(t) > 0.0):
@@ -106,7 +108,16 @@ def phase_average(
         )
     of_periods = sums[whole] / count[whole]
     error, n_eff = mean_errors(of_periods)
-    return Cycle(np.arange(number) / number, of_periods.mean(axis=0), error, n_eff, len(of_periods))
+    phase = np.arange(number) / number
+    harmonic = 2.0 / number * of_periods @ np.exp(2.0j * np.pi * phase)
+    angle = float(np.angle(harmonic.mean()))
+    amplitude = mean_with_error((harmonic * np.exp(-1.0j * angle)).real)
+    if number < FEWEST_PHASES:
+        amplitude, angle = MeanValue(np.nan, np.nan, np.nan), np.nan
+    return Cycle(
+        phase, of_periods.mean(axis=0), error, n_eff, len(of_periods), mean_with_error(of_periods.mean(axis=1)),
+        amplitude, angle / (2.0 * np.pi) % 1.0,
+    )  # fmt: skip
 
 
 def default_phases(place: Array) -> int:
@@ -188,22 +199,17 @@ def of_cycle(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation
         found = results[name] = phase_average(when, values, period=period, begin=begin)
         quantity = name.partition("/")[0]
         of = unit(trajectory, _UNITS[SERIES[quantity].dimension])
-        mean = float(np.mean(found.mean))
         rows += [
-            Reading(f"{name}, mean over the period", mean, unit=of, key=f"{name}_cycle_mean"),
-            Reading(f"{name}, amplitude", found.amplitude, unit=of, key=f"{name}_amplitude"),
-            Reading(
-                f"{name}, phase of the maximum",
-                float(found.phase[np.argmax(found.mean)]),
-                key=f"{name}_phase",
-            ),
+            Reading.of(f"{name}, mean", found.whole, of, f"{name}_cycle_mean"),
+            Reading.of(f"{name}, amplitude", found.amplitude, of, f"{name}_amplitude"),
+            Reading(f"{name}, phase of the maximum", found.maximum, key=f"{name}_phase"),
         ]
         table |= {"phase": found.phase, name: found.mean, f"{name} error": found.error}
         table[f"{name} n_eff"] = found.n_eff
     some = next(iter(results.values()))
     notes = [
         f"means over {some.periods} periods at {len(some.phase)} phases; the phase is 0 at t = {begin:g} and each "
-        "period after it"
+        "period after it; amplitudes and maxima are those of the first harmonic"
     ]
     notes += stored.few_rows(some.periods, "periods")
     return Evaluation(results, rows, {"": table}, notes, span)

@@ -33,6 +33,11 @@ ANALYSES = {
         "velocities and spins: Sonine coefficients",
         "distributions of velocities and spins, with Gaussians",
     ),
+    "tail": Analysis(
+        "tail of the distribution of speeds",
+        "speeds to the largest, exp(-A c^nu) fitted",
+        "distribution of speeds to the largest, with exp(-A c^nu) and a Gaussian",
+    ),
     "rdf": Analysis(
         "pair correlation g(r)",
         "pair correlation g(r), its value at contact",

@@ -97,6 +97,36 @@ def velocity(left: Axes, *rest: Any) -> None:
         grid(right)
 
 
+def tail(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
+    """Densities of velocities against the speed, logarithmic, with the fit of the tail and a Gaussian."""
+    del trajectory
+    highest = lowest = 1.0 / np.pi
+    end = 0.0
+    for i, (name, found) in enumerate(evaluation.result.items()):
+        color = KINDS[i % len(KINDS)]
+        middle, shown = 0.5 * (found.edges[1:] + found.edges[:-1]), found.counts > 0
+        text = "disks" if len(evaluation.result) == 1 else plain(name)
+        axes.errorbar(
+            middle[shown],
+            found.density[shown],
+            found.density_error[shown],
+            label=text,
+            **marks(color, ms=4, lw=0.8),
+        )
+        fine = np.linspace(found.first, found.edges[-1], 200)
+        nu = _with_error(found.nu.mean, found.nu.error)
+        look = dashes(KINDS[(i + 1) % len(KINDS)])
+        axes.plot(fine, found.fitted(fine), lw=1.5, label=rf"$\exp(-A c^\nu)$, $\nu$ = {nu}", **look)
+        lowest, highest = min(lowest, found.density[shown].min()), max(highest, found.density.max())
+        end = max(end, float(found.edges[-1]))
+    c = np.linspace(0.0, end, 400)
+    axes.plot(c, np.exp(-(c**2)) / np.pi, "-", color=RATIO, lw=1.2, label="Gaussian")
+    axes.set(yscale="log", xlim=(0.0, 1.03 * end), ylim=(0.3 * lowest, 2.0 * highest))
+    axes.set(xlabel=r"$c = |v| / \sqrt{2 T / m}$", ylabel="density of velocities $f(c)$")
+    legend(axes)
+    grid(axes)
+
+
 WIDEST = 0.05
 """Width, as part of r, that bins of g(r) have at most when they are drawn as one."""
 ENOUGH = 0.01
@@ -344,6 +374,8 @@ def _sequence(axes: Sequence[Axes], trajectory: Trajectory | None, found: analys
             one.plot(each.middles[0], value, lw=1.3, label=text_of, **style)
         one.set_ylabel(label(trajectory, text, dimension) if dimension else text)
         one.set_xlabel(label(trajectory, f"${first.axes[0]}$", "length"))
+    if not any(np.any(np.nan_to_num(each.mean.theta)) for each in found.profiles):
+        axes[-1].set_visible(False)  # nothing spins
     legend_above(axes[0], 3)
     grid(*axes)
 
@@ -366,7 +398,7 @@ def cycle(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Ev
                 one.phase,
                 one.mean,
                 half,
-                label=plain(WORDS.get(name, name)),
+                label=WORDS.get(name) or plain(name.partition("/")[2] or name),
                 **marked_line(color, ms=4, lw=1.0),
             )
         axes.set_xlabel("phase of the wall (periods)")
@@ -790,7 +822,7 @@ class Panels(NamedTuple):
 TWO: dict[str, Any] = {"ncols": 2}
 STACKED: dict[str, Any] = {"nrows": 2, "sharex": True}
 PANELS = {
-    "velocity": Panels(velocity, TWO), "rdf": Panels(pairs), "structure-factor": Panels(structure), "msd": Panels(msd),
+    "velocity": Panels(velocity, TWO), "tail": Panels(tail), "rdf": Panels(pairs), "structure-factor": Panels(structure), "msd": Panels(msd),
     "vacf": Panels(vacf), "profiles": Panels(profiles, {"nrows": 2, "ncols": 3, "sharex": True}),
     "cycle": Panels(cycle, TWO), "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
     "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "stress": Panels(stress, TWO),
@@ -819,6 +851,7 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.VelocityDistribution: Panels(
         lambda left, right, found: velocity(left, right, None, _alone({"all": found})), TWO
     ),
+    analysis.SpeedTail: Panels(lambda axes, found: tail(axes, None, _alone({"all": found}))),
     analysis.PairCorrelation: Panels(lambda axes, found: pairs(axes, None, _alone({"all": found}))),
     analysis.StructureFactor: Panels(lambda axes, found: structure(axes, None, _alone(found))),
     analysis.Correlation: Panels(_correlation),

@@ -289,6 +289,7 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
             analysis.profiles(run),
             analysis.mean_fields(run),
             averages.profiles_of_groups(run, times[[1, 3]], [[0, 1], [2, 3]], "time", None, None),
+            analysis.speed_tail(np.random.default_rng(1).normal(size=(4000, 2)), first=1.0),
             analysis.phase_average(steps, np.cos(steps), period=1.0, phases=5),
             analysis.transport_coefficient(
                 np.arange(301.0), np.random.default_rng(1).normal(size=(300, 2)), lag=4.0
