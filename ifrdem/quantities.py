@@ -37,7 +37,8 @@ class Quantity(NamedTuple):
     dimension : str
         Names and powers, such as "energy length-2", "1" or "radian".
     along : str
-        Axis of one row: "" for a number, a name in `AXES`, or "species", "pair" of species, "piston" or "wall".
+        Axis of one row: "" for a number, a name in `AXES`, or "species", "pair" of species, "region", "piston"
+        or "wall".
     type : str
         "real": the precision of the frame; "f8", "i4" or "i1": this type of NumPy.
     file : str or None
@@ -196,6 +197,9 @@ SERIES = _by_name(
     Q("stress", "pressure tensor, mean since the row before", "energy length-2", "component", feature="stress"),
     Q("stress_kinetic", "kinetic part of stress, mean of this row and the row before", "energy length-2", "component",
       feature="stress"),
+    Q("heat_flux", "heat flux, mean since the row before", "energy length-1 time-1", "axis", feature="heat_flux"),
+    Q("heat_flux_kinetic", "kinetic part of heat_flux, mean of this row and the row before", "energy length-1 time-1",
+      "axis", feature="heat_flux"),
     Q("species_temperature", "translational temperature of each species, v as in temperature", "energy", "species"),
     Q("species_rotational_temperature", "rotational temperature of each species", "energy", "species"),
     Q("species_collisions", "collisions since the start, counted at each disk of a species", NUMBER, "species",
@@ -204,6 +208,11 @@ SERIES = _by_name(
     Q("piston_velocity", "velocity of each piston along its line of motion", "velocity", "piston"),
     Q("piston_energy", "kinetic and potential energy of each piston", "energy", "piston"),
     Q("piston_force", "force of its drive on each piston", "force", "piston"),
+    Q("center_of_mass", "centre of mass of the movable disks, by their places inside the box", "length", "axis",
+      feature="walls"),
+    Q("region_disks", "movable disks whose centres are in each region", NUMBER, "region"),
+    Q("region_mass", "mass of the disks in each region", "mass", "region"),
+    Q("region_energy", "kinetic energy of the disks in each region", "energy", "region"),
     Q("histogram_impact_angle", "collisions of two disks since the start by angle of impact, of each pair of species",
       NUMBER, "pair", "i8", feature="histograms", adds_up=True),
     Q("histogram_normal_speed", "collisions of two disks since the start by normal speed, of each pair of species",
@@ -232,6 +241,12 @@ LEDGER = _without(along=("", "mechanism", "regime"), feature="ledger")
 """Those that rows have with output.ledger."""
 STRESS_SERIES = _without(along=("component",), feature="stress")
 """The pressure tensor and its kinetic part."""
+HEAT_SERIES = _without(along=("axis",), feature="heat_flux")
+"""The heat flux and its kinetic part."""
+CENTER_SERIES = _without(along=("axis",), feature="walls")
+"""The centre of mass."""
+REGION_SERIES = _without(along=("region",), feature="")
+"""Those with a column for each region, in the order of `columns.REGION`."""
 SPECIES_SERIES = _without(along=("species",), feature="")
 """Those with a column for each species."""
 HISTOGRAMS = tuple(name for name, each in SERIES.items() if each.along == "pair")

@@ -217,7 +217,7 @@ REACH = Columns(
     halo_factor="halo over the initial one of all tiles",
 )  # fmt: skip
 # Sums over a window; whole numbers are exact up to 2^53. They are followed by those that only some gases have: the
-# virial, histograms of collisions, heat of thermal walls, sums of each wall, states of pistons.
+# transfer of momentum and energy, histograms of collisions, heat of thermal walls, sums of each wall, states of pistons.
 TALLY = Columns(
     collisions="collisions of two disks", wall_collisions="collisions with walls",
     elastics="collisions that a remedy for collapse made elastic", regimes=("collisions by regime", 5),
@@ -229,6 +229,17 @@ TALLY = Columns(
 FIRST_OCTAVE, OCTAVES, PER_OCTAVE = -28, 40, 8
 # Collisional part of the pressure tensor times area and time (`disks/stress.py`): momentum, then direction.
 VIRIAL = Columns(xx="xx", xy="xy", yx="yx", yy="yy")
+# What collisions transfer: that, and behind it the same of energy, if it is recorded.
+TRANSFER = Columns(
+    momentum=("the virial", VIRIAL), energy_x="energy along x, in the lab", energy_y="energy along y",
+)  # fmt: skip
+
+
+def transfer_columns(stress: bool, heat_flux: bool) -> int:
+    """Columns of the tally for what collisions transfer; a heat flux has those of the stress before it."""
+    return TRANSFER.width if heat_flux else VIRIAL.width * stress
+
+
 # Counts of collisions of two disks of a pair of species, for which it is repeated (`disks/histograms.py`): the pair of
 # species i >= j is number i (i + 1) / 2 + j. The last ones are there if they are recorded.
 HISTOGRAM = Columns(
@@ -463,8 +474,12 @@ READOUT = Columns(
     translational="energy of translation", rotational="energy of rotation", momentum_x="momentum along x",
     momentum_y="momentum along y", momentum_flux_xy="m v_x v_y", fall="minus the potential energy in gravity",
     all_events="collisions of each disk", excess="energy beyond that of the peculiar motion, in a mean flow",
-    mass="mass", momentum_flux_xx="m v_x v_x",
+    mass="mass", momentum_flux_xx="m v_x v_x", energy_flux_x="(m v^2 + I w^2) v_x / 2", energy_flux_y="the same of v_y",
+    mass_x="m x, x inside the box", mass_y="m y",
 )  # fmt: skip
+# Sums over the disks whose centres are in a rectangle, but those of infinite mass.
+RECTANGLE = Columns(x_low="left side", y_low="lower side", x_high="right side", y_high="upper side")
+REGION = Columns(disks="number of disks", mass="mass", energy="energy of translation and rotation")
 # Sums over the disks of a species; those of infinite mass only in its collisions.
 SPECIES = Columns(
     translational="energy of translation", rotational="energy of rotation", momentum_x="momentum along x",
@@ -573,7 +588,7 @@ TABLES: dict[str, Columns] = {
     "trail": TRAIL,
     "counter": COUNTER, "clock": CLOCK, "grid": GRID, "scale": SCALE, "sums": TALLY, "total": TOTAL,
     "walls": WALL, "law": LAW,
-    "totals": READOUT, "species_totals": SPECIES,
+    "totals": READOUT, "species_totals": SPECIES, "regions": RECTANGLE, "region_totals": REGION,
     "when": WHEN, "counter_words": COUNTER_WORDS, "kicks": KICK, "force_values": FORCE_VALUES,
 }  # fmt: skip
 """Tables of the columns of arrays, by the names that kernels give them; others have numbers."""
@@ -593,7 +608,7 @@ TYPES: dict[str, str] = {
 """Types of the numbers of arrays on the device."""
 AXES = {
     "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "frame_out": 2, "totals": 2,
-    "species_totals": 3, "todo": 2, "pairs": 2, "kicks": 2,
+    "species_totals": 3, "region_totals": 3, "todo": 2, "pairs": 2, "kicks": 2,
 }  # fmt: skip
 """Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
 SINGLE = (

@@ -172,6 +172,7 @@ class Uses:
     shear: bool = False  # a mean flow
     ledger: bool = False  # a ledger of what dissipates energy
     stress: bool = False  # momentum that collisions transfer is added up
+    heat_flux: bool = False  # energy too; with stress
     histograms: int = 0  # species, for whose pairs collisions are counted in histograms; with a ledger
     free_times: bool = (
         False  # also by the time since the latest collision of either disk; with latest_collision

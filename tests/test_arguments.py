@@ -131,12 +131,15 @@ ANALYSIS: dict[str, dict[str, Any]] = {
     "mean_with_error": {"series": TIMES},
     "pair_correlation": {"position": POINTS, "box": SIDES, "r_max": 3.0, "bins": 10, "r_min": 0.0,
                          "time": 0.0, "others": POINTS},
+    "phase_average": {"time": np.arange(16.0), "series": np.ones(16), "period": 4.0, "begin": 1.0, "phases": 4},
     "pressure_from_impulses": {**COLLISIONS, "span": (0.0, 10.0), "area": 100.0, "disks": 10, "tracked": 10,
                                "temperature": 1.0},
     "ratio_fit": {"x": TIMES, "theta": 0.6 - 0.5 * np.exp(-TIMES) + 0.01 * RNG.normal(size=9), "first": 0.0,
                   "last": 4.0, "disks": 100},
     "sonine_density": {"c": 1.0, "a2": 0.1},
+    "speed_tail": {"velocity": RNG.normal(size=(400, 2)), "mass": 1.0, "first": 0.5, "bins": 10},
     "structure_factor": {"position": POINTS, "box": SIDES, "k_max": 5.0, "rings": 5, "time": 0.0},
+    "transport_coefficient": {"time": np.arange(301.0), "flux": RNG.normal(size=(300, 2)), "factor": 2.0, "lag": 4.0},
     "unwrap": {"position": np.full((3, 2, 2), 0.5), "box": SIDES, "image": np.zeros((3, 2, 2), dtype=int),
                "velocity": np.zeros((3, 2, 2)), "times": 0.0},
     "velocity_autocorrelation": {"times": TIMES, "velocity": PATHS, "origins": "all", "most_lags": 5},
@@ -184,11 +187,12 @@ FORCES: dict[str, dict[str, Any]] = {
     "TableFriction": {"step": 0.1, "mu": 0.1, "gravity": 9.8},
 }
 MEASURE = ifrdem.observables.measure(DISKS, STATE)
-STRESSED = dataclasses.replace(MEASURE, virial=np.eye(2))
+STRESSED = dataclasses.replace(MEASURE, virial=np.eye(2), energy_transfer=np.ones(2))
 OBSERVABLES: dict[str, dict[str, Any]] = {
     "drift_text": {"velocity": [1.0, 0.0]},
-    "from_totals": {"disks": DISKS, "totals": np.ones(10), "time": 1.0, "wall_collisions": 0,
+    "from_totals": {"disks": DISKS, "totals": np.ones(14), "time": 1.0, "wall_collisions": 0,
                     "about_mean": (True, True), "species": np.ones((2, 7))},
+    "heat_flux": {"before": STRESSED, "after": dataclasses.replace(STRESSED, time=1.0), "area": 10.0},
     "histogram": {"name": "free_time", "after": dataclasses.replace(STRESSED, histograms=np.ones((1, 709), int), time=1.0),
                   "before": dataclasses.replace(STRESSED, histograms=np.zeros((1, 709), int))},
     "histogram_edges": {"name": "regime"},
@@ -336,12 +340,12 @@ MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
 
 OTHERS: dict[ModuleType, set[str]] = {
     theory: {"CoolingRatio", "RoughCooling", "RoughSonine", "MixtureTemperatures", "Prediction", "ShearModes"},
-    analysis: {"BinAverages", "Clusters", "CollisionDistribution", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic",
-               "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients",
-               "StructureFactor", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "mean_fields",
+    analysis: {"BinAverages", "Clusters", "CollisionDistribution", "ContactValue", "Correlation", "Cycle", "Diffusion", "Fields", "HaffFit", "Hexatic",
+               "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "ProfileSequence", "RatioFit",
+               "SonineCoefficients", "SpeedTail", "StructureFactor", "TransportCoefficient", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "mean_fields",
                "profiles"},
     ifrdem.forces: {"normals", "uniforms"},
-    ifrdem.observables: {"Histogram", "Measure", "Stress"},
+    ifrdem.observables: {"HeatFlux", "Histogram", "Measure", "Stress"},
     # Functions of fits, files and gases are below.
     ifrdem.fit: {"Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design", "draws", "material",
                  "read", "table"},
@@ -755,7 +759,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "walls": (), "gravity": (0.0, 0.0),
-        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "histories": (),
+        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "regions": None, "histories": (),
         "seed": 0, "comm": None,
     }  # fmt: skip
     return {

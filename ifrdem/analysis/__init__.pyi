@@ -1,5 +1,6 @@
 from .averages import BinAverages as BinAverages
 from .averages import Local as Local
+from .averages import ProfileSequence as ProfileSequence
 from .averages import mean_fields as mean_fields
 from .averages import profiles as profiles
 from .common import correlation_time as correlation_time
@@ -8,6 +9,8 @@ from .cooling import HaffFit as HaffFit
 from .cooling import RatioFit as RatioFit
 from .cooling import haff_fit as haff_fit
 from .cooling import ratio_fit as ratio_fit
+from .cycle import Cycle as Cycle
+from .cycle import phase_average as phase_average
 from .displacement import Correlation as Correlation
 from .displacement import Diffusion as Diffusion
 from .displacement import diffusion_coefficient as diffusion_coefficient
@@ -40,6 +43,10 @@ from .structure import contact_value as contact_value
 from .structure import hexatic as hexatic
 from .structure import pair_correlation as pair_correlation
 from .structure import structure_factor as structure_factor
+from .tails import SpeedTail as SpeedTail
+from .tails import speed_tail as speed_tail
+from .transport import TransportCoefficient as TransportCoefficient
+from .transport import transport_coefficient as transport_coefficient
 from .velocities import SonineCoefficients as SonineCoefficients
 from .velocities import VelocityDistribution as VelocityDistribution
 from .velocities import gaussian as gaussian

@@ -271,6 +271,30 @@ def profiles(
     return _averages(trajectory, found, used, collisions)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class ProfileSequence(Brief, ResultPlot):
+    """Profiles of several groups of frames, in the same bins: over time, or at phases of walls that move to and fro."""
+
+    over: str
+    """"time" or "phase"."""
+    places: Array
+    """Middles of the windows [time], or phases from 0 to 1, shape (groups,)."""
+    profiles: list[BinAverages]
+    """The averages over each group."""
+
+
+def profiles_of_groups(
+    trajectory: Trajectory, places: Array, groups: Sequence[Sequence[int]], over: str, axis: str | None,
+    bins: int | None,
+) -> ProfileSequence:  # fmt: skip
+    """Profiles of each group of frames, in bins over the free area of all of them."""
+    every = sorted({frame for group in groups for frame in group})
+    axis = default_axis(trajectory) if axis is None else axis
+    span = free_range(trajectory, choice("axis", axis, AXES), every)
+    found = [profiles(trajectory, axis, bins, frames=group, span=span) for group in groups]
+    return ProfileSequence(over, places, found)
+
+
 _Cells = Annotated[int, Integer(1, MOST_CELLS)]
 
 

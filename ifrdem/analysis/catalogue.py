@@ -22,6 +22,7 @@ from . import (
     averages,
     common,
     cooling,
+    cycle,
     fields,
     histograms,
     impact,
@@ -30,6 +31,8 @@ from . import (
     species,
     steadiness,
     structure,
+    tails,
+    transport,
     velocities,
     vortices,
 )
@@ -277,17 +280,54 @@ def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
 
 
 def of_profiles(
-    trajectory: Trajectory, frames: Sequence[int] | None, *, axis: str | None = None, bins: int | None = None
+    trajectory: Trajectory, frames: Sequence[int] | None, *, axis: str | None = None, bins: int | None = None,
+    windows: int | None = None, phases: int | None = None,
 ) -> Evaluation:  # fmt: skip
+    if windows is not None or phases is not None:
+        return _of_groups(trajectory, frames, axis, bins, windows, phases)
     found = averages.profiles(trajectory, axis, bins, frames=frames)
+    return _of_bins(trajectory, found, [*_strips(trajectory, found), *_extremes(trajectory, found)])
+
+
+def _strips(trajectory: Trajectory, found: averages.BinAverages) -> list[Reading]:
     (edges,) = found.edges
     width = float(edges[1] - edges[0])
-    rows = [
+    return [
         Reading(f"bins along {found.axes[0]}", len(edges) - 1, key="bins"),
         Reading("width of a bin", width, unit=unit(trajectory, "length"), key="bin_width"),
-        *_extremes(trajectory, found),
     ]
-    return _of_bins(trajectory, found, rows)
+
+
+def _of_groups(
+    trajectory: Trajectory, frames: Sequence[int] | None, axis: str | None, bins: int | None, windows: int | None,
+    phases: int | None,
+) -> Evaluation:  # fmt: skip
+    """Profiles in windows of time, or at phases of the moving walls, in the same bins."""
+    if windows is not None and phases is not None:
+        raise InputError("windows: cannot be combined with phases; choose one")
+    if windows is not None:  # of all frames: what changes is what they are for
+        used = all_frames(trajectory, frames)
+        places, groups = cycle.frames_in_windows(trajectory, used, windows)
+    else:
+        used = all_frames(trajectory, steady_frames(trajectory, frames))
+        places, groups = cycle.frames_at_phases(trajectory, used, phases or 1)
+    over = "time" if windows is not None else "phase"
+    found = averages.profiles_of_groups(trajectory, places, groups, over, axis, bins)
+    rows = [
+        *_strips(trajectory, found.profiles[0]),
+        Reading(f"profiles over {over}", len(places), key="profiles"),
+        Reading("frames in a profile, fewest", min(map(len, groups)), key="fewest_frames"),
+    ]
+    each = [one.columns() for one in found.profiles]
+    count = len(next(iter(each[0].values())))
+    kept = [name for name in each[0] if all(name in one for one in each)]
+    table: Columns = {over: np.repeat(places, count)}
+    table |= {name: np.concatenate([one[name] for one in each]) for name in kept}
+    notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
+    if over == "phase":
+        notes.append("each profile is a mean over frames of many periods at this phase")
+    warnings = stored.part_warnings(trajectory)
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
 
 
 def _extremes(trajectory: Trajectory, found: averages.BinAverages) -> Iterator[Reading]:
@@ -785,9 +825,9 @@ def _regime_counts(trajectory: Trajectory, span: tuple[float, float]) -> dict[st
 
 
 FUNCTIONS: dict[str, Callable[..., Evaluation]] = {
-    "velocity": of_velocity, "rdf": of_pairs, "structure-factor": of_structure, "msd": motion.of_msd,
-    "vacf": motion.of_vacf, "profiles": of_profiles, "fields": of_fields, "clusters": of_clusters, "psi6": of_psi6,
-    "pressure": of_pressure, "stress": of_stress, "cooling": of_cooling,
+    "velocity": of_velocity, "tail": tails.of_tail, "rdf": of_pairs, "structure-factor": of_structure, "msd": motion.of_msd,
+    "vacf": motion.of_vacf, "profiles": of_profiles, "cycle": cycle.of_cycle, "fields": of_fields, "clusters": of_clusters, "psi6": of_psi6,
+    "pressure": of_pressure, "stress": of_stress, "transport": transport.of_transport, "cooling": of_cooling,
     "velocity-correlation": vortices.of_correlation, "vorticity": vortices.of_spectrum, "species": species.of_species,
     "impact": of_impact, "histograms": histograms.of_histograms,
 }  # fmt: skip

@@ -33,6 +33,11 @@ ANALYSES = {
         "velocities and spins: Sonine coefficients",
         "distributions of velocities and spins, with Gaussians",
     ),
+    "tail": Analysis(
+        "tail of the distribution of speeds",
+        "speeds to the largest, exp(-A c^nu) fitted",
+        "distribution of speeds to the largest, with exp(-A c^nu) and a Gaussian",
+    ),
     "rdf": Analysis(
         "pair correlation g(r)",
         "pair correlation g(r), its value at contact",
@@ -53,7 +58,13 @@ ANALYSES = {
         "density, flow, T, stress and heat flux along --axis",
         "density, flow, temperatures, stress and heat flux along an axis, with errors",
         over_time=True,
-        options=("axis", "bins"),
+        options=("axis", "bins", "windows", "phases"),
+    ),
+    "cycle": Analysis(
+        "means at phases of the moving walls",
+        "means of the series at phases of walls that move to and fro",
+        "temperatures, centre of mass and regions at phases of walls that move to and fro",
+        over_time=True,
     ),
     "fields": Analysis(
         "coarse-grained fields",
@@ -71,6 +82,13 @@ ANALYSES = {
         "pressure tensor, friction and N_1 (output.stress)",
         "pressure tensor against time, and its kinetic and collisional part (output.stress)",
         over_time=True,
+    ),
+    "transport": Analysis(
+        "transport coefficients by fluctuations",
+        "viscosity, heat conductivity, diffusion (output.stress, heat_flux)",
+        "viscosity, heat conductivity and diffusion by Green-Kubo and Helfand (output.stress, heat_flux)",
+        over_time=True,
+        options=("lag",),
     ),
     "cooling": Analysis(
         "Haff's law and the ratio of temperatures",

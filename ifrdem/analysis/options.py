@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from ..errors import InputError, nearest, shortened
-from ..tools.values import Integer, check_in, whole_of
+from ..tools.values import Integer, Positive, check_in, whole_of
 from .names import OPTIONS
 
 Axis = Literal["x", "y", "r"]
 MOST_BINS, MOST_CELLS = 10_000, 300
 Bins = Annotated[int, Integer(1, MOST_BINS)]
+Groups = Annotated[int, Integer(2, 1000)]
+KINDS = {"axis": Axis, "bins": Bins, "windows": Groups, "phases": Groups, "lag": Positive}
+"""Types of the options that are one value."""
 """Cells of `fields` along a side, at most."""
 CELLS = f"must be two integers from 1 to {MOST_CELLS}, along x and y"
 
@@ -72,6 +75,6 @@ def checked_option(analysis: str, option: str, value: Any) -> None:
         if not isinstance(value, list) or cells_of(value) is None:
             raise InputError(f"cells = {shortened(value)}: {CELLS}, such as [20, 80]")
     else:
-        check = check_in(Axis if option == "axis" else Bins)
+        check = check_in(KINDS[option])
         assert check is not None
         check(option, value)

@@ -120,8 +120,14 @@ def mean_stress(
     )
 
 
-def _block_means(time: Array, values: Array, edges: Array) -> Array:
-    """Means between edges [time] of values (rows, 4) between times (rows + 1,), shape (edges - 1, 2, 2)."""
-    integral = np.concatenate((np.zeros((1, 4)), np.cumsum(values * np.diff(time)[:, None], axis=0)))
+def means_between(time: Array, values: Array, edges: Array) -> Array:
+    """Means between edges [time] of values (rows, columns) between times (rows + 1,), shape (edges - 1, columns)."""
+    integral = np.cumsum(values * np.diff(time)[:, None], axis=0)
+    integral = np.concatenate((np.zeros_like(integral[:1]), integral))
     at = np.stack([np.interp(edges, time, column) for column in integral.T], axis=1)
-    return np.asarray(np.diff(at, axis=0) / np.diff(edges)[:, None]).reshape(-1, 2, 2)
+    return np.asarray(np.diff(at, axis=0) / np.diff(edges)[:, None])
+
+
+def _block_means(time: Array, values: Array, edges: Array) -> Array:
+    """Means of tensors, shape (edges - 1, 2, 2)."""
+    return means_between(time, values, edges).reshape(-1, 2, 2)

@@ -21,6 +21,7 @@ from ..model.box import Box, PackingFraction
 from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.device import Device
 from ..model.gravity import DEFAULT_STEP, EARTH, Gravity, RotatingGravity, Step
+from ..simulation.steps.schedule import Trigger
 from ..tools.checked import (
     POSITIVE,
     Count,
@@ -39,7 +40,7 @@ from ..tools.tables import TableFormat
 from .laws_section import CoinName, FileKeys, Material, PairOfMaterials
 from .output_section import OutputSection
 from .section import Name, Pair, Section, exclusive_with, field, refusal
-from .walls_section import Wall
+from .walls_section import SineMotion, SineTurn, Wall
 
 if TYPE_CHECKING:
     from ..model.forces import Force as ModelForce
@@ -681,6 +682,27 @@ class CaseSections(Section):
     def walled(self) -> bool:
         """True if there are walls, at sides of the box or elsewhere."""
         return bool(self.wall) or not all(self.box.periodic)
+
+    @property
+    def frequencies(self) -> set[float]:
+        """Frequencies of the walls that move or turn to and fro [1/time]."""
+        moving = [each for wall in self.wall for each in (wall.motion, wall.turn)]
+        return {each.frequency for each in moving if isinstance(each, SineMotion | SineTurn)}
+
+    @property
+    def frame_cadence(self) -> Trigger:
+        """Times or collisions at which frames are due."""
+        return self.output.frame_cadence(self.period)
+
+    @property
+    def series_cadence(self) -> Trigger:
+        """Times or collisions at which rows of the time series are due."""
+        return self.output.series_cadence(self.period)
+
+    @property
+    def period(self) -> float | None:
+        """Period of the walls that move to and fro [time]; None unless they have one frequency."""
+        return 1.0 / next(iter(self.frequencies)) if len(self.frequencies) == 1 else None
 
     @property
     def homogeneous(self) -> bool:

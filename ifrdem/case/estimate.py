@@ -20,10 +20,12 @@ from ..model.laws.law import EnergyWarning
 from ..quantities import (
     EVENT,
     FIELDS,
+    HEAT_SERIES,
     LEDGER,
     OBSERVABLES,
     PISTON_SERIES,
     PRECISIONS,
+    REGION_SERIES,
     SPECIES_SERIES,
     STRESS_SERIES,
     WALL_SERIES,
@@ -354,7 +356,7 @@ class RunEstimate:
     @classmethod
     def of(cls, gas: CaseGas) -> RunEstimate:
         """The estimate for a gas and its case."""
-        case, n, output = gas.case, gas.n, gas.case.output
+        case, n = gas.case, gas.n
         phi = gas.free_area.covered_part(gas.kinds.covered)
         rates, speeds = _rates_and_speeds(gas)
         paths = [speed / rate if rate > 0.0 else math.nan for speed, rate in zip(speeds, rates, strict=True)]
@@ -370,7 +372,7 @@ class RunEstimate:
             per_disk = mean_rate * ((case.run.t_end or begin) - begin)
         frames, rows = (
             each.count(duration=end - begin, collisions_per_disk=per_disk) + 1
-            for each in (output.frame_cadence, output.series_cadence)
+            for each in (case.frame_cadence, case.series_cadence)
         )
         tracked = _tracked(gas)
         # Every collision of a tracked disk, and each time that forces act on it; unknown ones do not count.
@@ -592,7 +594,9 @@ def _trajectory_bytes(n: int, case: CaseSections, *, frames: int, rows: int, eve
     frame = chunks * sum(on_pages(per_chunk * _field_bytes(output, name)) for name in output.fields)
     walls = len(case.wall) + 2 * sum(not each for each in case.box.periodic)
     row = totals + numbers_of(LEDGER) * output.ledger + walls * len(WALL_SERIES) * output.wall_sums
-    row += numbers_of(STRESS_SERIES) * output.stress + len(SPECIES_SERIES) * len(case.species) * (
+    row += numbers_of(STRESS_SERIES) * (output.stress or output.heat_flux)
+    row += len(REGION_SERIES) * len(output.regions) + 2 * (walls > 0)
+    row += numbers_of(HEAT_SERIES) * output.heat_flux + len(SPECIES_SERIES) * len(case.species) * (
         len(case.species) > 1
     )
     event = rows_dtype(EVENT.values(), "f8").itemsize

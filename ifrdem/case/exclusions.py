@@ -21,7 +21,7 @@ KEY_OF: Mapping[str, str] = {
     "gravity": "box.gravity", "gravity.rate": "box.gravity_rotation_rate", "walls": "wall",
     "walls.piston": "wall[].piston", "forces": "force[].kind", "forces.TableFriction": "force[].kind",
     "forces.RandomKicks": "force[].kind", "collapse": "run.collapse", "collapse.Rest": "run.collapse",
-    "law": "material[].law", "record.stress": "output.stress", "record.wall_sums": "output.wall_sums",
+    "law": "material[].law", "record.stress": "output.stress", "record.heat_flux": "output.heat_flux", "record.wall_sums": "output.wall_sums",
     "histories": "output.histories", "device.name": "run.device", "device.precision": "run.precision",
     "device.low_memory": "run.low_memory", "disks.n": "species",
 }  # fmt: skip

@@ -154,8 +154,9 @@ class CaseGas:
 
     @property
     def stress_area(self) -> float | None:
-        """Free area at the start, which stresses refer to [length^2]; None without output.stress."""
-        if not self.case.output.stress:
+        """Free area at the start, which stresses refer to [length^2]; None if none is stored."""
+        output = self.case.output
+        if not (output.stress or output.heat_flux):
             return None
         return self.free_area.area() if self.free_area.all_walls else self.box.area
 
@@ -274,7 +275,7 @@ class CaseGas:
             box=self.box, law=tuple(map(tuple, self.law_table)), walls=self._walls_at_start,
             gravity=case.box.made_gravity(), forces=tuple(each.made() for each in case.force),
             collapse=case.run.made_collapse(), device=case.run.made_device(),
-            record=frozenset(case.output.record()), seed=case.run.seed,
+            record=frozenset(case.output.record()), regions=case.output.regions, seed=case.run.seed,
         )  # fmt: skip
 
     @property

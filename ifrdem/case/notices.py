@@ -36,7 +36,7 @@ def notices(gas: CaseGas) -> list[str]:
             f"drum, {froude:.3g}, is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, "
             "too, which are left out"
         )
-    texts += forgotten(gas)
+    texts += [*forgotten(gas), *aliased(gas)]
     if gas.case.run.resting_speed is None:
         return texts
     for i, wall in enumerate(gas.walls):
@@ -57,6 +57,31 @@ def notices(gas: CaseGas) -> list[str]:
         )
         texts.append(f'wall[{i}] {reason}, and supports no disks with run.collapse = "rest"{instead}')
     return texts
+
+
+MOST_PHASES = 20
+"""Phases of a period at which frames may be for means at each of them."""
+
+
+def aliased(gas: CaseGas) -> list[str]:
+    """Text about frames that are at many phases of the walls, each of them at another one, and seldom in a period."""
+    case = gas.case
+    if case.period is None or case.run.t_end is None:
+        return []
+    cadence = case.frame_cadence
+    if cadence.spacing != "even" or cadence.collisions is not None:
+        return []
+    interval = cadence.interval or (case.run.t_end - gas.begin[0]) / (cadence.number or 1)
+    apart = interval / case.period
+    phases = next(
+        (m for m in range(1, MOST_PHASES + 1) if math.isclose(m * apart, round(m * apart), rel_tol=1e-6)), 0
+    )
+    if phases or apart < 1.0 / MOST_PHASES:
+        return []
+    return [
+        f"frames are {apart:.4g} periods of the walls apart: they fall on more than {MOST_PHASES} phases of the motion, "
+        "so that a film runs at another speed, or backwards; output.frames_phases = 8 has 8 frames in each period"
+    ]
 
 
 def drifting(gas: CaseGas) -> list[str]:

@@ -36,6 +36,8 @@ class OutputSection(Section):
     """Instead: time between two frames [s]."""
     frames_collisions: Ratio | None = field(0.5, None)
     """Instead: collisions per disk between two frames [1]."""
+    frames_phases: Outputs | None = field(8, None)
+    """Instead: frames at so many phases of each period of the walls that move to and fro [whole number]."""
     frames_spacing: Literal["even", "log"] = field("log", "even")
     """Spacing of a number of frames: "even", or "log" (each is later than the one before by a constant factor)."""
     fields: list[FieldName] = field(
@@ -54,6 +56,8 @@ class OutputSection(Section):
     """Instead: time between two rows [s]."""
     series_collisions: Ratio | None = field(0.05, None)
     """Instead: collisions per disk between two rows [1]."""
+    series_phases: Outputs | None = field(8, None)
+    """Instead: rows at so many phases of each period of the walls that move to and fro [whole number]."""
     series_spacing: Literal["even", "log"] = field("log", "even")
     """Spacing of a number of rows: "even" or "log"."""
     log_from: Part = field(1e-3, 1e-3)
@@ -66,6 +70,11 @@ class OutputSection(Section):
     stress: bool = field(True, False)
     """Store the pressure tensor P_ab in the time series: positive in compression, mean since the row before [true or
     false]."""
+    heat_flux: bool = field(True, False)
+    """Store the heat flux q in the time series too, mean since the row before; includes stress [true or false]."""
+    regions: dict[str, Region] = field({"left": [0.0, 0.0, 0.5, 1.0]}, {})
+    """Store the number, mass and kinetic energy of the disks in rectangles in the time series [table of name = [x_low,
+    y_low, x_high, y_high], m]."""
     histograms: bool = field(True, False)
     """Count collisions of each pair of species by angle of impact, normal speed and regime, and store the counts in
     frames; costs far less than histories [true or false]."""
@@ -120,14 +129,15 @@ class OutputSection(Section):
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Keys that exclude each other."""
         problems = []
-        alternatives = [(what, f"{what}_interval", f"{what}_collisions") for what in ("frames", "series")]
+        others = ("interval", "collisions", "phases")
+        alternatives = [(what, *(f"{what}_{one}" for one in others)) for what in ("frames", "series")]
         for keys in (*alternatives, TRACKED):
             given = [key for key in keys if data.get(key, False) is not False]
             if len(given) > 1:
                 problems.append(f"must have at most one of {', '.join(keys)}; given: {', '.join(given)}")
         log = [keys[0] for keys in alternatives if data.get(f"{keys[0]}_spacing") == "log"]
         for what in log:
-            if {f"{what}_interval", f"{what}_collisions"} & set(data):
+            if {f"{what}_{one}" for one in others} & set(data):
                 problems.append(f'{what}_spacing = "log": requires a number, {what}')
         if "series" in log and "series" not in data:
             problems.append('series_spacing = "log": series, the number of rows, is missing')
@@ -140,25 +150,25 @@ class OutputSection(Section):
         fields = self.fields
         quantities = {
             "ledger": self.ledger, "wall_sums": self.wall_sums, "stress": self.stress,
-            "histograms": self.histograms, "free_times": self.free_times, **{name: name in fields for name in ("last_partner", "angle", "dissipated")},
+            "heat_flux": self.heat_flux, "histograms": self.histograms, "free_times": self.free_times, **{name: name in fields for name in ("last_partner", "angle", "dissipated")},
         }  # fmt: skip
         return [name for name, enabled in quantities.items() if enabled]
 
-    @property
-    def frame_cadence(self) -> Trigger:
-        """Times or collisions at which frames are due."""
-        keys = (self.frames_interval, self.frames_collisions)
-        return self._cadence(self.frames, *keys, self.frames_spacing, exact=True)
+    def frame_cadence(self, period: float | None = None) -> Trigger:
+        """Times or collisions at which frames are due; the period is that of the walls [time]."""
+        interval = _of_phases(self.frames_interval, self.frames_phases, period)
+        return self._cadence(self.frames, interval, self.frames_collisions, self.frames_spacing, exact=True)
 
-    @property
-    def series_cadence(self) -> Trigger:
+    def series_cadence(self, period: float | None = None) -> Trigger:
         """Times or collisions at which rows of the time series are due."""
-        keys = (self.series_interval, self.series_collisions)
-        if self.series is not None or any(each is not None for each in keys):
-            return self._cadence(self.series or 1, *keys, self.series_spacing, exact=True)
+        interval = _of_phases(self.series_interval, self.series_phases, period)
+        if self.series is not None or interval is not None or self.series_collisions is not None:
+            return self._cadence(
+                self.series or 1, interval, self.series_collisions, self.series_spacing, exact=True
+            )
+        between = _of_phases(self.frames_interval, self.frames_phases, period)
         interval, collisions = (
-            None if each is None else each / ROWS_PER_FRAME
-            for each in (self.frames_interval, self.frames_collisions)
+            None if each is None else each / ROWS_PER_FRAME for each in (between, self.frames_collisions)
         )
         number = ROWS_PER_FRAME * self.frames
         return self._cadence(number, interval, collisions, self.frames_spacing, exact=False)
@@ -199,3 +209,8 @@ class OutputSection(Section):
             inside = np.all((position >= low) & (position < high), axis=1)
             return (first + np.flatnonzero(inside)).astype(np.int32)
         return np.empty(0, dtype=np.int32)
+
+
+def _of_phases(interval: float | None, phases: int | None, period: float | None) -> float | None:
+    """The interval, or that of so many phases of a period [time]; rules refuse phases without a period."""
+    return interval if phases is None or period is None else period / phases

@@ -413,7 +413,7 @@ def _stored(gas: CaseGas, estimate: RunEstimate) -> str:
     text = (
         f"{estimate.frames} frames x ({gas.n} disks x {disk_bytes(output)} bytes + {len(OBSERVABLES)} totals)"
     )
-    text += f", {'' if output.series_cadence.exact else 'up to '}{estimate.rows} rows of series"
+    text += f", {'' if gas.case.series_cadence.exact else 'up to '}{estimate.rows} rows of series"
     if estimate.tracked:
         text += f", histories of {estimate.tracked} disk{'s' * (estimate.tracked != 1)}"
     if output.compression != "none":

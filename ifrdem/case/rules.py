@@ -24,6 +24,7 @@ from ..model.gravity import EARTH
 from ..model.laws import files as law_files
 from ..model.laws.law import CollisionLaw
 from ..model.overlaps import COMPUTED, STORED, tolerances
+from ..model.setup import RECTANGLE
 from ..model.state import DiskKinds
 from ..model.walls.checks import check as check_free_of_walls
 from ..model.walls.checks import check_place
@@ -263,16 +264,22 @@ def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
         yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
     if (output.histories_sample or 0) > n:
         yield problem_at(case, "output.histories_sample", f"there are {n} disks")
-    if region is not None:
-        x_low, y_low, x_high, y_high = region
+    for key in ("frames_phases", "series_phases"):
+        if (phases := getattr(output, key)) is not None and len(case.frequencies) != 1:
+            several = ", ".join(f"{each:g}" for each in sorted(case.frequencies))
+            text = f"the walls have the frequencies {several}" if several else "no wall moves to and fro"
+            more = "must have walls that move or turn to and fro with one frequency"
+            yield Problem(f"output.{key}", str(phases), f"{more}; {text}")
+    regions = {f"output.regions.{name}": each for name, each in output.regions.items()}
+    for key, sides in (regions | ({} if region is None else {"output.histories_region": region})).items():
+        x_low, y_low, x_high, y_high = sides
         if not (x_low < x_high and y_low < y_high):
-            text = "must be [x_low, y_low, x_high, y_high], each low one below the high one"
-            yield problem_at(case, "output.histories_region", text)
+            yield Problem(key, json.dumps(sides), RECTANGLE)
         elif not box.is_open:
             length_x, length_y = box.lengths
             if x_low >= length_x or y_low >= length_y or x_high <= 0.0 or y_high <= 0.0:
                 text = f"lies outside of the box, {length_x:.5g} x {length_y:.5g}"
-                yield problem_at(case, "output.histories_region", text)
+                yield Problem(key, json.dumps(sides), text)
 
 
 NOT_GROWN_ON_RANKS = (

@@ -27,10 +27,13 @@ from .options import (
     Force,
     Frames,
     From,
+    Lag,
     NoTitle,
     Panels,
+    Phases,
     Size,
     Style,
+    Windows,
     Xlim,
     Ylim,
     chosen_frames,
@@ -78,6 +81,9 @@ def analyse(
     bins: Bins = None,
     cells: Cells = None,
     average: Average = False,
+    windows: Windows = None,
+    phases: Phases = None,
+    lag: Lag = None,
     output: Annotated[
         str | None, option(str, "DIR", "folder for the files (default: FILE-analysis)", "--output", "-o")
     ] = None,
@@ -101,7 +107,16 @@ def analyse(
         raise InputError(f"{words[0]}: there is no such file or folder" if words else "TRAJECTORY is missing")
     for name in what:
         _known("analysis", name, tuple(ANALYSES))
-    options = _options(what or tuple(ANALYSES), axis=axis, bins=bins, cells=cells, average=average)
+    options = _options(
+        what or tuple(ANALYSES),
+        axis=axis,
+        bins=bins,
+        cells=cells,
+        average=average,
+        windows=windows,
+        phases=phases,
+        lag=lag,
+    )
     files = [one_trajectory(source) for source in sources]
     records = [_analyse(file, what, frames, start, options, output, json, force) for file in files]
     if len(files) > 1 and not json:
@@ -337,6 +352,9 @@ def plot(
     bins: Bins = None,
     cells: Cells = None,
     average: Average = False,
+    windows: Windows = None,
+    phases: Phases = None,
+    lag: Lag = None,
     output: Annotated[
         str | None,
         option(str, "PICTURE", "NAME.png, .svg or .pdf, or NAME (default: FILE-WHAT.png)", "--output", "-o"),
@@ -371,7 +389,9 @@ def plot(
     if len(words) < 2:
         raise InputError("TRAJECTORY or WHAT is missing: `ifrdem plot --list` lists the plots")
     *sources, what = words
-    options = _options([what], axis=axis, bins=bins, cells=cells, average=average).get(what, {})
+    options = _options(
+        [what], axis=axis, bins=bins, cells=cells, average=average, windows=windows, phases=phases, lag=lag
+    ).get(what, {})
     together = len(sources) > 1 or sources[0].endswith(".nc")
     form: dict[str, Any] = {"size": size, "dpi": dpi, "title": not no_title, "xlim": xlim, "ylim": ylim}
     with styled(style):

@@ -19,7 +19,7 @@ from cyclopts import Parameter
 from ..analysis import options
 from ..analysis.options import frames_of
 from ..errors import InputError, cut, nearest
-from ..tools.values import Count, Integer, Keyed, Natural, NonNegative, Ratio, check_in, whole_of
+from ..tools.values import Count, Integer, Keyed, Natural, NonNegative, Positive, Ratio, check_in, whole_of
 from . import console
 
 if TYPE_CHECKING:
@@ -172,6 +172,18 @@ Cells = Annotated[
         converter=_cells,
         n_tokens=1,
     ),
+]
+Windows = Annotated[
+    int | None,
+    option(options.Groups, "N", "of profiles: one for each of so many windows of time"),
+]
+Phases = Annotated[
+    int | None,
+    option(options.Groups, "N", "of profiles: one for each of so many phases of walls that move to and fro"),
+]
+Lag = Annotated[
+    float | None,
+    option(Positive, "TIME", "of transport: where integrals of correlations end (default: 5 decay times)"),
 ]
 Average = Annotated[bool, flag("of fields: averages over the frames with errors, not a single frame")]
 Style = Annotated[

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
@@ -59,14 +59,27 @@ class Measure:
         Displacement, velocity, energy and force of each piston (`Simulation.pistons`); None without pistons.
     momentum_flux : array (2, 2)
         Kinetic part of the pressure tensor times the area: the sum of m v_a v_b, v as in the temperature [energy].
+    regions : array (regions, 3) or None
+        Number, mass and kinetic energy of the movable disks whose centres are in each of `Simulation.regions`; None
+        without any [1, mass, energy].
+    center_of_mass : array (2,) or None
+        Of the movable disks, by their places inside the box [length]; None without walls and sides.
     species_temperature, species_rotational_temperature : array (s,) or None
         Temperatures of each species, about the same mean velocity as that of all, so that their mean over disks is the
         temperature of all [energy]; None where `Disks` has no species.
     species_collisions : array (s,) or None
         Collisions with disks that the disks of each species have had, each counted at each of its disks.
+    energy_flux : array (2,)
+        Kinetic part of the heat flux times the area: the sum of (m v^2 + I w^2) v_b / 2, v as in the temperature
+        [energy length/time].
+    mean_velocity : array (2,)
+        The velocity that temperatures are about [length/time].
     virial : array (2, 2) or None
         Collisional part of the pressure tensor times the area, integrated over time since the start: the sum of
         (dp_i)_a (r_i - r_j)_b over collisions [energy time]. None unless recorded ("stress"). See `stress`.
+    energy_transfer : array (2,) or None
+        The same of energy in the lab: the sum of de_i (r_i - r_c)_b over both disks of collisions, r_c the contact
+        [energy length]. None unless recorded ("heat_flux"). See `heat_flux`.
     histograms : array (pairs, bins) or None
         Counts of collisions since the start, of each pair of species: of all histograms, one after another. None unless
         recorded ("histograms"). See `histogram`.
@@ -92,6 +105,8 @@ class Measure:
     rotational_temperature: float
     momentum: Array
     momentum_flux: Array
+    energy_flux: Array = field(default_factory=lambda: np.zeros(2))
+    mean_velocity: Array = field(default_factory=lambda: np.zeros(2))
     energy_input: float = 0.0
     wall_work: float = 0.0
     wall_heat: float = 0.0
@@ -104,7 +119,10 @@ class Measure:
     walls: Array | None = None
     pistons: Array | None = None
     virial: Array | None = None
+    energy_transfer: Array | None = None
     histograms: NDArray[np.int64] | None = None
+    regions: Array | None = None
+    center_of_mass: Array | None = None
     species_temperature: Array | None = None
     species_rotational_temperature: Array | None = None
     species_collisions: NDArray[np.int64] | None = None
@@ -221,6 +239,10 @@ def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0)) ->
         velocity = state.velocity[rows, axis]
         return velocity.copy() if state.flow is None else velocity - state.flow[rows, axis]
 
+    def energy(rows: slice) -> Array:
+        """Twice the kinetic energies."""
+        return mass(rows) * (v(0, rows) ** 2 + v(1, rows) ** 2) + inertia(rows) * state.spin[rows] ** 2
+
     columns: list[Callable[[slice], NDArray[Any]]] = [
         lambda rows: mass(rows) * (v(0, rows) ** 2 + v(1, rows) ** 2),
         lambda rows: inertia(rows) * state.spin[rows] ** 2,
@@ -231,9 +253,15 @@ def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0)) ->
         lambda rows: state.collisions[rows].astype(np.int64) + state.wall_collisions[rows],
         mass,
         lambda rows: mass(rows) * v(0, rows) ** 2,
+        lambda rows: 0.5 * energy(rows) * v(0, rows),
+        lambda rows: 0.5 * energy(rows) * v(1, rows),
+        lambda rows: mass(rows) * state.position[rows, 0],
+        lambda rows: mass(rows) * state.position[rows, 1],
     ]
     found = [float(current().total(RowsByBlock(disks.n, each))) for each in columns]
-    return np.array([0.5 * found[0], 0.5 * found[1], *found[2:-2], 0.0, *found[-2:]])
+    totals = np.array([0.5 * found[0], 0.5 * found[1], *found[2:7], 0.0, *found[7:]])
+    assert len(totals) == READOUT.width
+    return totals
 
 
 @validated
@@ -256,7 +284,7 @@ def from_totals(
     >>> import ifrdem
     >>> import numpy as np
     >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
-    >>> totals = np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0, 2.0, 2.0])
+    >>> totals = np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0, 2.0, 2.0, 0.0, 0.0, 0.0, 0.0])
     >>> found = ifrdem.observables.from_totals(disks, totals, time=1.0, wall_collisions=0)
     >>> found.temperature, found.collisions
     (0.5, 2)
@@ -273,11 +301,17 @@ def measure_of_totals(
     wall_collisions: int,
     *,
     about_mean: tuple[bool, bool] = (True, True),
+    placed: bool = False,
     species: Array | None = None,
     **energy_terms: Any,
 ) -> Measure:
-    """Measure of a gas as by `from_totals`, for the engine: without validating arguments, which takes as long."""
-    translational, rotational, *momentum, xy, fall, events, _, mass, xx = totals.tolist()
+    """Measure of a gas as by `from_totals`, for the engine: without validating arguments, which takes as long.
+
+    With a center of mass, if it is `placed`.
+    """
+    translational, rotational, *momentum, xy, fall, events, _, mass, xx, flux_x, flux_y, m_x, m_y = (
+        totals.tolist()
+    )
     n = max(disks.n_movable, 1)
     if disks.n_movable < disks.n:  # immovable disks hold the gas
         about_mean = (False, False)
@@ -295,6 +329,16 @@ def measure_of_totals(
         momentum=np.array(momentum),
         drift_energy=drift_energy,
         momentum_flux=_about_mean(xx, xy, 2.0 * translational - xx, momentum, mean, mass),
+        energy_flux=_energy_flux(
+            (flux_x, flux_y),
+            (xx, xy, 2.0 * translational - xx),
+            translational + rotational,
+            momentum,
+            mean,
+            mass,
+        ),
+        mean_velocity=np.array(mean),
+        center_of_mass=np.array([m_x, m_y]) / mass if placed and mass > 0.0 else None,
         potential_energy=-fall or 0.0,
         wall_collisions=wall_collisions,
         **({} if species is None else _of_species(species, np.array(mean))),
@@ -322,6 +366,20 @@ def _about_mean(
     return np.array([
         [xx - p_x * u_x - p_x * u_x + mass * (u_x * u_x), xy - p_x * u_y - p_y * u_x + mass * (u_x * u_y)],
         [xy - p_y * u_x - p_x * u_y + mass * (u_y * u_x), yy - p_y * u_y - p_y * u_y + mass * (u_y * u_y)],
+    ])  # fmt: skip
+
+
+def _energy_flux(
+    flux: tuple[float, float], of_momentum: tuple[float, float, float], energy: float, momentum: list[float],
+    mean: list[float], mass: float,
+) -> Array:  # fmt: skip
+    """Sum of (m |v - u|^2 + I w^2) (v - u)_b / 2 from sums in the lab, shape (2,): those are e v_b, m v_a v_b and e."""
+    (xx, xy, yy), (p_x, p_y), (u_x, u_y) = of_momentum, momentum, mean
+    square = u_x * u_x + u_y * u_y
+    own = energy - (u_x * p_x + u_y * p_y) + 0.5 * mass * square
+    return np.array([
+        flux[0] - (u_x * xx + u_y * xy) + 0.5 * square * p_x - u_x * own,
+        flux[1] - (u_x * xy + u_y * yy) + 0.5 * square * p_y - u_y * own,
     ])  # fmt: skip
 
 
@@ -401,3 +459,58 @@ def stress(before: Measure, after: Measure, area: Positive) -> Stress:
         raise InputError(f"after.time = {after.time:g}: must be later than before.time = {before.time:g}")
     kinetic = 0.5 * (before.momentum_flux + after.momentum_flux) / area
     return Stress(kinetic, (after.virial - before.virial) / ((after.time - before.time) * area))
+
+
+@dataclass(frozen=True, eq=False)
+class HeatFlux:
+    """Mean heat flux of a gas over a time, in two dimensions a power through a length [energy/(length time)].
+
+    Attributes
+    ----------
+    kinetic, collisional : array (2,)
+        What disks carry and what collisions transfer.
+    """
+
+    kinetic: Array
+    collisional: Array
+
+    @property
+    def total(self) -> Array:
+        """Kinetic and collisional part together, shape (2,) [energy/(length time)]."""
+        return self.kinetic + self.collisional
+
+
+@validated
+def heat_flux(before: Measure, after: Measure, area: Positive) -> HeatFlux:
+    """Mean heat flux of a gas between two measures of one simulation, in an area [length^2].
+
+    q_b A = sum e_i V_b + (1 / dt) sum_c sum_i de_i (r_i - r_c)_b, e = (m V^2 + I w^2) / 2: over disks, and over both
+    disks of the collisions between the two times; de_i is what a disk gains, r_i - r_c the vector to its centre from
+    the contact. Energy thus runs from the centre of one disk to that of the other, and what is dissipated ends at the
+    contact. The collisional part is exact; the kinetic part is the mean of both times. V is relative to the mean
+    velocity, as in the temperature. Walls give heat and work at their contacts, in the area as for `stress`.
+
+    J. H. Irving and J. G. Kirkwood, J. Chem. Phys. 18, 817 (1950), doi:10.1063/1.1747782.
+
+    InputError if a measure holds no transfer of energy (record=["heat_flux"]), or the second is not later.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks, box = ifrdem.Disks(2, mass=1.0, radius=0.5), ifrdem.Box((10.0, 10.0), (False, True))
+    >>> start = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[3.0, 0.0], [1.0, 0.0]], [0.0, 0.0])
+    >>> law = ifrdem.IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+    >>> gas = ifrdem.Simulation(disks, box, law, start, record=["heat_flux"])
+    >>> first = gas.measure()
+    >>> gas.run(t_end=2.0)
+    >>> found = ifrdem.observables.heat_flux(first, gas.measure(), box.area)
+    >>> float(found.kinetic[0]), float(found.collisional[0])  # (4.5 3 + 0.5) / A; energy 4, distance 1, time 2
+    (0.14, 0.02)
+    """
+    if before.energy_transfer is None or after.energy_transfer is None:
+        raise InputError('heat_flux: not recorded; make the simulation with record=["heat_flux"]')
+    passed = stress(before, after, area).collisional  # of momentum
+    kinetic = 0.5 * (before.energy_flux + after.energy_flux) / area
+    u = 0.5 * (before.mean_velocity + after.mean_velocity)
+    in_lab = (after.energy_transfer - before.energy_transfer) / ((after.time - before.time) * area)
+    return HeatFlux(kinetic, in_lab - u @ passed)

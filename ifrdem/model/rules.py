@@ -116,14 +116,27 @@ _ORDER = "every disk looks for a piston after each of its hits, in the whole box
 _HELD = "only gravity holds disks on their supports; give one, or leave the remedy out"
 _INSTEAD = "use walls (Wall.post) instead"
 
+
+def _of_fluxes(with_: str, when: Callable[[Facts], bool], why: str) -> tuple[Rule, Rule]:
+    """The rules of a record of the stress, and of one of the heat flux, which includes it."""
+    return (
+        Rule(
+            "record.stress",
+            with_,
+            lambda g: {"stress", "heat_flux"} & g.record == {"stress"} and when(g),
+            why,
+        ),
+        Rule("record.heat_flux", with_, lambda g: "heat_flux" in g.record and when(g), why),
+    )
+
+
 RULES: tuple[Rule, ...] = (
     # Open space.
     Rule("gravity", "box.open", lambda g: g.is_open and any(g.gravity),
          f"{_FALL}; use a box that is not periodic, with a floor"),
     Rule("walls", "box.open", lambda g: g.is_open and g.walls > 0,
          "use a box with sides, large enough for the disks not to reach them"),
-    Rule("record.stress", "box.open", lambda g: g.is_open and "stress" in g.record,
-         "open space has no area that a stress could refer to"),
+    *_of_fluxes("box.open", lambda g: g.is_open, "open space has no area that a stress could refer to"),
     Rule("comm", "box.open", lambda g: g.is_open and g.ranks > 1, _ONE_PROCESS),
     # Gravity.
     Rule("gravity", "box.periodic", lambda g: g.along_a_period, _FLOOR),
@@ -147,10 +160,11 @@ RULES: tuple[Rule, ...] = (
          "the flow carries everything along"),
     # What is recorded.
     Rule("record.wall_sums", "walls", lambda g: "wall_sums" in g.record and not g.walled, "there are no walls"),
-    Rule("record.stress", "collapse.Rest", lambda g: "stress" in g.record and g.rests,
-         "forces between resting disks, which are no collisions, carry a part of it"),
-    Rule("record.stress", "walls.piston", lambda g: "stress" in g.record and g.pistons > 0,
-         "a piston changes the area of the gas"),
+    *_of_fluxes("collapse.Rest", lambda g: g.rests,
+                "forces between resting disks, which are no collisions, carry a part of it"),
+    *_of_fluxes("walls.piston", lambda g: g.pistons > 0, "a piston changes the area of the gas"),
+    Rule("record.heat_flux", "box.shear_rate", lambda g: g.shear_rate != 0.0 and "heat_flux" in g.record,
+         "energies relative to the flow change between collisions too; with walls that move instead, it is recorded"),
     # Rest.
     Rule("collapse.Rest", "device.name", lambda g: g.rests and g.device != "cpu", _CPU),
     Rule("collapse.Rest", "device.precision", lambda g: g.rests and g.precision != "f64", _CPU),

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from ..errors import InputError, nearest, shortened
 from ..tools import seeds
-from ..tools.checked import Array
+from ..tools.checked import Array, Numbers
 from ..tools.old_words import present_record
 from . import collapse as collapses
 from . import gravity as gravities
@@ -51,11 +51,16 @@ RECORDABLE = {
     "angle": "the angle by which each disk has turned: `State.angle`",
     "dissipated": "energy that each disk's collisions dissipate, by mechanism: `State.dissipated`; includes ledger",
     "stress": "momentum that collisions transfer, for the pressure tensor: `Measure.virial`",
+    "heat_flux": "energy that collisions transfer, for the heat flux: `Measure.energy_transfer`; includes stress",
     "histograms": "collisions of each pair of species by angle of impact, normal speed and regime: "
     "`Measure.histograms`; includes ledger",
     "free_times": "also by the time since the latest collision of either disk; includes histograms",
     "wall_sums": "momentum, torque, work, heat and collisions of each wall: `wall_sums` and `Measure`",
 }
+INCLUDES = {
+    "dissipated": "ledger", "free_times": "histograms", "histograms": "ledger", "heat_flux": "stress",
+}  # fmt: skip
+"""What is recorded with something else, too, by the name of that."""
 _COLLAPSES = {each.__name__: each for each in get_args(Collapse)}
 _OF_EACH = ("_step", "_values")
 """Attributes that each force has; a record has them as step and values."""
@@ -79,12 +84,14 @@ class Setup:
     device : Device
     record : frozenset of str
         Names of `RECORDABLE`, those included that others need.
+    regions : mapping of str to four floats
+        Rectangles (x_low, y_low, x_high, y_high) by name, whose disks are counted [length].
     seed : int
 
     Raises
     ------
     InputError
-        If a gravity, a force, a remedy for collapse, a device, a name of what is recorded or a seed is none.
+        If a gravity, a force, a remedy for collapse, a device, a name of what is recorded, a region or a seed is none.
     """
 
     box: Box
@@ -95,6 +102,7 @@ class Setup:
     collapse: Collapse | None = None
     device: Device = field(default_factory=Device)
     record: frozenset[str] = frozenset()
+    regions: Mapping[str, tuple[float, float, float, float]] = field(default_factory=dict)
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -106,6 +114,7 @@ class Setup:
             "collapse": collapses.validate(self.collapse),
             "device": Device.of(self.device),
             "record": _checked_names(self.record),
+            "regions": _checked_regions(self.regions),
             "seed": seeds.of_device(self.seed),
         }
         for name, value in checked_values.items():
@@ -196,6 +205,7 @@ class Setup:
             else [type(self.collapse).__name__, asdict(self.collapse)],
             "device": asdict(self.device),
             "record": sorted(self.record),
+            **({"regions": dict(self.regions)} if self.regions else {}),
             "seed": self.seed,
         }
         record: dict[str, Any] = json.loads(json.dumps(found))
@@ -231,6 +241,7 @@ class Setup:
             collapse=None if collapse is None else _COLLAPSES[collapse[0]](**collapse[1]),
             device=chosen,
             record=frozenset(present_record(record["record"])),
+            regions=record.get("regions", {}),  # which checkpoints of versions before had not
             seed=record["seed"],
         )
 
@@ -251,8 +262,33 @@ def _checked_names(record: Iterable[str]) -> frozenset[str]:
             raise InputError(
                 f"record: unknown name {shortened(name)}{nearest(name, RECORDABLE)}; must be of {known}"
             )
-    found = {*names} | ({"histograms"} if "free_times" in names else set())
-    return frozenset(found | ({"ledger"} if {"dissipated", "histograms"} & found else set()))
+    found: set[str] = set()
+    while names:
+        name = names.pop()
+        found.add(name)
+        names += [INCLUDES[name]] if name in INCLUDES else []
+    return frozenset(found)
+
+
+def _checked_regions(regions: Any) -> dict[str, tuple[float, float, float, float]]:
+    """Rectangles by name: InputError unless each has sides."""
+    if not isinstance(regions, Mapping):
+        raise InputError(
+            f"regions = {shortened(regions)}: must be a mapping of names to (x_low, y_low, x_high, y_high)"
+        )
+    found = {}
+    for name, given in regions.items():
+        at = f"regions[{shortened(name)}]"
+        if not isinstance(name, str) or not name:
+            raise InputError(f"{at}: must have a name that is a text of one letter or more")
+        x_low, y_low, x_high, y_high = Numbers((4,))(at, given).tolist()
+        if not (x_low < x_high and y_low < y_high):
+            raise InputError(f"{at} = {shortened(given)}: {RECTANGLE}")
+        found[name] = (x_low, y_low, x_high, y_high)
+    return found
+
+
+RECTANGLE = "must be [x_low, y_low, x_high, y_high], each low one below the high one"
 
 
 def _checked_forces(forces: Any) -> tuple[Force, ...]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 
 from .. import analysis
@@ -23,6 +24,7 @@ from .style import (
     ACROSS,
     HATCH,
     KINDS,
+    LOOKS,
     OPEN,
     RATIO,
     ROTATION,
@@ -93,6 +95,36 @@ def velocity(left: Axes, *rest: Any) -> None:
         right.set_ylabel("probability density")
         right.set_xlabel(r"$w = \omega / \sqrt{2 T_\mathrm{rot} / I}$")
         grid(right)
+
+
+def tail(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
+    """Densities of velocities against the speed, logarithmic, with the fit of the tail and a Gaussian."""
+    del trajectory
+    highest = lowest = 1.0 / np.pi
+    end = 0.0
+    for i, (name, found) in enumerate(evaluation.result.items()):
+        color = KINDS[i % len(KINDS)]
+        middle, shown = 0.5 * (found.edges[1:] + found.edges[:-1]), found.counts > 0
+        text = "disks" if len(evaluation.result) == 1 else plain(name)
+        axes.errorbar(
+            middle[shown],
+            found.density[shown],
+            found.density_error[shown],
+            label=text,
+            **marks(color, ms=4, lw=0.8),
+        )
+        fine = np.linspace(found.first, found.edges[-1], 200)
+        nu = _with_error(found.nu.mean, found.nu.error)
+        look = dashes(KINDS[(i + 1) % len(KINDS)])
+        axes.plot(fine, found.fitted(fine), lw=1.5, label=rf"$\exp(-A c^\nu)$, $\nu$ = {nu}", **look)
+        lowest, highest = min(lowest, found.density[shown].min()), max(highest, found.density.max())
+        end = max(end, float(found.edges[-1]))
+    c = np.linspace(0.0, end, 400)
+    axes.plot(c, np.exp(-(c**2)) / np.pi, "-", color=RATIO, lw=1.2, label="Gaussian")
+    axes.set(yscale="log", xlim=(0.0, 1.03 * end), ylim=(0.3 * lowest, 2.0 * highest))
+    axes.set(xlabel=r"$c = |v| / \sqrt{2 T / m}$", ylabel="density of velocities $f(c)$")
+    legend(axes)
+    grid(axes)
 
 
 WIDEST = 0.05
@@ -275,6 +307,9 @@ def profiles(*axes_and_rest: Any) -> None:
     """Packing fraction, flow, temperatures; stress, heat flux, and theta or the temperatures of species."""
     *axes, trajectory, evaluation = axes_and_rest
     found = evaluation.result
+    if isinstance(found, analysis.ProfileSequence):
+        _sequence(axes, trajectory, found)
+        return
     part = "" if found.has_collisions else "_kinetic"
     words = "" if found.has_collisions else ", kinetic part"
     if len(axes) == 3:  # of strips without an end, which have no area
@@ -306,6 +341,79 @@ def profiles(*axes_and_rest: Any) -> None:
     for one in axes:
         one.set_xlabel(label(trajectory, f"${found.axes[0]}$", "length"))
     grid(*axes)
+
+
+def _sequence(axes: Sequence[Axes], trajectory: Trajectory | None, found: analysis.ProfileSequence) -> None:
+    """Profiles over time, or at phases: one component of each quantity, from dark (first) to light (last)."""
+    first = found.profiles[0]
+    normal = 1 if first.axes[0] == "y" else 0
+    name = first.directions[normal]
+    part, words = ("", "") if first.has_collisions else ("_kinetic", ", kinetic part")
+    panels: list[tuple[str, tuple[int, ...], str, str]] = [
+        ("packing_fraction", (), r"packing fraction $\phi$", ""),
+        ("velocity", (normal,), f"mean velocity $u_{name}$", "length/time"),
+        ("temperature", (), "temperature $T$", "energy"),
+        (f"stress{part}", (normal, normal), f"$P_{{{name}{name}}}${words}", "energy/length^2"),
+        (f"heat_flux{part}", (normal,), f"heat flux $q_{name}${words}", "energy/(length time)"),
+        ("theta", (), r"$\theta = T_\mathrm{rot} / T$", ""),
+    ]
+    if len(axes) == 3:  # of strips without an end
+        panels = [panels[i] for i in (1, 2, 5)]
+    for one, (quantity, at, text, dimension) in zip(axes, panels, strict=True):
+        for i, (place, each) in enumerate(zip(found.places, found.profiles, strict=True)):
+            value = getattr(each.mean, quantity)[(..., *at)]
+            if quantity in OF_DISKS:
+                value = np.where(each.disks >= FEWEST, value, np.nan)
+            words = with_unit(trajectory, f"{place:.4g}", "time") if found.over == "time" else f"{place:.3g}"
+            shade = DARKEST + (LIGHTEST - DARKEST) * i / max(len(found.places) - 1, 1)
+            style: dict[str, Any] = {
+                "color": colormaps["cividis"](shade),
+                "ls": LOOKS[KINDS[i % len(KINDS)]][2],
+            }
+            text_of = f"{'$t$ = ' if found.over == 'time' else 'phase '}{words}"
+            one.plot(each.middles[0], value, lw=1.3, label=text_of, **style)
+        one.set_ylabel(label(trajectory, text, dimension) if dimension else text)
+        one.set_xlabel(label(trajectory, f"${first.axes[0]}$", "length"))
+    if not any(np.any(np.nan_to_num(each.mean.theta)) for each in found.profiles):
+        axes[-1].set_visible(False)  # nothing spins
+    legend_above(axes[0], 3)
+    grid(*axes)
+
+
+DARKEST, LIGHTEST = 0.0, 0.85
+"""Part of the map of colours, dark to light, that curves of a sequence have."""
+
+
+def cycle(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
+    """Temperatures, and the centre of mass or what is in regions, at the phases of the walls, with 95 % intervals."""
+    found = evaluation.result
+    groups = {left: [name for name in found if "temperature" in name]}
+    regions = [name for name in found if name.startswith("region_disks")]
+    groups[right] = regions or [name for name in found if name.startswith("center_of_mass")]
+    for axes, names in groups.items():
+        for name, color in zip(names, KINDS, strict=False):
+            one = found[name]
+            half = student_t(one.n_eff) * one.error
+            axes.errorbar(
+                one.phase,
+                one.mean,
+                half,
+                label=WORDS.get(name) or plain(name.partition("/")[2] or name),
+                **marked_line(color, ms=4, lw=1.0),
+            )
+        axes.set_xlabel("phase of the wall (periods)")
+        axes.set_xlim(-0.02, 1.0)
+        legend_above(axes, 3)
+    left.set_ylabel(label(trajectory, "temperature", "energy"))
+    right.set_ylabel("disks in the region" if regions else label(trajectory, "centre of mass", "length"))
+    grid(left, right)
+
+
+WORDS = {
+    "temperature": "$T$", "rotational_temperature": r"$T_\mathrm{rot}$", "center_of_mass/x": "$x$",
+    "center_of_mass/y": "$y$",
+}  # fmt: skip
+"""Symbols of quantities in legends."""
 
 
 FEWEST = 20
@@ -582,6 +690,53 @@ def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: E
     grid(left, right)
 
 
+COEFFICIENTS = {
+    "eta": (r"shear viscosity $\eta$", "mass/time"), "kappa": (r"heat conductivity $\kappa$", "1/time"),
+    "D": ("self-diffusion $D$", "length^2/time"),
+}  # fmt: skip
+"""Words and dimensions of transport coefficients."""
+
+
+def transport(*given: Any) -> None:
+    """Viscosity, heat conductivity and self-diffusion against the lag, by both formulas, with Enskog's values."""
+    *panels, trajectory, evaluation = given
+    values = {row.key: row.value for row in evaluation.rows}
+    for axes, (name, (text, dimension)) in zip(panels, COEFFICIENTS.items(), strict=True):
+        axes.set_ylabel(label(trajectory, text, dimension))
+        axes.set_xlabel(label(trajectory, "lag $t$", "time"))
+        if name in evaluation.result:
+            coefficient(axes, evaluation.result[name], values.get(f"{name}_enskog"))
+        else:
+            needs = {"eta": "output.stress = true", "kappa": "output.heat_flux = true", "D": "output.frames"}
+            axes.text(
+                0.5, 0.5, f"none: see the table\n({needs[name]})", ha="center", transform=axes.transAxes
+            )
+    grid(*panels)
+
+
+def coefficient(axes: Axes, found: analysis.TransportCoefficient, enskog: float | None = None) -> None:
+    """A transport coefficient against the lag: the integral, and the mean square over twice the lag."""
+    for t, value, error, text, color in (
+        (found.lags, found.integral, found.integral_error, "Green-Kubo", TRANSLATION),
+        (found.square_lags, found.square, found.square_error, "Helfand, $M / 2t$", ROTATION),
+    ):
+        if not len(t):
+            continue
+        half = student_t(found.helfand.n_eff) * error
+        hatch = {"hatch": HATCH} if color == ROTATION else {}
+        axes.fill_between(t, value - half, value + half, alpha=0.25, lw=0.0, color=color, **hatch)
+        axes.plot(t, value, lw=1.5, label=f"{text}, band: {PERCENT}", **dashes(color))
+    if enskog is not None:
+        axes.axhline(enskog, color=RATIO, ls=":", lw=1.5, label="Enskog")
+    ends = (found.green_kubo, found.lag) if len(found.lags) else (found.helfand, float(found.square_lags[-1]))
+    value, place = ends
+    half = float(student_t(value.n_eff)) * value.error
+    axes.errorbar([place], [value.mean], [half], ms=6, capsize=3.0, label="result", **marks(KINDS[2]))
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    legend(axes, "lower right")
+
+
 def impact(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """The density of the impact angle, that of molecular chaos, and shares of the regimes."""
     found = evaluation.result
@@ -646,6 +801,17 @@ def distribution(
         axes.set(xscale="log", yscale="log")
 
 
+def _cycle_alone(axes: Axes, found: analysis.Cycle) -> None:
+    """Means of a series at phases."""
+    half = student_t(found.n_eff) * found.error
+    axes.errorbar(
+        found.phase, found.mean, half, label=f"{found.periods} periods, {PERCENT} intervals", **POINTS
+    )
+    axes.set(xlabel="phase (periods)", ylabel="mean")
+    legend(axes)
+    grid(axes)
+
+
 class Panels(NamedTuple):
     """A picture of an analysis: its drawing function and the arguments of `Figure.subplots`."""
 
@@ -656,10 +822,11 @@ class Panels(NamedTuple):
 TWO: dict[str, Any] = {"ncols": 2}
 STACKED: dict[str, Any] = {"nrows": 2, "sharex": True}
 PANELS = {
-    "velocity": Panels(velocity, TWO), "rdf": Panels(pairs), "structure-factor": Panels(structure), "msd": Panels(msd),
+    "velocity": Panels(velocity, TWO), "tail": Panels(tail), "rdf": Panels(pairs), "structure-factor": Panels(structure), "msd": Panels(msd),
     "vacf": Panels(vacf), "profiles": Panels(profiles, {"nrows": 2, "ncols": 3, "sharex": True}),
-    "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
+    "cycle": Panels(cycle, TWO), "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
     "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "stress": Panels(stress, TWO),
+    "transport": Panels(transport, {"ncols": 3}),
     "velocity-correlation": Panels(vortices.correlation, TWO), "vorticity": Panels(vortices.spectrum, TWO),
     "cooling": Panels(cooling, TWO), "species": Panels(species.temperatures, STACKED),
     "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}), "histograms": Panels(histograms, {"ncols": 3}),
@@ -684,6 +851,7 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.VelocityDistribution: Panels(
         lambda left, right, found: velocity(left, right, None, _alone({"all": found})), TWO
     ),
+    analysis.SpeedTail: Panels(lambda axes, found: tail(axes, None, _alone({"all": found}))),
     analysis.PairCorrelation: Panels(lambda axes, found: pairs(axes, None, _alone({"all": found}))),
     analysis.StructureFactor: Panels(lambda axes, found: structure(axes, None, _alone(found))),
     analysis.Correlation: Panels(_correlation),
@@ -697,6 +865,11 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.RatioFit: Panels(_ratio),
     analysis.Pressure: Panels(_pressure),
     analysis.MeanStress: Panels(lambda left, right, found: stress(left, right, None, _alone(found)), TWO),
+    analysis.ProfileSequence: Panels(
+        lambda *given: _sequence(given[:-1], None, given[-1]), {"nrows": 2, "ncols": 3, "sharex": True}
+    ),
+    analysis.Cycle: Panels(lambda axes, found: _cycle_alone(axes, found)),
+    analysis.TransportCoefficient: Panels(lambda axes, found: coefficient(axes, found)),
     analysis.CollisionDistribution: Panels(
         lambda axes, found: distribution(axes, None, found, f"{found.count} collisions", **POINTS)
     ),

@@ -67,7 +67,7 @@ def figure(
     panels : sequence of int, optional
         Numbers of the panels that are drawn, from 1, in the order in which they are read.
     **options
-        Of profiles `axis` and `bins`, of fields `cells` and `average`.
+        Of profiles `axis`, `bins`, `windows` and `phases`, of fields `cells` and `average`, of transport `lag`.
 
     Raises
     ------

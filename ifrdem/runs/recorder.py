@@ -13,13 +13,16 @@ import numpy as np
 
 from ..errors import InputError, TrajectoryError
 from ..model.histograms import split
-from ..model.observables import Measure, stress
+from ..model.observables import Measure, heat_flux, stress
 from ..model.state import FrameRows, State
 from ..quantities import (
     AXES,
+    CENTER_SERIES,
+    HEAT_SERIES,
     HISTOGRAMS,
     OBSERVABLES,
     PISTON_SERIES,
+    REGION_SERIES,
     SERIES,
     SPECIES_SERIES,
     STRESS_SERIES,
@@ -108,8 +111,8 @@ class Ledger:
     def row(self, measure: Measure) -> dict[str, Any]:
         """Quantities of a row of the time series (with `quantities.LEDGER`).
 
-        Stresses are means since the row before, nan in the first one (`observables.stress`); InputError if the measure
-        has a virial and the ledger no area.
+        Stresses and heat fluxes are means since the row before, nan in the first one (`observables.stress`,
+        `observables.heat_flux`); InputError if the measure has a virial and the ledger no area.
         """
         row = self._of_frames_and_rows(measure)
         if measure.dissipated is not None and measure.regimes is not None:
@@ -121,20 +124,31 @@ class Ledger:
         if measure.virial is not None:
             if self.area is None:
                 raise InputError("area = None: must be given for a stress: ifrdem.Ledger(area=box.area)")
-            row |= dict(zip(STRESS_SERIES, self._stresses(measure, self.area), strict=True))
+            row |= self._fluxes(measure, self.area)
         if measure.species_temperature is not None:
             row |= {name: getattr(measure, name) for name in SPECIES_SERIES}
+        if measure.center_of_mass is not None:
+            row |= dict.fromkeys(CENTER_SERIES, measure.center_of_mass)
+        if measure.regions is not None:
+            row |= dict(zip(REGION_SERIES, measure.regions.T, strict=True))
         if measure.walls is not None:
             row |= dict(zip(WALL_SERIES, measure.walls.T, strict=True))
         return row
 
-    def _stresses(self, measure: Measure, area: float) -> tuple[Array, Array]:
-        """The pressure tensor since the row before and its kinetic part, by `COMPONENTS`."""
+    def _fluxes(self, measure: Measure, area: float) -> dict[str, Array]:
+        """Stress, by `COMPONENTS`, and heat flux since the row before, and their kinetic parts."""
         before, self.latest_row = self.latest_row, measure
-        if before is None or not measure.time > before.time:
-            return np.full(4, np.nan), np.full(4, np.nan)
-        found = stress(before, measure, area)
-        return found.total.ravel(), found.kinetic.ravel()
+        recorded = {STRESS_SERIES: stress} | (
+            {HEAT_SERIES: heat_flux} if measure.energy_transfer is not None else {}
+        )
+        row: dict[str, Array] = {}
+        for names, function in recorded.items():
+            if before is None or not measure.time > before.time:
+                row |= {name: np.full(SERIES[name].components, np.nan) for name in names}
+            else:
+                found = function(before, measure, area)
+                row |= dict(zip(names, (found.total.ravel(), found.kinetic.ravel()), strict=True))
+        return row
 
     def to_record(self) -> dict[str, Any]:
         """The ledger in the form of JSON, for a checkpoint."""
@@ -167,7 +181,7 @@ class Recorder:
 
     `take_events` gives what happened to tracked disks since the last call (`Simulation.take_events`); `pending` are
     events that were not written yet when the run stopped; `clock` gives seconds of real time; `walls` are the names of
-    those that have sums, `pistons` of those that are some, `species` of species. `seconds` is the
+    those that have sums, `pistons` of those that are some, `species` of species, `regions` of regions. `seconds` is the
     processor time that this has taken of the run's thread.
     """
 
@@ -181,10 +195,13 @@ class Recorder:
         walls: Sequence[str] = (),
         pistons: Sequence[str] = (),
         species: Sequence[str] = (),
+        regions: Sequence[str] = (),
     ) -> None:
         self._writer, self._take = writer, take_events
         self.ledger: Ledger = ledger
-        self._names = AXES | {"wall": tuple(walls), "piston": tuple(pistons), "species": tuple(species)}
+        self._names = AXES | {
+            "wall": tuple(walls), "piston": tuple(pistons), "species": tuple(species), "region": tuple(regions),
+        }  # fmt: skip
         del self._names["axis"]  # vectors are stored without names of their columns
         self._clock, self._wrote = clock, -math.inf
         self.seconds: float = 0.0

@@ -120,7 +120,7 @@ def resume(
             _refuse_changed_laws(record, path)
             original = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
             ledger = Ledger.from_record(extra["ledger"])
-            plan = RunPlan.from_record(extra["plan"], case.output.frame_cadence, case.output.series_cadence)
+            plan = RunPlan.from_record(extra["plan"], case.frame_cadence, case.series_cadence)
             names = ("frames", "series_rows", "events")
             written: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
         if threads is not None:

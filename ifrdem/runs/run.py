@@ -127,7 +127,7 @@ def run(
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
     now, run_keys = RunPoint(simulation.time, simulation.collisions), case.run
     end = end_at(gas.n, now, t_end=run_keys.t_end, collisions_per_disk=run_keys.collisions_per_disk)
-    plan = RunPlan(gas.n, now, end, case.output.frame_cadence, case.output.series_cadence)
+    plan = RunPlan(gas.n, now, end, case.frame_cadence, case.series_cadence)
     in_parts = case.output.in_parts(gas.n, comm.size)
     options = {"units": UNITS[case.run.units], "force": force, **stored(gas)}
 
@@ -224,7 +224,7 @@ class RootOutput:
         self.recorder = Recorder(
             running.writer, running.ledger, running.simulation.take_events if case.output.tracks else None,
             running.pending, walls=named, pistons=[name for name, wall in walls if wall.piston is not None],
-            species=[each.name for each in gas.species],
+            species=[each.name for each in gas.species], regions=list(gas.case.output.regions),
         )  # fmt: skip
         self.status = Status(
             running.outputs.trajectory, name=run.name, t_end=run.t_end,

@@ -294,7 +294,13 @@ class Engine:
     @property
     def virial(self) -> NDArray[np.float64]:
         """Momentum that collisions transferred so far, shape (2, 2) [energy time]: `Measure.virial`."""
-        return self.arrays.extra_tally.virial(self.windows.sums)
+        return np.asarray(self.arrays.extra_tally.transfer(self.windows.sums).momentum.array).reshape(2, 2)
+
+    @property
+    def energy_transfer(self) -> NDArray[np.float64]:
+        """Energy that they transferred so far, in the lab, shape (2,) [energy length]: `Measure.energy_transfer`."""
+        found = self.arrays.extra_tally.transfer(self.windows.sums)
+        return np.array([found.energy_x, found.energy_y])
 
     @property
     def histograms(self) -> NDArray[np.int64]:
@@ -962,6 +968,15 @@ class Engine:
             return None
         with self.exclusive_update():
             return species_totals(self)
+
+    def region_totals(self) -> NDArray[np.float64] | None:
+        """Sums over the disks in each region (`kernels/tiles/readout.py`); None without regions."""
+        from .measuring.readout import region_totals
+
+        if not self.setup.regions:
+            return None
+        with self.exclusive_update():
+            return region_totals(self)
 
     def _totals(self) -> NDArray[np.float64]:
         from .measuring.readout import totals

@@ -135,10 +135,14 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         - "angle": the angle by which each disk has turned, `State.angle`;
         - "stress": the momentum that collisions transfer, in every `Measure`: `observables.stress` makes a pressure
           tensor of two of these;
+        - "heat_flux": also the energy that they transfer: `observables.heat_flux`; includes "stress";
         - "histograms": collisions of each pair of species by angle of impact, normal speed and regime, in every
           `Measure`: `observables.histogram`; includes "ledger";
         - "free_times": also by the time since the latest collision of either disk; includes "histograms";
         - "wall_sums": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
+    regions : mapping of str to four floats, optional
+        Rectangles (x_low, y_low, x_high, y_high) by name [length]: the number, mass and energy of the disks whose
+        centres are in each are in every `Measure`.
     histories : sequence of int
         Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
     seed : int
@@ -203,6 +207,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         collapse: Annotated[Collapse | None, LATER] = None,
         device: Annotated[Device | str | None, LATER] = None,
         record: Iterable[str] = (),
+        regions: Annotated[Mapping[str, Sequence[float]] | None, LATER] = None,
         histories: Annotated[Sequence[int] | NDArray[np.integer], LATER] = (),
         seed: Seed = 0,
         comm: Comm = None,
@@ -231,7 +236,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
 
         given: dict[str, Any] = {
             "box": box, "law": laws.table, "walls": walls, "gravity": gravity, "forces": forces, "collapse": collapse,
-            "device": device, "record": record, "seed": seed,
+            "device": device, "record": record, "regions": regions or {}, "seed": seed,
         }  # fmt: skip
         setup = comm.run_on_all(lambda: Setup(**given))
 
@@ -1119,7 +1124,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
         if "wall_sums" in self.setup.record:
             ledger["walls"] = self._engine.wall_sums
-        ledger["species"] = self._engine.species_totals()
+        ledger |= {"species": self._engine.species_totals(), "regions": self._engine.region_totals()}
         return measure_of_totals(
             self.disks, totals, self.time, self.wall_collisions, **self._energy_terms(), **ledger
         )
@@ -1130,6 +1135,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
             "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,
-            "about_mean": free, "virial": self._engine.virial if "stress" in self.setup.record else None,
+            "about_mean": free, "placed": bool(self.setup.all_walls), "virial": self._engine.virial if "stress" in self.setup.record else None,
+            "energy_transfer": self._engine.energy_transfer if "heat_flux" in self.setup.record else None,
             "histograms": self._engine.histograms if "histograms" in self.setup.record else None,
         }  # fmt: skip

@@ -73,9 +73,11 @@ RESERVED = {
 CADENCES = (
     "series_interval",
     "series_collisions",
+    "series_phases",
     "series_spacing",
     "frames_interval",
     "frames_collisions",
+    "frames_phases",
     "frames_spacing",
     "log_from",
 )

@@ -189,7 +189,7 @@ class Study:
         """Estimated disk space of all runs, or of those without a result, and of the results of the study."""
         columns, of_rows, of_runs = 40, {}, {}
         for point, case in self._checked_cases[0].items():
-            of_rows[point] = 8 * columns * ((case.output.series_cadence.number or 0) + 1)
+            of_rows[point] = 8 * columns * ((case.series_cadence.number or 0) + 1)
             of_runs[point] = RUN_BYTES + of_rows[point]
             if self.plan.output.trajectories:
                 of_runs[point] += RunEstimate.of(
@@ -207,7 +207,7 @@ class Study:
             elapsed, work = sum(seconds for _, seconds in done), sum(task.weight for task, _ in done)
             return elapsed / work * sum(task.weight for task in missing)
         cases = self._checked_cases[0]
-        rows = cases[missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
+        rows = cases[missing[0].index[:-1]].series_cadence.number or 0 if missing else 0
         each = FILE_SECONDS if self.plan.output.analyses or self.plan.output.trajectories else RUN_SECONDS
         return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + each for task in missing)
 

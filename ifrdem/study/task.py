@@ -223,14 +223,14 @@ def _advance(gas: CaseGas, series_callbacks: list[Any], *, short: bool = False) 
     gas.simulation().run(
         t_end=1e-3 * t_end if short and t_end is not None else t_end,
         collisions_per_disk=2.0 / gas.n if short and per_disk is not None else per_disk,
-        series=1 if short else gas.case.output.series_cadence,
+        series=1 if short else gas.case.series_cadence,
         series_callbacks=series_callbacks or [lambda measure: None],
     )
 
 
 def along(case: CaseSections) -> tuple[str, NDArray[np.float64]]:
     """The axis that rows of series stand on, what ends the run, and the places of the rows."""
-    cadence = case.output.series_cadence
+    cadence = case.series_cadence
     assert cadence.number is not None
     if case.run.t_end is not None:
         end, name = case.run.t_end, "time"
@@ -245,7 +245,7 @@ def _at_rows(case: CaseSections, n: int, found: dict[str, NDArray[Any]]) -> dict
     name, positions = along(case)
     begin, run = RunPoint(0.0, 0), case.run
     end = end_at(n, begin, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk)
-    plan, cadence = RunPlan(n, begin, end), case.output.series_cadence
+    plan, cadence = RunPlan(n, begin, end), case.series_cadence
     points = [plan.point(cadence, k + 1) for k in range(len(positions) - 1)]
     rows_at = np.array([0.0, *(each.time if name == "time" else each.collisions for each in points)])
     rows = np.searchsorted(found["time"] if name == "time" else found["collisions"], rows_at)

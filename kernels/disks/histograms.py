@@ -6,7 +6,15 @@ into equal parts, which are the exponent and the first bits of a double. What is
 there.
 """
 
-from ..columns import FIRST_OCTAVE, HISTOGRAM, OCTAVES, PER_OCTAVE, TALLY, VIRIAL, histogram_columns
+from ..columns import (
+    FIRST_OCTAVE,
+    HISTOGRAM,
+    OCTAVES,
+    PER_OCTAVE,
+    TALLY,
+    histogram_columns,
+    transfer_columns,
+)
 from ..compiler.language import ti
 from ..layout import ELASTICALLY, FAR
 from .particle import add
@@ -46,7 +54,7 @@ def enter_histograms(tile, id_a, id_b, g_n, g_t, free_a, free_b, regime, gas: ti
     p, q = species_of(id_a, gas), species_of(id_b, gas)
     high, low = ti.max(p, q), ti.min(p, q)
     pair = high * (high + 1) // 2 + low
-    first = ti.static(TALLY.width + VIRIAL.width * gas.uses.stress) + pair * ti.static(
+    first = ti.static(TALLY.width + transfer_columns(gas.uses.stress, gas.uses.heat_flux)) + pair * ti.static(
         histogram_columns(gas.uses.histograms, gas.uses.free_times)
     )
     closing = ti.max(g_n, 0.0)  # rounding can make it negative

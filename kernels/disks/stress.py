@@ -1,4 +1,4 @@
-"""Momentum that collisions transfer: the collisional part of the pressure tensor.
+"""Momentum and energy that collisions transfer: the collisional parts of the pressure tensor and of the heat flux.
 
     P_ab A = sum m V_a V_b + (1 / dt) sum_c (dp_i)_a (r_i - r_j)_b
 
@@ -9,9 +9,17 @@ with its normal along b. Tangential impulses make P_xy and P_yx of rough disks d
 turns the spins.
 
 C. S. Campbell and A. Gong, J. Fluid Mech. 164, 107 (1986), doi:10.1017/S0022112086002495.
+
+    q_b A = sum e_i V_b + (1 / dt) sum_c sum_i (de_i) (r_i - r_c)_b,    e = (m V^2 + I w^2) / 2
+
+de_i is the energy that a disk gains in a collision, r_i - r_c the vector to its centre from the contact: what a disk
+loses runs from its centre to the contact, and from there to the centre of its partner goes what that gains. The rest is
+dissipated at the contact. Of elastic disks of one size it is de_i (r_i - r_j), as of J. H. Irving and J. G. Kirkwood,
+J. Chem. Phys. 18, 817 (1950), doi:10.1063/1.1747782. Kernels add up energies in the lab; relative to a mean velocity u
+they are de_i - u.dp_i, so that the virial is all that is needed besides.
 """
 
-from ..columns import TALLY, VIRIAL
+from ..columns import TALLY, TRANSFER, VIRIAL
 from ..compiler.language import ti
 from .particle import add
 
@@ -36,3 +44,34 @@ def add_virial_of_pair(
             add_virial(tile, gas.kinds[kind_a].mass, dvx_a, dvy_a, -rx, -ry, gas)
         else:  # a is immovable
             add_virial(tile, gas.kinds[kind_b].mass, dvx_b, dvy_b, rx, ry, gas)
+
+
+@ti.func
+def add_energy(tile, kind, dvx, dvy, dw, vx, vy, w, rx, ry, gas: ti.template()):
+    """Add to the transfer of energy of a tile: a disk of this kind, at (rx, ry) from the contact, was struck.
+
+    Changes of its velocity and spin, and the sums of these before and after, in the lab.
+    """
+    moving = ti.cast(gas.kinds[kind].mass, ti.f64) * (dvx * vx + dvy * vy)
+    gained = 0.5 * (moving + ti.cast(gas.kinds[kind].inertia, ti.f64) * dw * w)
+    add(tile, TALLY.width + TRANSFER.energy_x, gained * rx, gas)
+    add(tile, TALLY.width + TRANSFER.energy_y, gained * ry, gas)
+
+
+@ti.func
+def add_energy_of_pair(
+    tile, kind_a, kind_b, t, before: ti.template(), after: ti.template(), rx, ry, r, gas: ti.template()
+):  # fmt: skip
+    """Add a collision at t of disks of two kinds, (rx, ry) from a to b; before and after: vx, vy, w of a, then of b."""
+    for side in ti.static(range(2)):
+        kind, sign = kind_a, -1.0
+        if ti.static(side == 1):
+            kind, sign = kind_b, 1.0
+        reach = sign * gas.kinds[kind].radius / r
+        change, total = after - before, after + before
+        # Velocities of flights are those without what gravity has given in this window.
+        fall_x, fall_y = 2.0 * gas.scale.gx * t, 2.0 * gas.scale.gy * t
+        add_energy(
+            tile, kind, change[3 * side], change[3 * side + 1], change[3 * side + 2],
+            total[3 * side] + fall_x, total[3 * side + 1] + fall_y, total[3 * side + 2], reach * rx, reach * ry, gas,
+        )  # fmt: skip

@@ -33,7 +33,7 @@ from .rest import (
     count_hit, fall_asleep, in_falling_frame, is_support, is_wedged, set_at_rest, sleeps, wake,
 )  # fmt: skip
 from ..disks.histograms import enter_histograms
-from ..disks.stress import add_virial_of_pair
+from ..disks.stress import add_energy_of_pair, add_virial_of_pair
 from ..tiles.lines import leave_place, take_place, write_line
 from ..tiles.tiles import head_at, layer_of, note_extremes, scale_of, word_of, write
 from ..walls.cells import first_wall, other_image
@@ -461,10 +461,14 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         write_line(b, gas)
     if writes > 0:
         write_pair(a, b, t, tile, gas)
-    if ti.static(gas.uses.histories):
+    if ti.static(gas.uses.histories or gas.uses.heat_flux):
         before = ti.Vector([vx_a, vy_a, w_a, vx_b, vy_b, w_b])
         after = ti.Vector([new.vx_i, new.vy_i, new.w_i, new.vx_j, new.vy_j, new.w_j])
-        write_collision(a, b, t, rx, ry, r, before, after, regime, tile, region, gas)
+        if ti.static(gas.uses.histories):
+            write_collision(a, b, t, rx, ry, r, before, after, regime, tile, region, gas)
+        if ti.static(gas.uses.heat_flux):
+            if owned:
+                add_energy_of_pair(tile, kind_a, kind_b, t, before, after, rx, ry, r, gas)
     if ti.static(gas.uses.dissipated):
         charge_half(a, regime, lost, gas)
         charge_half(b, regime, lost, gas)

@@ -32,8 +32,8 @@ def own_slots(tile, part, gas: ti.template()):
 def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     """Add a disk at a place in the box to the sums; nothing for a disk of infinite mass. In double precision.
 
-    Kinetic energies, momentum, m v_x v_y and m v_x^2, mass times the way along gravity, collisions with disks and
-    walls. Velocities are those beyond the flow; then the excess of kinetic energy in the frames of rows of tiles, and
+    Kinetic energies and their flux, momentum, m v_x v_y and m v_x^2, mass times the place and the way along gravity,
+    collisions with disks and walls. Velocities are those beyond the flow; then the excess of kinetic energy in the frames of rows of tiles, and
     the mass.
     """
     disk = gas.disk[s]
@@ -48,10 +48,16 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
         vx -= flow
     sums.momentum_x += mass * vx
     sums.momentum_y += mass * vy
-    sums.translational += 0.5 * mass * (vx * vx + vy * vy)
-    sums.rotational += 0.5 * ti.cast(gas.kinds[kind].inertia, ti.f64) * spin * spin
+    moving = 0.5 * mass * (vx * vx + vy * vy)
+    spinning = 0.5 * ti.cast(gas.kinds[kind].inertia, ti.f64) * spin * spin
+    sums.translational += moving
+    sums.rotational += spinning
+    sums.energy_flux_x += (moving + spinning) * vx
+    sums.energy_flux_y += (moving + spinning) * vy
     sums.momentum_flux_xx += mass * vx * vx
     sums.momentum_flux_xy += mass * vx * vy
+    sums.mass_x += mass * x
+    sums.mass_y += mass * y
     sums.fall += (x * gas.scale.gx + y * gas.scale.gy) * mass
     sums.mass += mass
 
@@ -211,6 +217,38 @@ def read_species(
                 sums.collisions += events
                 if mass > 0.0:
                     sums.movable += 1.0
+
+
+@kernel
+def read_regions(
+    part: ti.i32,
+    time: ti.f64,
+    gas: Arrays("uses grid scale clock disk meta kind kinds tile edge_x edge_y regions region_totals"),
+):
+    """Add up the disks in each of the `regions`, tile by tile; `region_totals` (tiles, regions, columns) are 0."""
+    spread = ti.static(spread_of_loops())
+    for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
+        round_products(gas)
+        if item % spread == 0:
+            k = item // spread
+            first, last = own_slots(k, part, gas)
+            for s in range(first, last):
+                here, listed_disk = placed(s, k, time, gas), gas.disk[s]
+                kind_row = listed_kind(s, gas)
+                mass = ti.cast(gas.kinds[kind_row].mass, ti.f64)
+                vx, vy = ti.cast(listed_disk.vx, ti.f64) - here.flow, ti.cast(listed_disk.vy, ti.f64)
+                spin = ti.cast(listed_disk.spin, ti.f64)
+                energy = (
+                    mass * (vx * vx + vy * vy) + ti.cast(gas.kinds[kind_row].inertia, ti.f64) * spin * spin
+                )
+                for r in range(gas.regions.shape[0]):
+                    sides = gas.regions[r]
+                    inside = here.x >= sides.x_low and here.x < sides.x_high
+                    if mass > 0.0 and inside and here.y >= sides.y_low and here.y < sides.y_high:
+                        sums = gas.region_totals[k, r]
+                        sums.disks += 1.0
+                        sums.mass += mass
+                        sums.energy += 0.5 * energy
 
 
 @kernel

@@ -7,7 +7,7 @@ from ..layout import BY_HEAT, BY_LAW, BY_REMEDY
 from ..disks.particle import (
     add, advance_to, charge, just_collided, kind_of, note_speed, update_history_hash, watched_row, write_motion,
 )  # fmt: skip
-from ..disks.stress import add_virial
+from ..disks.stress import add_energy, add_virial
 from .images import as_partner, from_partner, position_at, wall_of
 from .kinds import FREE, STILL
 from .motion import turned_back, wall_motion, wall_turn
@@ -95,6 +95,12 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
                 tile, gas.kinds[kind].mass, after.vx - before.vx, after.vy - before.vy,
                 radius * contact.nx, radius * contact.ny, gas,
             )  # fmt: skip
+            if ti.static(gas.uses.heat_flux):
+                add_energy(
+                    tile, kind, after.vx - before.vx, after.vy - before.vy, after.spin - before.spin,
+                    after.vx + before.vx, after.vy + before.vy, after.spin + before.spin,
+                    radius * contact.nx, radius * contact.ny, gas,
+                )  # fmt: skip
     return regime
 
 

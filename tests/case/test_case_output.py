@@ -54,8 +54,8 @@ def output(toml: Path, *overrides: str) -> OutputSection:
 )
 def test_cadences_are_those_of_the_case(toml, overrides, frames, series):
     found = output(toml, *overrides)
-    assert found.frame_cadence == frames
-    assert found.series_cadence == series
+    assert found.frame_cadence() == frames
+    assert found.series_cadence() == series
 
 
 def test_tracked_disks_are_a_list_a_sample_a_region_or_all(toml):

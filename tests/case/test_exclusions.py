@@ -43,7 +43,7 @@ TABLE = {"kind": "table_friction", "step": 0.1, "mu": 0.2, "gravity": 9.81}
 REST, TC = {"collapse": "rest", "resting_speed": 1e-3}, {"collapse": "contact_time", "contact_time": 1e-4}
 WIDE = {"lengths": [900.0, 900.0]}
 F32, LOW = {"precision": "f32"}, {"low_memory": True}
-STRESS, HISTORIES = {"stress": True}, {"histories": [0]}
+STRESS, HEAT, HISTORIES = {"stress": True}, {"heat_flux": True}, {"histories": [0]}
 TURNS = DOWN | {"gravity_rotation_rate": 0.1}
 
 # Of names of rules: how `Simulation` says them, and how a case does; "" where a case has no such key.
@@ -58,6 +58,7 @@ WORDS = {
     "collapse.Rest": ("collapse = Rest(", 'run.collapse = "rest"'),
     "law": ("law = Walton", 'material[0].law = "walton"'),
     "record.stress": ('record = "stress"', "output.stress = true"),
+    "record.heat_flux": ('record = "heat_flux"', "output.heat_flux = true"),
     "record.wall_sums": ('record = "wall_sums"', "output.wall_sums = true"),
     "histories": ("histories", "output.histories = [0]"),
     "device.name": ('device.name = "cuda"', 'run.device = "cuda"'), "disks.n": ("{} disk", "{} disk"),
@@ -81,6 +82,10 @@ EXCLUDED: dict[tuple[str, str], dict[str, Any]] = {
     ("histories", "box.shear_rate"): {"box": SHEARED, "output": HISTORIES},
     ("disks.mass", "box.shear_rate"): {"box": SHEARED} | INF,
     ("record.wall_sums", "walls"): {"box": PERIODIC, "output": {"wall_sums": True}},
+    ("record.heat_flux", "box.open"): {"box": OPEN, "output": HEAT},
+    ("record.heat_flux", "box.shear_rate"): {"box": SHEARED, "output": HEAT},
+    ("record.heat_flux", "collapse.Rest"): FELL | {"output": HEAT},
+    ("record.heat_flux", "walls.piston"): REAL | {"output": HEAT},
     ("record.stress", "collapse.Rest"): FELL | {"output": STRESS},
     ("record.stress", "walls.piston"): REAL | {"output": STRESS},
     ("collapse.Rest", "device.name"): FELL | {"run": REST | CUDA},
@@ -161,7 +166,7 @@ def arguments(gas: dict[str, Any]) -> dict[str, Any]:
         "gravity": ifrdem.RotatingGravity(down, rate=rate) if rate else down,
         "walls": [shapes[gas["wall"]["shape"]]()] if "wall" in gas else [],
         "forces": [kinds[gas["force"]["kind"]]()] if "force" in gas else [],
-        "record": [each for each in ("stress", "wall_sums") if output.get(each)],
+        "record": [each for each in ("stress", "heat_flux", "wall_sums") if output.get(each)],
         "histories": output.get("histories", []),
         "device": ifrdem.Device(
             run.get("device", "cpu"), threads=1, **{key: run[key] for key in ("precision", "low_memory") if key in run}

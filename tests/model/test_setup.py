@@ -111,6 +111,14 @@ def test_the_records_of_all_shipped_cases_make_the_same_setups_again() -> None:
         assert replace(again, forces=()) == replace(setup, forces=()), name
 
 
+def test_regions_are_in_the_record_of_a_gas_that_has_some() -> None:
+    """Records without them are those of versions before, which had none."""
+    setup = replace(SETUPS["walled"][0], regions={"left": (0, 0, 1, 2)})
+    record = setup.to_record()
+    assert record == WALLED | {"regions": {"left": [0.0, 0.0, 1.0, 2.0]}}
+    assert Setup.from_record(record).regions == {"left": (0.0, 0.0, 1.0, 2.0)}
+
+
 def test_a_record_without_the_code_of_a_force_needs_it() -> None:
     class Wind(Force):
         def act(self, disk: Any, p: Any) -> Any:
@@ -133,6 +141,13 @@ def test_a_record_without_the_code_of_a_force_needs_it() -> None:
         ("collapse", "rest", r"collapse = 'rest': must be VelocityCutoff\(speed\)"),
         ("device", "gpu", "device = 'gpu': must be"),
         ("record", ["ledgr"], r"record: unknown name 'ledgr' \(did you mean 'ledger'\?\)"),
+        (
+            "regions",
+            {"a": (1, 0, 0, 1)},
+            r"regions\['a'\] = \(1, 0, 0, 1\): must be \[x_low, y_low, x_high, y_high\]",
+        ),
+        ("regions", {"a": (0, 1)}, r"regions\['a'\] has shape \(2,\)"),
+        ("regions", [(0, 0, 1, 1)], r"regions = \[\(0, 0, 1, 1\)\]: must be a mapping of names"),
         ("seed", -1, "seed = -1: must be"),
     ],
 )

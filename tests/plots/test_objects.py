@@ -21,6 +21,7 @@ from support.figures import texts
 
 import ifrdem
 from ifrdem import InputError, Trajectory, TrajectoryWriter, analysis, plots
+from ifrdem.analysis import averages
 from ifrdem.model.box import Box
 from ifrdem.model.histograms import Histogram, histogram_edges
 from ifrdem.model.state import Disks, State
@@ -287,6 +288,12 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
             analysis.mean_stress(steps, np.ones((49, 4)), np.ones((49, 4))),
             analysis.profiles(run),
             analysis.mean_fields(run),
+            averages.profiles_of_groups(run, times[[1, 3]], [[0, 1], [2, 3]], "time", None, None),
+            analysis.speed_tail(np.random.default_rng(1).normal(size=(4000, 2)), first=1.0),
+            analysis.phase_average(steps, np.cos(steps), period=1.0, phases=5),
+            analysis.transport_coefficient(
+                np.arange(301.0), np.random.default_rng(1).normal(size=(300, 2)), lag=4.0
+            ),
             analysis.velocity_correlation(last.position, last.velocity, box, r_max=5.0),
             analysis.velocity_spectrum(last.position, last.velocity, box, k_max=5.0),
         ]  # fmt: skip

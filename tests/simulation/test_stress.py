@@ -14,7 +14,7 @@ from ifrdem import ContactTime, Rest
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.laws.ifr import IFRLaw
-from ifrdem.model.observables import Measure, Stress, measure, stress
+from ifrdem.model.observables import Measure, Stress, heat_flux, measure, stress
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls.motion import Motion
 from ifrdem.model.walls.wall import Wall
@@ -37,20 +37,35 @@ def virial_of(events, disks: Disks) -> np.ndarray:
     return np.einsum("i,ia,ib->ab", -half * distance, p, events.normal)
 
 
+def energy_of(events, disks: Disks) -> np.ndarray:
+    """Sum of de_i (r_i - r_c)_b over rows of tracked disks: from the contact, a radius along the normal, to i."""
+    before, after = (
+        disks.mass[events.id] * np.sum(v**2, axis=1) + disks.inertia[events.id] * w**2
+        for v, w in (
+            (events.velocity_before, events.spin_before),
+            (events.velocity_after, events.spin_after),
+        )
+    )
+    return np.einsum("i,ib->b", -0.5 * (after - before) * disks.radius[events.id], events.normal)
+
+
 def test_the_virial_is_that_of_tracked_collisions(device):
-    """Of rough disks of many masses and radii, in a box without walls."""
+    """Of rough disks of many masses and radii, in a box without walls. So is the energy that they transfer."""
     disks = mixture(300)
-    gas = gas_of(disks, 0.4, ROUGH, device=device, histories=range(300), record=["stress"])
+    gas = gas_of(disks, 0.4, ROUGH, device=device, histories=range(300), record=["heat_flux"])
     gas.run(collisions_per_disk=8.0)
     events = gas.take_events()
     found = gas.measure().virial
+    of_energy = energy_of(events, disks)
+    assert np.abs(of_energy).min() > 1.0
+    np.testing.assert_allclose(gas.measure().energy_transfer, of_energy, rtol=1e-9)
     np.testing.assert_allclose(found, virial_of(events, disks), rtol=1e-10, atol=1e-10 * np.abs(found).max())
     assert found[0, 0] > 0.0 < found[1, 1]  # positive in compression
     # Friction turns spins: P_xy and P_yx differ by more than rounding.
     assert abs(found[0, 1] - found[1, 0]) > 1e-4 * found[0, 0]
 
 
-def test_walls_and_posts_transfer_momentum_from_where_they_are_touched(device):
+def test_walls_and_posts_transfer_momentum_and_energy_from_where_they_are_touched(device):
     """Walls that move and heat, an arc, a post and gravity; the normal of an event points from the disk to the wall."""
     box = Box((12.0, 30.0), (False, False))
     disks = equal_disks(40)
@@ -65,11 +80,12 @@ def test_walls_and_posts_transfer_momentum_from_where_they_are_touched(device):
     state = State(grid, rng.normal(size=(40, 2)), rng.normal(size=40))
     gas = Simulation(
         disks, box, ROUGH, state, device=device, walls=walls, gravity=(0.0, -0.05), histories=range(40),
-        collapse=ContactTime(1e-5), record=["stress", "wall_sums"],
+        collapse=ContactTime(1e-5), record=["heat_flux", "wall_sums"],
     )  # fmt: skip
     gas.run(t_end=20.0)
     found = gas.measure().virial
     events = gas.take_events()
+    np.testing.assert_allclose(gas.measure().energy_transfer, energy_of(events, disks), rtol=1e-9)
     assert np.count_nonzero(events.partner == -2 - 3) > 5 < np.count_nonzero(events.partner == -2 - 2)
     np.testing.assert_allclose(found, virial_of(events, disks), rtol=1e-9, atol=1e-9 * np.abs(found).max())
 
@@ -242,3 +258,36 @@ def test_resting_disks_have_no_stress():
     box, state = start(equal_disks(20), 0.1)
     with pytest.raises(InputError, match=r'record = "stress": cannot be combined with collapse = Rest'):
         Simulation(equal_disks(20), box, ROUGH, state, collapse=Rest(0.01), record=["stress"])
+
+
+def test_the_kinetic_heat_flux_is_about_the_mean_velocity_and_that_of_the_device(device):
+    """Sum of (m V^2 + I w^2) V / 2 with V = v - sum m v / sum m, by NumPy; a drift that is added changes nothing."""
+    disks = mixture(60)
+    box, state = start(disks, 0.3)
+    state.velocity[:] += disks.mass[:, None] * [0.3, -0.2]  # not thermal: a flux that is far from 0
+    V = state.velocity - disks.mass @ state.velocity / disks.mass.sum()
+    energy = 0.5 * (disks.mass * np.sum(V**2, axis=1) + disks.inertia * state.spin**2)
+    expected = energy @ V
+    assert np.linalg.norm(expected) > 1.0
+    np.testing.assert_allclose(measure(disks, state).energy_flux, expected, rtol=1e-12)
+    state.velocity[:] += [5.0, 2.0]
+    gas = Simulation(disks, box, ROUGH, state, device=device, record=["heat_flux"])
+    first = gas.measure()
+    np.testing.assert_allclose(first.energy_flux, expected, rtol=1e-10)
+    assert first.mean_velocity == pytest.approx(disks.mass @ state.velocity / disks.mass.sum(), rel=1e-12)
+
+
+def test_a_drift_of_the_whole_gas_changes_no_heat_flux():
+    """Two gases that collide alike, one of which moves: de - u.dp is the same in both."""
+    disks = mixture(60)
+    box, state = start(disks, 0.3)
+    found = []
+    for drift in ((0.0, 0.0), (3.0, -1.0)):
+        moving = State(state.position, state.velocity + drift, state.spin)
+        gas = Simulation(disks, box, ROUGH, moving, record=["heat_flux"])
+        first = gas.measure()
+        gas.run(t_end=0.5)
+        found.append(heat_flux(first, gas.measure(), box.area))
+    assert np.abs(found[0].collisional).min() > 1e-3
+    np.testing.assert_allclose(found[1].collisional, found[0].collisional, rtol=1e-6)
+    np.testing.assert_allclose(found[1].total, found[0].total, rtol=1e-6)

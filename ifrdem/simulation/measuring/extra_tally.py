@@ -1,6 +1,7 @@
 """Columns of the tally that only some gases have, behind those of `columns.TALLY`.
 
-The virial, histograms of collisions, sums of walls, and energies that forces give within windows.
+The transfer of momentum and energy by collisions, histograms of them, sums of walls, and energies that forces give
+within windows.
 """
 
 from __future__ import annotations
@@ -10,21 +11,31 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernels.columns import LEVELS, PISTON_STATE, TALLY, VIRIAL, WALL_SUM, Named, histogram_columns, named
+from ...kernels.columns import (
+    LEVELS,
+    PISTON_STATE,
+    TALLY,
+    TRANSFER,
+    WALL_SUM,
+    Named,
+    histogram_columns,
+    named,
+    transfer_columns,
+)
 from ...kernels.layout import Uses
 from ...kernels.walls.kinds import FREE
 
 
 @dataclass(frozen=True)
 class ExtraTally:
-    """The virial, histograms, heat and sums of walls, states of pistons, energies that forces give, in this order.
+    """Transfer, histograms, heat and sums of walls, states of pistons, energies that forces give, in this order.
 
-    The virial, the histograms and the sums of walls are there if they are recorded.
+    The transfer, the histograms and the sums of walls are there if they are recorded.
 
     Attributes
     ----------
-    n_virial : int
-        Columns of the virial: 0 or 4.
+    n_transfer : int
+        Columns of what collisions transfer (`columns.TRANSFER`): none, the virial, or all.
     n_pairs, n_counts : int
         Pairs of species that have histograms, and columns of each.
     thermal : array of int
@@ -37,7 +48,7 @@ class ExtraTally:
         Forces that act within windows.
     """
 
-    n_virial: int
+    n_transfer: int
     n_pairs: int
     n_counts: int
     thermal: NDArray[np.int64]
@@ -52,7 +63,7 @@ class ExtraTally:
         owner = wall.owner.astype(np.int64)
         thermal, pistons = np.unique(owner[wall.temperature > 0.0]), np.flatnonzero(wall.motion.kind == FREE)
         found = cls(
-            VIRIAL.width * uses.stress, uses.histograms * (uses.histograms + 1) // 2, histogram_columns(uses.histograms, uses.free_times), thermal,
+            transfer_columns(uses.stress, uses.heat_flux), uses.histograms * (uses.histograms + 1) // 2, histogram_columns(uses.histograms, uses.free_times), thermal,
             int(owner.max()) + 1 if uses.wall_sums else 0, pistons,
         )  # fmt: skip
         if len(rows):
@@ -65,7 +76,7 @@ class ExtraTally:
 
     @property
     def _first_heat(self) -> int:
-        return self.n_virial + self.n_counts * self.n_pairs
+        return self.n_transfer + self.n_counts * self.n_pairs
 
     @property
     def _first_sum(self) -> int:
@@ -85,13 +96,13 @@ class ExtraTally:
         """Number of all columns of the tally."""
         return self.first_force + LEVELS * self.n_forces
 
-    def virial(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The virial in a tally, shape (2, 2): component of the momentum, then direction."""
-        return tally[TALLY.width : TALLY.width + self.n_virial].reshape(2, 2)
+    def transfer(self, tally: NDArray[np.float64]) -> Named:
+        """What collisions transferred, in a tally that has it, with the names of `columns.TRANSFER`."""
+        return Named(tally[TALLY.width : TALLY.width + self.n_transfer], TRANSFER)
 
     def histograms(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
         """Counts of collisions in a tally, shape (pairs of species, columns of `columns.HISTOGRAM` that there are)."""
-        counts = tally[TALLY.width + self.n_virial : TALLY.width + self._first_heat]
+        counts = tally[TALLY.width + self.n_transfer : TALLY.width + self._first_heat]
         return counts.reshape(self.n_pairs, self.n_counts)
 
     def heats(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:

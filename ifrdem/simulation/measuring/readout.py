@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import EngineError
-from ...kernels.columns import READOUT, SPECIES, frame_dtype
-from ...kernels.tiles.readout import read_out, read_species
+from ...kernels.columns import READOUT, REGION, SPECIES, frame_dtype
+from ...kernels.tiles.readout import read_out, read_regions, read_species
 from ...model.box import below
 from ...model.state import FrameRows, State
 
@@ -31,6 +31,14 @@ def species_totals(engine: Engine) -> NDArray[np.float64]:
     found = np.zeros((arrays.tiles, number, SPECIES.width))
     arrays.launch(read_species, engine.windows.part, species_totals=found)
     return arrays.domain.sums(found.reshape(arrays.tiles, -1)).reshape(number, SPECIES.width)
+
+
+def region_totals(engine: Engine) -> NDArray[np.float64]:
+    """Sums over the disks in each region at the present time, shape (regions, columns of REGION)."""
+    arrays, sides = engine.arrays, np.array([*engine.setup.regions.values()])
+    found = np.zeros((arrays.tiles, len(sides), REGION.width))
+    arrays.launch(read_regions, engine.windows.part, engine.time, regions=sides, region_totals=found)
+    return arrays.domain.sums(found.reshape(arrays.tiles, -1)).reshape(len(sides), REGION.width)
 
 
 def _launch(engine: Engine, words: NDArray[Any], *, filled: int, first: int = 0) -> NDArray[np.float64]:

@@ -45,6 +45,7 @@ def features_of(
         shear=setup.box.shear_rate != 0.0,
         ledger=setup.has_ledger,
         stress="stress" in setup.record,
+        heat_flux="heat_flux" in setup.record,
         last_partner="last_partner" in setup.record,
         angle="angle" in setup.record,
         dissipated="dissipated" in setup.record,
