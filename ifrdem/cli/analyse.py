@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -31,6 +31,7 @@ from .options import (
     Panels,
     Size,
     Style,
+    Theory,
     Xlim,
     Ylim,
     chosen_frames,
@@ -78,6 +79,7 @@ def analyse(
     bins: Bins = None,
     cells: Cells = None,
     average: Average = False,
+    theory: Theory = None,
     output: Annotated[
         str | None, option(str, "DIR", "folder for the files (default: FILE-analysis)", "--output", "-o")
     ] = None,
@@ -103,11 +105,21 @@ def analyse(
         _known("analysis", name, tuple(ANALYSES))
     options = _options(what or tuple(ANALYSES), axis=axis, bins=bins, cells=cells, average=average)
     files = [one_trajectory(source) for source in sources]
-    records = [_analyse(file, what, frames, start, options, output, json, force) for file in files]
+    with _theory_by(theory):
+        records = [_analyse(file, what, frames, start, options, output, json, force) for file in files]
     if len(files) > 1 and not json:
         for line in _means(records):
             echo(line)
     return FAILED if any(record["damaged"] for record in records) else 0
+
+
+def _theory_by(name: Literal[closed, dsmc] | None) -> contextlib.AbstractContextManager[None]:
+    """The context of `--theory`; without it none, which would import the runtime."""
+    if name is None:
+        return contextlib.nullcontext()
+    from ..simulation.by_dsmc import theory_by
+
+    return theory_by(name)
 
 
 def _options(what: Sequence[str], **given: Any) -> dict[str, dict[str, Any]]:
@@ -348,6 +360,7 @@ def plot(
     xlim: Xlim = None,
     ylim: Ylim = None,
     panels: Panels = None,
+    theory: Theory = None,
     no_title: NoTitle = False,
     force: Force = False,
 ) -> None:
@@ -374,7 +387,7 @@ def plot(
     options = _options([what], axis=axis, bins=bins, cells=cells, average=average).get(what, {})
     together = len(sources) > 1 or sources[0].endswith(".nc")
     form: dict[str, Any] = {"size": size, "dpi": dpi, "title": not no_title, "xlim": xlim, "ylim": ylim}
-    with styled(style):
+    with styled(style), _theory_by(theory):
         if together or by is not None or (over is not None and what not in PICTURES):
             if frames is not None:
                 raise InputError("--frames: of one trajectory only")

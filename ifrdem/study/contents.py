@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, counted, nearest, option_name, printable
 from ..plots.style import written
-from ..quantities import AXES
 from ..tools.intervals import FEW, PERCENT
 from ..tools.versions import described
 from ..trajectory.descriptions import REDUCED
 from .results import (
     ADDING,
     N_EFF,
+    PARTS,
     ROWS,
     RUN_ERROR,
     SEED,
@@ -38,10 +38,6 @@ from .results import (
 )
 
 TO = " to "
-FIRST = ("temperature", "rotational_temperature", "theta")
-"""Quantities of the whole gas that follow the numbers of analyses in the table."""
-PARTS = (*AXES, "species")
-"""Dimensions of a quantity that several numbers make up."""
 
 
 class PointMean(NamedTuple):
@@ -185,7 +181,7 @@ def _ordered(results: Results) -> list[str]:
     """Names of quantities: numbers of analyses, temperatures, other series, and last what adds up over the run."""
     return sorted(
         results.quantities,
-        key=lambda name: 0 if name in results.texts else 1 if name in FIRST else 3 if name in ADDING else 2,
+        key=lambda name: 0 if name in results.texts else 1 if name in THEORY else 3 if name in ADDING else 2,
     )
 
 

@@ -32,7 +32,7 @@ BULLET = ("bullet_pair", "bullet_anomaly", "bullet_flight", "bullet_box", "bulle
 GAS = (
     "gas_state", "gas_stress", "gas_profiles", "gas_equilibrium", "gas_elastic", "gas_haff", "gas_rough",
     "gas_cooling", "gas_species", "gas_driven", "gas_piston", "gas_collapse", "gas_clusters", "gas_shaken",
-    "gas_hopper", "gas_laws", "gas_cases",
+    "gas_hopper", "gas_laws", "gas_studies", "gas_cases",
 )  # fmt: skip
 """Cases that compare many disks with the literature and kinetic theory; they take minutes, and a seed."""
 
