@@ -114,13 +114,16 @@ class TheoryGas:
                 or elapsed[-1] > LONGER * np.ptp(trajectory.times[[0, -1]])
             ):
                 shown = slice(None) if over == "t" else slice(int(np.searchsorted(collisions, end)) + 1)
-                curves = (
-                    elapsed + trajectory.times[0],
-                    found.temperature,
-                    found.rotational_temperature,
-                    collisions,
+                when, T, T_rot, tau = (
+                    each[shown]
+                    for each in (
+                        elapsed + trajectory.times[0],
+                        found.temperature,
+                        found.rotational_temperature,
+                        collisions,
+                    )
                 )
-                return Curves(*(each[shown] for each in curves), self.text(found))
+                return Curves(when, T, T_rot, tau, self.text(found))
             elapsed = np.append(elapsed, elapsed[-1] * 2.0 ** np.linspace(0.05, 1.0, 20))
 
     def text(self, found: Prediction) -> str:

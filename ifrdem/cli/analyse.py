@@ -113,7 +113,7 @@ def analyse(
     return FAILED if any(record["damaged"] for record in records) else 0
 
 
-def _theory_by(name: Literal[closed, dsmc] | None) -> contextlib.AbstractContextManager[None]:
+def _theory_by(name: Literal["closed", "dsmc"] | None) -> contextlib.AbstractContextManager[None]:
     """The context of `--theory`; without it none, which would import the runtime."""
     if name is None:
         return contextlib.nullcontext()

@@ -51,7 +51,9 @@ def dsmc_prediction(
     T, T_rot = (np.broadcast_to(np.asarray(each, dtype=np.float64), (s,)) for each in (T0, T_rot0))
     copies = math.ceil(LEAST_DISKS / disks.n)
     kind = np.tile(which, copies)
-    columns = {name: np.tile(getattr(disks, name), copies) for name in ("mass", "radius", "k", "material")}
+    columns: dict[str, Any] = {
+        name: np.tile(getattr(disks, name), copies) for name in ("mass", "radius", "k", "material")
+    }
     many = Disks(len(kind), **columns)
     rng = np.random.default_rng(seed)
     velocity, spin = rng.normal(size=(many.n, 2)), rng.normal(size=many.n)
@@ -63,9 +65,10 @@ def dsmc_prediction(
         spin[own] *= math.sqrt(T_rot[each] / inertia[each] / w2)
     if not velocity.any():
         raise InputError("T0 = 0: nothing moves at first: not by DSMC")
+    laws: Any = law  # a table without gaps, or `Mixture.of` had refused it
     when = np.asarray(times, dtype=np.float64)
     gas = DSMC(
-        many, law, packing_fraction, velocity, spin, seed=seed, species=kind,
+        many, laws, packing_fraction, velocity, spin, seed=seed, species=kind,
         driving=known if forces else None, shear_rate=shear_rate,
     )  # fmt: skip
     found = gas.run(t_end=float(when[-1]) if len(when) else 0.0, samples=when)

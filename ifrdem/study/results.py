@@ -483,7 +483,7 @@ def with_theory(results: Results) -> Results:
 
 def theory_of(results: Results, name: str) -> Variable | None:
     """Kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
-    names = (f"{name}_theory", f"{name}_theory_mean", f"{name}_by_theory_mean")
+    names = (f"{name}_theory_mean", f"{name}_by_theory_mean", f"{name}_theory")
     return next((results.variables[each] for each in names if each in results.variables), None)
 
 
