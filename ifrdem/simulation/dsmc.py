@@ -359,7 +359,7 @@ class DSMC(NotCopied, ReadOnlyAttributes):
             return ()
         if isinstance(given, Driving):
             return (given,) * count
-        found = tuple(given)
+        found = tuple(given) if isinstance(given, Sequence) else ()
         if len(found) != count or not all(isinstance(each, Driving) for each in found):
             raise InputError(f"driving: must be a Driving, or a list of {count}, one for each species")
         return found

@@ -442,7 +442,7 @@ class Plan:
             key=_key([record, outside, "equilibration", __version__]), index=(*point, 0), text=base.text,
             path=str(base.path.resolve()), overrides=tuple(changes), folder=str(folder.resolve()), analyses=(), at=(),
             start=None, trajectory=True,
-            weight=_weight(case),
+            weight=weight(case),
         )  # fmt: skip
 
     def tasks(self, good: dict[tuple[int, ...], CaseSections], folder: Path) -> Iterator[Task]:
@@ -478,12 +478,12 @@ class Plan:
                     overrides=tuple(changes), folder=str(folder.resolve()),
                     analyses=tuple(self.output.analyses), at=tuple(self.output.analyses_at),
                     start=self.output.analyses_from, trajectory=self.output.trajectories,
-                    weight=_weight(case),
+                    weight=weight(case),
                     options=self.output.options, after=after,
                 )  # fmt: skip
 
 
-def _weight(case: CaseSections) -> float:
+def weight(case: CaseSections) -> float:
     """Part of a run in the work of a study: disks times collisions per disk, or disks where a time ends it."""
     return sum(each.number for each in case.species) * (case.run.collisions_per_disk or 1.0)
 
