@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
@@ -188,6 +189,46 @@ homogeneous mixture. [Studies](studies.md#species-and-stresses) has the numbers.
 """
 
 
+STUDIES: dict[str, tuple[tuple[str, ...], str]] = {
+    "rough_cooling": (
+        ("T --over tau --by beta", "theta --over beta"),
+        "Bars: 95 % intervals of the mean over 12 seeds. Dashed: kinetic theory with Sonine's expansion.",
+    ),
+    "viscoelastic_cooling": (
+        ("T --over t --by variant",),
+        "Bands: 95 % intervals of the mean over 12 seeds. Dashed: kinetic theory.",
+    ),
+    "mixture_cooling": (
+        ("species_T_ratio_light --over e_n --by mass",),
+        "Bars: 95 % intervals of the mean over 10 seeds. Ticks: kinetic theory.",
+    ),
+    "shear_stress": (
+        ("stress_N_1 --over e_n", "stress_T_x_over_T_y --over e_n", "stress_friction --over e_n"),
+        "Bars: 95 % intervals of the mean over 10 seeds. Ticks: kinetic theory of the steady flow.",
+    ),
+}
+"""Shipped studies: words of `ifrdem plot` for each picture, and what bars and lines are."""
+
+
+def of_study(name: str) -> str:
+    """Markdown of a shipped study: title, picture, what it shows, commands."""
+    pictures, text = STUDIES[name]
+    commands = "\n".join(f"ifrdem plot {name}.nc {words}" for words in pictures)
+    return f"""### {shipped.title(name)}
+
+![{shipped.title(name)}](gallery/{name}.png)
+
+{shipped.comment(name)} {text}
+
+```sh
+ifrdem study {name}
+{commands}
+```
+
+The study: `cases/studies/{name}.toml`, printed by `ifrdem new studies/{name}.toml -o -`.
+"""
+
+
 LAWS = """### Two laws that agree on single impacts
 
 ![Single impacts, cooling, clusters and a driven gas under two laws, with bands over ten seeds](gallery/laws.png)
@@ -239,7 +280,13 @@ ifrdem movie {MOVIE} -o clusters.webp
 `ifrdem run CASE` draws this picture of each: temperatures against time (energies, where friction stops the disks) with
 kinetic theory where it holds, profiles of a gas between walls, and the disks at the end, coloured by spin or species.
 """
-    return "\n".join((head, *wall, cases, *(section(name) for name in ORDER), STUDY, MIXTURE, LAWS))
+    studies = """## Published results
+
+Studies that come with the package: each repeats a published result in a minute or less. `ifrdem validate gas_studies`
+runs them and compares them with the formulas of the papers.
+"""
+    sections = (*(section(name) for name in ORDER), STUDY, MIXTURE, LAWS)
+    return "\n".join((head, *wall, cases, *sections, studies, *(of_study(name) for name in STUDIES)))
 
 
 def ifrdem(*words: str, cwd: Path) -> None:
@@ -268,11 +315,18 @@ def mixture_study(runs: Path) -> None:
     if not (runs / "mixture_study.nc").exists():
         (runs / "mixture_study.toml").write_text(MIXTURE_STUDY)
         ifrdem("study", "mixture_study.toml", cwd=runs)
+    plots = [f"{what} --over e_n" for what in ("species_temperature", "species_T_ratio_light", "stress")]
+    side_by_side(runs, "mixture_study", plots)
+    shrink(runs / "mixture_study.png", DOCS / "gallery" / "mixture_study.png", 1200)
+
+
+def side_by_side(runs: Path, name: str, plots: Sequence[str]) -> None:
+    """Write NAME.png: pictures of a study, by words of `ifrdem plot`, side by side."""
     pictures = []
-    for what in ("species_temperature", "species_T_ratio_light", "stress"):
-        words = ["--over", "e_n", "--size", "4in", "--no-title", "--force"]
-        ifrdem("plot", "mixture_study.nc", what, *words, cwd=runs)
-        with Image.open(runs / f"mixture_study-{what}.png") as image:
+    for words in plots:
+        what, *options = words.split()
+        ifrdem("plot", f"{name}.nc", what, *options, "--size", "4in", "--no-title", "--force", cwd=runs)
+        with Image.open(runs / f"{name}-{what}.png") as image:
             pictures.append(image.convert("RGB"))
     all_of_them = Image.new(
         "RGB", (sum(each.width for each in pictures), max(each.height for each in pictures)), "white"
@@ -281,8 +335,18 @@ def mixture_study(runs: Path) -> None:
     for each in pictures:  # their axes are as high as each other; legends differ
         all_of_them.paste(each, (left, all_of_them.height - each.height))
         left += each.width
-    all_of_them.save(runs / "mixture_study.png")
-    shrink(runs / "mixture_study.png", DOCS / "gallery" / "mixture_study.png", 1200)
+    all_of_them.save(runs / f"{name}.png")
+
+
+def shipped_studies(runs: Path) -> None:
+    """Run the shipped studies and write their pictures."""
+    for name, (plots, _) in STUDIES.items():
+        if not (runs / f"{name}.nc").exists():
+            ifrdem("study", name, cwd=runs)
+        side_by_side(runs, name, plots)
+        shrink(
+            runs / f"{name}.png", DOCS / "gallery" / f"{name}.png", 400 * len(plots) + 160 * (len(plots) == 1)
+        )
 
 
 def laws(runs: Path) -> None:
@@ -323,6 +387,7 @@ def main(runs: Path) -> None:
         shrink(runs / f"wall-{name}.png", small, panels * WALL_WIDTH, WALL_COLOURS)
     study(runs)
     mixture_study(runs)
+    shipped_studies(runs)
     laws(runs)
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8", newline="\n")
 

@@ -566,11 +566,12 @@ DSMC_TABLES: dict[str, Columns] = {
     "contact_value": Columns(
         one="first coefficient of contact values (`contact.contact_value_coefficients`)", two="second one",
         majorant="the largest g_ij sigma_ij |v_i - v_j| that may occur",
-        cap="square of the highest speed for which that holds",
+        cap="square of the highest speed for which that holds", shear_rate="du_x/dy of a mean flow",
     ),
     "factors": Columns(
         velocity="factor of a velocity by friction", spin="factor of a spin",
         energy="energy that noise gives to the motion", spin_energy="energy that it gives to the spin",
+        strain="by which a mean flow turns velocities",
     ),
     "scale": SCALE,
     "law": LAW,

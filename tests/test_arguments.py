@@ -92,6 +92,7 @@ THEORY: dict[str, dict[str, Any]] = {
     "prediction": {"disks": DISKS, "law": SMOOTH, "packing_fraction": 0.2, "T0": 1.0, "T_rot0": 0.5,
                    "times": [0.0, 1.0], "forces": (), "shear_rate": 0.0, "velocities": "best"},
     "constant_beta": {"law": SMOOTH, "k": 2.0},
+    "Driving": {"power": 0.1, "spin_power": 0.2, "rate": 0.3, "spin_rate": 0.4},
     "rough_cooling": {"e_n": 0.9, "beta": 0.5, "mass": 1.0, "radius": 0.5, "k": 2.0, "packing_fraction": 0.1,
                       "T0": 1.0, "T_rot0": 0.5, "times": [0.0, 1.0]},
     "rough_sonine": {"e_n": 0.9, "beta": 0.5, "k": 2.0},
@@ -104,6 +105,8 @@ THEORY: dict[str, dict[str, Any]] = {
     "shear_viscosity": {"packing_fraction": 0.2, "T": 1.0, "mass": 1.0, "radius": 0.5, "law": LAW, "k": 2.0,
                         "theta": 0.5},
     "sonine_coefficient": {"velocity": VELOCITY},
+    "steady_flow": {"law": SMOOTH, "mass": 1.0, "radius": 0.5, "k": 2.0, "packing_fraction": 0.2,
+                    "shear_rate": 0.5},
     "thermal_conductivity": {"packing_fraction": 0.2, "T": 1.0, "mass": 1.0, "radius": 0.5},
 }  # fmt: skip
 HISTOGRAM = ifrdem.observables.Histogram("impact_angle", np.linspace(0.0, 1.5, 4), np.array([[3, 2, 1]]))
@@ -339,7 +342,7 @@ MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
 """Module -> public name, or a class's method, -> arguments of one valid call."""
 
 OTHERS: dict[ModuleType, set[str]] = {
-    theory: {"CoolingRatio", "RoughCooling", "RoughSonine", "MixtureTemperatures", "Prediction", "ShearModes"},
+    theory: {"CoolingRatio", "RoughCooling", "RoughSonine", "MixtureTemperatures", "Prediction", "ShearModes", "SteadyFlow"},
     analysis: {"BinAverages", "Clusters", "CollisionDistribution", "ContactValue", "Correlation", "Cycle", "Diffusion", "Fields", "HaffFit", "Hexatic",
                "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "ProfileSequence", "RatioFit",
                "SonineCoefficients", "SpeedTail", "StructureFactor", "TransportCoefficient", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "mean_fields",
@@ -764,7 +767,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     }  # fmt: skip
     return {
         "DSMC": (dsmc, {"disks": DISKS, "law": law, "packing_fraction": 0.1, "velocity": np.ones((4, 2)),
-                        "spin": None, "seed": 0, "species": None, "driving": None, "contact": "virial",
+                        "spin": None, "seed": 0, "species": None, "driving": None, "shear_rate": 0.0, "contact": "virial",
                         "device": "cpu"}),
         "Simulation": (gas, simulation),
         "Simulation.run": (lambda **given: gas().run(**given), {

@@ -195,11 +195,13 @@ def test_measured_figures_have_a_date_and_the_command_that_repeats_them() -> Non
 
 def test_gallery_has_a_small_picture_of_every_shipped_case() -> None:
     text = page("gallery.md")
-    assert re.findall(r"\]\(gallery/(\w+)\.png\)", text) == [*gallery.ORDER, "study", "mixture_study", "laws"]
+    studies = ["study", "mixture_study", "laws", *gallery.STUDIES]
+    assert re.findall(r"\]\(gallery/(\w+)\.png\)", text) == [*gallery.ORDER, *studies]
     assert re.findall(r"\]\(gallery/wall/(\w+)\.png\)", text) == [*gallery.WALL]
     assert sorted(gallery.ORDER) == shipped.names()
+    assert sorted(gallery.STUDIES) == shipped.studies()
     assert text == gallery.page()
-    for name in (*gallery.ORDER, "study", "mixture_study", "laws"):
+    for name in (*gallery.ORDER, *studies):
         assert 1000 < (ROOT / "ifrdem" / "docs" / "gallery" / f"{name}.png").stat().st_size < 110_000
     for name, (case, words, _) in gallery.WALL.items():
         assert case in shipped.names()
@@ -595,6 +597,15 @@ def test_dsmc_example_prints_temperatures_that_agree(capsys: pytest.CaptureFixtu
     np.testing.assert_allclose(found[:2], expected[:2], rtol=0.03)
     np.testing.assert_allclose(found[2:], expected[2:], rtol=0.2)
     assert "ShearModes(collisions_per_disk=" in lengths
+
+
+def test_dsmc_of_a_flow_has_the_stresses_of_theory(capsys: pytest.CaptureFixture[str]) -> None:
+    """1,000 disks over ten collisions each: stresses scatter by some 3 % of n T, of which N_1 is 0.3."""
+    exec(compile(block("dsmc flow"), "README.md", "exec"), {})
+    found, expected = (
+        [float(number) for number in line.split()] for line in capsys.readouterr().out.splitlines()
+    )
+    np.testing.assert_allclose(found, expected, rtol=0.25)
 
 
 def test_commands_install_from_the_clone_and_run_the_shipped_case() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, TheoryError
 from ..quantities import COMPONENTS, STRESS_SERIES
 from ..theory.sonine import cooling_sonine
 from ..tools.checked import Array
@@ -38,6 +38,7 @@ from . import (
 )
 from . import result as stored
 from . import stress as stresses
+from .gas_theory import gas_of
 from .result import Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
 from .steadiness import is_stationary, stationarity_warning
 from .window import steady_frames
@@ -677,18 +678,23 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     for name, at in pairs.items():
         part = component(at, mean.kinetic, found.kinetic_error, found.kinetic_n_eff)
         rows.append(Reading.of(f"kinetic part of P_{name}", part, force, f"P_{name}_kinetic"))
-    N_1 = common.MeanValue(
-        mean.normal_difference, found.normal_difference_error, found.normal_difference_n_eff
-    )
-    rows.append(Reading.of("N_1 = (P_xx - P_yy) / p", N_1, key="N_1"))
+
+    def ratio(name: str, key: str, of: str) -> Reading:
+        """A ratio of components, by the name of its property."""
+        error, n_eff = (getattr(found, f"{of}_{each}") for each in ("error", "n_eff"))
+        return Reading.of(name, common.MeanValue(getattr(mean, of), error, n_eff), key=key)
+
+    rows.append(ratio("N_1 = (P_xx - P_yy) / p", "N_1", "normal_difference"))
+    of_theory: list[str] = []
     if rate := trajectory.box.shear_rate:
-        friction = common.MeanValue(mean.friction, found.friction_error, found.friction_n_eff)
-        rows.append(Reading.of("friction -P_xy / P_yy", friction, key="friction"))
+        rows.append(ratio("friction -P_xy / P_yy", "friction", "friction"))
+        rows.append(ratio("T_x / T_y", "T_x_over_T_y", "temperature_ratio"))
         of_viscosity = unit(trajectory, "energy time/length^2")
         viscosity = total["xy"].times(-1.0 / rate)
         rows.append(Reading.of("viscosity -P_xy / shear rate", viscosity, of_viscosity, "viscosity"))
+        of_theory = _flow_by_theory(trajectory, rate, rows, of_viscosity)
     notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
-    notes += stored.few_rows(found.rows, "rows of the series")
+    notes += [*stored.few_rows(found.rows, "rows of the series"), *of_theory]
     warnings = []
     inside = (series.time >= span[0]) & (series.time <= span[1])
     if "temperature" in series and not is_stationary(T := series["temperature"][inside]):
@@ -699,6 +705,26 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     table: Columns = {"time": found.time}
     table |= {f"P_{name}(t)": found.blocks[:, at[0], at[1]] for name, at in pairs.items()}
     return Evaluation(found, rows, {"": table}, notes, span, warnings)
+
+
+def _flow_by_theory(trajectory: Trajectory, rate: float, rows: list[Reading], of_viscosity: str) -> list[str]:
+    """Add the ratios of stresses of the steady flow by kinetic theory to rows; return a note on it, or why there is none."""
+    gas = gas_of(trajectory)
+    try:
+        flow = gas if isinstance(gas, str) else gas.steady_flow(rate)
+    except (InputError, TheoryError) as error:
+        flow = str(error)
+    if flow is None or isinstance(flow, str):
+        return [flow or "no steady state by kinetic theory: the flow heats this gas without end"]
+    stress = flow.stress
+    for name, key, value, of in (
+        ("N_1", "N_1", stress.normal_difference, ""),
+        ("friction", "friction", stress.friction, ""),
+        ("T_x / T_y", "T_x_over_T_y", stress.temperature_ratio, ""),
+        ("viscosity", "viscosity", -float(stress.total[0, 1]) / rate, of_viscosity),
+    ):
+        rows.append(Reading(f"{name} by kinetic theory", value, unit=of, key=f"{key}_theory"))
+    return ["kinetic theory: steady state of a homogeneous flow (`theory.steady_flow`)"]
 
 
 def of_cooling(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,19 +14,29 @@ from ..errors import InputError, TheoryWarning, cut
 from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw
 from ..model.state import Disks, unlike
-from ..theory.choose import Prediction, beta_of_cooling, prediction
+from ..theory.choose import PREDICT, Prediction, is_closed
 from ..theory.driven_gas import Driving
 from ..theory.mixtures import Mixture
+from ..theory.sheared_gas import SteadyFlow, steady_flow
 from ..tools.checked import Array
 from ..tools.old_words import present_force
 from ..trajectory.reader import Trajectory
 from . import result
 
-Curves = tuple[Array, Array, Array, Array]
-"""Times, T and T_rot [energy] and collisions per disk at them."""
+
+class Curves(NamedTuple):
+    """Times, T and T_rot [energy] and collisions per disk at them, (steps,) each, and the name of the theory."""
+
+    times: Array
+    temperature: Array
+    rotational_temperature: Array
+    collisions_per_disk: Array
+    text: str
+
+
 MOST_KINDS = 16
 """Most kinds of disks: theory sums over all pairs of kinds at every step, which takes seconds beyond this."""
-VELOCITIES = {"gaussian": "Gaussian", "sonine": "Sonine"}
+VELOCITIES = {"gaussian": "Gaussian", "sonine": "Sonine", "dsmc": "DSMC"}
 """Words for `theory.Prediction.velocities` in legends."""
 LONGER = 1e6
 """Longest curve of theory, in durations of the run, where theory needs more time for the collisions of the run."""
@@ -62,18 +72,31 @@ class TheoryGas:
             warnings.catch_warnings(action="ignore", category=EnergyWarning),
             warnings.catch_warnings(action="ignore", category=TheoryWarning),
         ):
-            return prediction(
+            return PREDICT.get()(
                 self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
                 shear_rate=shear_rate, velocities="best",
             )  # fmt: skip
 
-    def of_groups(self, groups: Sequence[NDArray[np.intp]], elapsed: Array) -> tuple[Array, Array]:
-        """T and T_rot of groups of disks [energy], shape (steps, groups) each; as `prediction`."""
-        found = self.prediction(elapsed).species
-        if found is None:
+    def of_groups(self, groups: Sequence[NDArray[np.intp]], elapsed: Array) -> tuple[Array, Array, str]:
+        """T and T_rot of groups of disks [energy], shape (steps, groups) each, and a name; as `prediction`."""
+        found = self.prediction(elapsed)
+        of = found.species
+        if of is None:
             raise InputError("kinetic theory of a sheared gas has no temperatures of species")
         share = np.array([np.bincount(self.kind[ids], minlength=self.kinds) / len(ids) for ids in groups])
-        return found.temperature @ share.T, found.rotational_temperature @ share.T
+        return of.temperature @ share.T, of.rotational_temperature @ share.T, self.text(found)
+
+    def steady_flow(self, shear_rate: float) -> SteadyFlow | None:
+        """The steady state of a sheared gas, None without one; InputError where no theory describes the gas."""
+        with warnings.catch_warnings(action="ignore", category=TheoryWarning):  # the run has said it
+            for known, text in (
+                (not self.forces, "forces in a flow"),
+                (self.kinds == 1, "several kinds of disks in a flow"),
+                (not self.laws[0][0].depends_on_speed, "e_n that depends on the speed, in a flow"),
+            ):
+                if not known:
+                    raise InputError(f"{text}: no kinetic theory here")
+            return steady_flow(*self.one_kind, shear_rate)
 
     def curves(self, trajectory: Trajectory, elapsed: Array, over: str, shear_rate: float = 0.0) -> Curves:
         """T and T_rot of all disks, `elapsed` after the first frame; over "tau" up to the collisions of the run."""
@@ -91,27 +114,27 @@ class TheoryGas:
                 or elapsed[-1] > LONGER * np.ptp(trajectory.times[[0, -1]])
             ):
                 shown = slice(None) if over == "t" else slice(int(np.searchsorted(collisions, end)) + 1)
-                curves = (
-                    elapsed + trajectory.times[0],
-                    found.temperature,
-                    found.rotational_temperature,
-                    collisions,
+                when, T, T_rot, tau = (
+                    each[shown]
+                    for each in (
+                        elapsed + trajectory.times[0],
+                        found.temperature,
+                        found.rotational_temperature,
+                        collisions,
+                    )
                 )
-                return curves[0][shown], curves[1][shown], curves[2][shown], curves[3][shown]
+                return Curves(when, T, T_rot, tau, self.text(found))
             elapsed = np.append(elapsed, elapsed[-1] * 2.0 ** np.linspace(0.05, 1.0, 20))
 
-    @property
-    def velocities(self) -> str:
-        """Velocities that `prediction` takes: a key of `VELOCITIES`."""
-        mixture, _ = Mixture.of(self.disks, self.laws, self.phi)
-        known = beta_of_cooling(mixture, self.T0, driven=bool(self.forces))
-        return "gaussian" if known is None else "sonine"
-
-    @property
-    def text(self) -> str:
-        """Name of the curves in the legend."""
-        what = "gas" if self.kinds == 1 else "mixture"
-        return f"kinetic theory (homogeneous {what}), {VELOCITIES[self.velocities]}"
+    def text(self, found: Prediction) -> str:
+        """Name of a prediction in the legend."""
+        what = "flow" if found.kind == "sheared" else "gas" if self.kinds == 1 else "mixture"
+        by, words = (
+            ("DSMC", "")
+            if found.velocities == "dsmc"
+            else ("kinetic theory", f", {VELOCITIES[found.velocities]}")
+        )
+        return f"{by} (homogeneous {what}){words}"
 
 
 def gas_of(trajectory: Trajectory) -> TheoryGas | str:
@@ -137,10 +160,11 @@ def gas_of(trajectory: Trajectory) -> TheoryGas | str:
             laws = [[one for one in line if one is not None] for line in trajectory.laws]
             if any(len(line) < len(laws) for line in laws):
                 return "materials that never meet: no kinetic theory here"
-            if any(getattr(one, "rho", 0.0) > 0.0 for line in laws for one in line):
-                return "rolling friction: no kinetic theory here"
-            if not all(one.has_averages for line in laws for one in line):
-                return "a law without averages: no kinetic theory here"
+            if is_closed():
+                if any(getattr(one, "rho", 0.0) > 0.0 for line in laws for one in line):
+                    return "rolling friction: no kinetic theory here"
+                if not all(one.has_averages for line in laws for one in line):
+                    return "a law without averages: no kinetic theory here"
             _, which = Mixture.of(disks, laws, phi)
         except InputError as error:
             return f"no kinetic theory here: {cut(error.reason)}"

@@ -67,8 +67,9 @@ def of_species(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluati
     else:
         try:
             elapsed = np.maximum(rows.time - float(trajectory.times[0]), 0.0)
-            theory = gas.of_groups([*groups.values()], elapsed)
-            notes.append(f"{gas.text}, from the temperatures of the first frame")
+            T_theory, T_rot_theory, text = gas.of_groups([*groups.values()], elapsed)
+            theory = T_theory, T_rot_theory
+            notes.append(f"{text}, from the temperatures of the first frame")
         except InputError as error:
             notes.append(f"no kinetic theory here: {error}")
     late = slice(len(rows.time) // 2 if frames is None else 0, None)

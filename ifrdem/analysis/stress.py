@@ -30,12 +30,14 @@ class MeanStress(Brief, ResultPlot):
     pressure_error: float
     friction_error: float
     normal_difference_error: float
-    """pressure_error, friction_error, normal_difference_error: of these properties of `stress`."""
+    temperature_ratio_error: float
+    """pressure_error, friction_error, ...: of these properties of `stress`."""
     n_eff: Array
     kinetic_n_eff: Array
     pressure_n_eff: float
     friction_n_eff: float
     normal_difference_n_eff: float
+    temperature_ratio_n_eff: float
     """n_eff, ...: of each error, the number of independent values with that error: intervals are Student's t with
     n_eff - 1 degrees of freedom, 1 at least; shapes as of the errors."""
     rows: int
@@ -99,8 +101,10 @@ def mean_stress(
     # Of ratios, to first order in what rows differ by; nan of those in a gas at rest.
     friction = (-xy - found.friction * yy) / (yy.mean() or np.nan)
     normal = (xx - yy - found.normal_difference * pressure) / (found.pressure or np.nan)
-    total, of_kinetic, of_pressure, of_friction, of_normal = (
-        mean_errors(one) for one in (whole, carried, pressure, friction, normal)
+    of_y = carried[:, 1, 1].mean() or np.nan
+    ratio = (carried[:, 0, 0] - found.temperature_ratio * carried[:, 1, 1]) / of_y
+    total, of_kinetic, of_pressure, of_friction, of_normal, of_ratio = (
+        mean_errors(one) for one in (whole, carried, pressure, friction, normal, ratio)
     )
     return MeanStress(
         stress=found,
@@ -109,11 +113,13 @@ def mean_stress(
         pressure_error=float(of_pressure.error),
         friction_error=float(of_friction.error),
         normal_difference_error=float(of_normal.error),
+        temperature_ratio_error=float(of_ratio.error),
         n_eff=total.effective,
         kinetic_n_eff=of_kinetic.effective,
         pressure_n_eff=float(of_pressure.effective),
         friction_n_eff=float(of_friction.effective),
         normal_difference_n_eff=float(of_normal.effective),
+        temperature_ratio_n_eff=float(of_ratio.effective),
         rows=inside,
         time=0.5 * (edges[1:] + edges[:-1]),
         blocks=_block_means(t, parts[0], edges),

@@ -8,7 +8,7 @@ eighths, and averages begin at the first of 0, 1/8, ..., 1/2 of it that is not b
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -110,14 +110,26 @@ def window_rows(series: Mapping[str, Array], species: Sequence[str] = ()) -> dic
 
 def is_driven(trajectory: Trajectory) -> bool:
     """True if energy enters or leaves the gas otherwise than by collisions of disks."""
-    every = (trajectory.series, trajectory.observables)
-    return any(name in each and bool(np.any(each[name])) for name in DRIVES for each in every)
+    return any_drives((trajectory.series, trajectory.observables))
+
+
+def any_drives(quantities: Iterable[Mapping[str, Any]]) -> bool:
+    """True if one of `DRIVES` is not 0 among quantities by name; values that are nan do not count."""
+    return any(
+        name in each and bool(np.nan_to_num(each[name]).any()) for each in quantities for name in DRIVES
+    )
+
+
+def becomes_steady(shear_rate: float, *, walled: bool, driven: bool) -> bool:
+    """True of gases that are driven, sheared or between walls; others cool freely, or nothing changes in them."""
+    return shear_rate != 0.0 or walled or driven
 
 
 def has_window(trajectory: Trajectory) -> bool:
-    """True of gases that are driven, sheared or between walls; others cool freely, or nothing changes in them."""
-    walls = not trajectory.box.is_open and bool(trajectory.free_area.all_walls)
-    return bool(trajectory.box.shear_rate) or walls or bool(trajectory.walls) or is_driven(trajectory)
+    """`becomes_steady` of the gas of a trajectory."""
+    walled = not trajectory.box.is_open and bool(trajectory.free_area.all_walls)
+    walled |= bool(trajectory.walls)
+    return becomes_steady(trajectory.box.shear_rate, walled=walled, driven=is_driven(trajectory))
 
 
 def ends_at_collisions(trajectory: Trajectory) -> bool:

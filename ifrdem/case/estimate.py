@@ -196,6 +196,8 @@ def start_seconds(n: int, positions: str, threads: int) -> float:
 
 BYTE_SECONDS, FILE_SECONDS = 8e-9, 0.05
 """Time to write a byte of a trajectory without compression, and to create and close its file."""
+ROW_SECONDS = 2e-3
+"""Time of a row of series: it ends a window, as a frame does, without its disks."""
 
 
 def output_seconds(frames: float, file_bytes: float) -> float:
@@ -332,7 +334,7 @@ class RunEstimate:
         return self.collisions + (self.frames * 0.5 * n * IN_A_WINDOW if n > columns.SINGLE_TILE else 0.0)
 
     def seconds(self, gas: CaseGas, threads: int) -> float:
-        """Time [s] of a run: start, collisions, windows, force steps, frames and output; nan if the end is not known."""
+        """Time [s] of a run: start, collisions, windows, force steps, rows, frames, output; nan if the end is not known."""
         n, ending = gas.n, sum(self.force_steps.get(ENDS_WINDOW, {}).values())
         windows = self.collisions / (WINDOW_COLLISIONS * n) if self.collisions > 0.0 else 0.0
         if gas.box.shear_rate:
@@ -350,6 +352,7 @@ class RunEstimate:
             start_seconds(n, placed, threads)
             + collisions
             + others
+            + self.rows * ROW_SECONDS
             + output_seconds(self.frames, self.file_bytes)
         )
 
@@ -526,7 +529,11 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
         steady = None
         with contextlib.suppress(TheoryError):
             steady = sheared_gas.steady_state(*one, shear_rate)
-            if case.run.t_end is None or T == 0.0:
+            if case.run.t_end is None:
+                if steady is not None:  # in which the gas spends most of a run
+                    end = begin + per_disk / theory.collision_rate(phi, steady[0], mass, radius)
+                return steady, end, per_disk
+            if T == 0.0:
                 return steady, end, per_disk
             per_disk = float(sheared_gas.sheared(*one, shear_rate, T, T_rot, [end - begin])[2][0])
         if steady is not None and math.isnan(per_disk):  # heats from a start that is too cold to be followed

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -34,6 +34,7 @@ from .options import (
     Size,
     Style,
     Windows,
+    Theory,
     Xlim,
     Ylim,
     chosen_frames,
@@ -84,6 +85,7 @@ def analyse(
     windows: Windows = None,
     phases: Phases = None,
     lag: Lag = None,
+    theory: Theory = None,
     output: Annotated[
         str | None, option(str, "DIR", "folder for the files (default: FILE-analysis)", "--output", "-o")
     ] = None,
@@ -118,11 +120,21 @@ def analyse(
         lag=lag,
     )
     files = [one_trajectory(source) for source in sources]
-    records = [_analyse(file, what, frames, start, options, output, json, force) for file in files]
+    with _theory_by(theory):
+        records = [_analyse(file, what, frames, start, options, output, json, force) for file in files]
     if len(files) > 1 and not json:
         for line in _means(records):
             echo(line)
     return FAILED if any(record["damaged"] for record in records) else 0
+
+
+def _theory_by(name: Literal["closed", "dsmc"] | None) -> contextlib.AbstractContextManager[None]:
+    """The context of `--theory`; without it none, which would import the runtime."""
+    if name is None:
+        return contextlib.nullcontext()
+    from ..simulation.by_dsmc import theory_by
+
+    return theory_by(name)
 
 
 def _options(what: Sequence[str], **given: Any) -> dict[str, dict[str, Any]]:
@@ -366,6 +378,7 @@ def plot(
     xlim: Xlim = None,
     ylim: Ylim = None,
     panels: Panels = None,
+    theory: Theory = None,
     no_title: NoTitle = False,
     force: Force = False,
 ) -> None:
@@ -394,7 +407,7 @@ def plot(
     ).get(what, {})
     together = len(sources) > 1 or sources[0].endswith(".nc")
     form: dict[str, Any] = {"size": size, "dpi": dpi, "title": not no_title, "xlim": xlim, "ylim": ylim}
-    with styled(style):
+    with styled(style), _theory_by(theory):
         if together or by is not None or (over is not None and what not in PICTURES):
             if frames is not None:
                 raise InputError("--frames: of one trajectory only")

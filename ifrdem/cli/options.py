@@ -276,6 +276,13 @@ Panels = Annotated[
         str, "N,N", "draw only these panels, numbered from 1 in reading order", converter=_panels, n_tokens=1
     ),
 ]
+Theory = Annotated[
+    Literal["closed", "dsmc"] | None,
+    option(
+        Literal["closed", "dsmc"], "THEORY", "the theory that is drawn: closed (forms of Gaussian or Sonine velocities, the default), or "
+        "dsmc, the collision law of the engine by direct simulation Monte Carlo",
+    ),
+]  # fmt: skip
 NoTitle = Annotated[bool, flag("no title; warnings go to the terminal")]
 
 

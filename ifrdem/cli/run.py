@@ -319,8 +319,8 @@ def new(
 ) -> None:
     """Write a commented case file to start from.
 
-    A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`). `ifrdem new study`
-    writes a study, `ifrdem new notebook` the notebooks of the manual for Jupyter.
+    A template with every key there is, or a shipped case or study (cases/NAME.toml, studies/NAME.toml, see `ifrdem
+    cases`). `ifrdem new study` writes a study, `ifrdem new notebook` the notebooks of the manual for Jupyter.
     """
     from ..case import shipped
 
@@ -353,7 +353,7 @@ def new(
     for each in data:
         write_bytes(path.with_name(each.name), each.read_bytes())
     quoted = shlex.quote(str(path))
-    try_first, run = ("study --dry-run", "study") if kind == shipped.STUDY else ("check", "run")
+    try_first, run = ("study --dry-run", "study") if shipped.is_study(kind) else ("check", "run")
     note(f"wrote {path}: look at it with `ifrdem {try_first} {quoted}`, run it with `ifrdem {run} {quoted}`")
 
 
@@ -373,7 +373,7 @@ def _new_notebooks(output: str | None, *, force: bool) -> None:
 
 
 def cases() -> None:
-    """List the shipped cases."""
+    """List the shipped cases and studies."""
     from ..case import shipped
 
     echo(shipped.listing())

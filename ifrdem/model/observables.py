@@ -425,6 +425,11 @@ class Stress:
         """
         return float(self.total[0, 0] - self.total[1, 1]) / (self.pressure or math.nan)
 
+    @property
+    def temperature_ratio(self) -> float:
+        """Ratio T_x / T_y of the temperatures of the motion along x and y; nan without motion along y."""
+        return float(self.kinetic[0, 0]) / (float(self.kinetic[1, 1]) or math.nan)
+
 
 @validated
 def stress(before: Measure, after: Measure, area: Positive) -> Stress:

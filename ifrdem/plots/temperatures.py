@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import textwrap
-import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.gas_theory import Curves, gas_of
-from ..errors import TheoryWarning
-from ..theory import driven_gas, sheared_gas
+from ..errors import InputError
+from ..theory import driven_gas
+from ..theory.choose import is_closed
 from ..theory.driven_gas import Driving
 from ..trajectory.reader import Trajectory
 from .series import along, axis_label, cools
@@ -52,21 +52,15 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
     gas, times, rate = gas_of(trajectory), trajectory.times, trajectory.box.shear_rate
     if isinstance(gas, str):
         return None, None, gas
-    steady, text, moves = None, gas.text, bool(gas.T0.any())
+    steady, moves, closed = None, bool(gas.T0.any()), is_closed()
     nothing = "nothing moves: no kinetic theory here"
-    if rate:
-        if gas.forces:
-            return None, None, "forces in a flow: no kinetic theory here"
-        if gas.kinds > 1:
-            return None, None, "several kinds of disks in a flow: no kinetic theory here"
-        if gas.laws[0][0].depends_on_speed:
-            return None, None, "e_n that depends on the speed, in a flow: no kinetic theory here"
-        with warnings.catch_warnings(action="ignore", category=TheoryWarning):  # the run has said it
-            steady = sheared_gas.steady_state(*gas.one_kind, rate)
-        text, nothing = (
-            "kinetic theory (homogeneous flow)",
-            "nothing moves at first: no curve of kinetic theory here",
-        )
+    if rate and closed:
+        try:
+            flow = gas.steady_flow(rate)
+        except InputError as error:
+            return None, None, str(error)
+        steady = None if flow is None else (flow.temperature, flow.rotational_temperature)
+        nothing = "nothing moves at first: no curve of kinetic theory here"
     elif gas.forces:
         masses = zip(gas.disks.mass.tolist(), gas.disks.inertia.tolist(), strict=True)
         drives = [Driving.of(gas.forces, mass, inertia) for mass, inertia in set(masses)]
@@ -74,7 +68,7 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
         if len(known) < len(drives):
             return None, None, "a force that is not linear: no kinetic theory here"
         moves |= any(driving.power for driving in known)
-        if gas.kinds == 1 and moves and not gas.laws[0][0].depends_on_speed:
+        if gas.kinds == 1 and moves and closed and not gas.laws[0][0].depends_on_speed:
             steady = driven_gas.steady_state(*gas.one_kind, known[0])
     if not moves or times[-1] <= times[0]:
         return None, steady if rate else None, nothing
@@ -83,7 +77,13 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
     if not rate and not gas.forces:
         # Of a single frame, a decade before it shows where it comes from.
         when = np.geomspace(elapsed[0] if len(elapsed) > 1 else 0.1 * elapsed[0], elapsed[-1], 300)
-    return gas.curves(trajectory, when, over, rate), steady, text
+    try:
+        curves = gas.curves(trajectory, when, over, rate)
+    except InputError as error:
+        if closed:
+            raise
+        return None, None, f"no DSMC here: {error}"
+    return curves, steady, curves.text
 
 
 def draw(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = None) -> None:
@@ -155,7 +155,7 @@ def _theory(
 ) -> None:  # fmt: skip
     """Draw temperatures by theory, those of the steady state, and their ratios, if there are any, with a note."""
     if drawn is not None:
-        when, T, T_rot, tau = drawn
+        when, T, T_rot, tau, _ = drawn
         T = positive(T)  # disks may begin at rest
         curves = zip((upper, upper, lower), (T, T_rot, T_rot / T), COLOURS, THEORY, strict=True)
         for axes, values, colour, line in curves:

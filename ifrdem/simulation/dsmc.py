@@ -27,6 +27,7 @@ from ..kernels.layout import Uses
 from ..model.device import Device
 from ..model.laws.law import CollisionLaw, compiled
 from ..model.laws.pairs import PairLaws
+from ..model.observables import Stress
 from ..model.state import Disks, State
 from ..theory.contact import Contact, PackingFraction, contact_value_coefficients
 from ..theory.driven_gas import Driving
@@ -37,6 +38,7 @@ from ..tools.checked import (
     Integer,
     NonNegative,
     NonNegativeColumn,
+    Real,
     Seed,
     Vectors,
     check_of,
@@ -45,6 +47,9 @@ from ..tools.checked import (
 from ..tools.read_only import NotCopied, ReadOnlyAttributes
 from . import backend
 from .steps.schedule import warn_of_end
+
+SPEED_EDGES = np.append(np.arange(0.0, 6.05, 0.1).round(1), np.inf)
+"""Edges of the bins of |c|."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,13 @@ class Relaxation:
     energy : array (q,)
         Kinetic energy of all disks, with spins [energy].
     energy_input : array (q,)
-        Energy that the driving has added since the start, less what it took [energy].
+        Energy that the driving and the flow have added since the start, less what they took [energy].
+    kinetic_stress : array (q, 2, 2)
+        Kinetic part of the pressure tensor [energy/length^2].
+    collisional_stress : array (q, 2, 2)
+        Its collisional part in a flow, mean since the sample before; nan in the first one, and without a flow.
+    speed_counts : array (q, s, b)
+        Disks of each species with |c| = |v| / sqrt(2 T / m) in the bins of `SPEED_EDGES`, T that of the species.
     """
 
     time: NDArray[np.float64]
@@ -83,6 +94,31 @@ class Relaxation:
     collisions_per_disk_of: NDArray[np.float64]
     energy: NDArray[np.float64]
     energy_input: NDArray[np.float64]
+    kinetic_stress: NDArray[np.float64]
+    collisional_stress: NDArray[np.float64]
+    speed_counts: NDArray[np.int64]
+
+    def stress(self, start: float = 0.0) -> Stress:
+        """Mean pressure tensor of a sheared gas over the samples after a time [time], which are at even times.
+
+        InputError if there is none.
+        """
+        after = (self.time > start) & np.isfinite(self.collisional_stress[:, 0, 0])
+        if not after.any():
+            raise InputError(f"start = {start:g}: must be before the last sample of a gas with a shear_rate")
+        return Stress(self.kinetic_stress[after].mean(axis=0), self.collisional_stress[after].mean(axis=0))
+
+    def speed_density(self, start: float = 0.0) -> NDArray[np.float64]:
+        """Probability density of |c| in the bins of `SPEED_EDGES`, by the samples from a time [time] on, shape (s, b).
+
+        The last bin, which has no end, has the probability of all higher speeds instead. InputError if there is no
+        such sample.
+        """
+        counts = self.speed_counts[self.time >= start].sum(axis=0)
+        if not counts.any():
+            raise InputError(f"start = {start:g}: must be at most the time of the last sample")
+        width = np.append(np.diff(SPEED_EDGES[:-1]), 1.0)
+        return np.asarray(counts / counts.sum(axis=1, keepdims=True) / width)
 
     @property
     def theta(self) -> NDArray[np.float64]:
@@ -126,7 +162,7 @@ def sample(
     hits: NDArray[np.int32],
     species: NDArray[np.intp],
 ) -> dict[str, Any]:
-    """Quantities of `Relaxation` at one time, without the time and the energy put in.
+    """Quantities of `Relaxation` at one time, without the time and the energy put in; stress times the area.
 
     Velocities (n, 2) [length/time], spins (n,) [rad/time], collisions (n,) of each disk; `species` (n,), 0 to s - 1:
     what each is summed up with.
@@ -138,12 +174,16 @@ def sample(
     members = [species == each for each in range(int(species.max()) + 1)]
     of = [_moments(c[own], W[own]) for own in members]
     whole = _moments(c, W)
+    scales = [math.sqrt(2.0 * each["temperature"]) or 1.0 for each in of]
+    speeds = (np.hypot(*c[own].T) / scale for own, scale in zip(members, scales, strict=True))
     return {
         "collisions_per_disk": float(np.mean(hits)),
         **whole,
         **{f"{name}_of": np.array([each[name] for each in of]) for name in whole},
         "collisions_per_disk_of": np.array([float(np.mean(hits[own])) for own in members]),
         "energy": 0.5 * float(np.sum(disks.mass * np.sum(velocity**2, axis=1)) + np.sum(W**2)),
+        "kinetic_stress": c.T @ c,
+        "speed_counts": np.array([np.histogram(each, SPEED_EDGES)[0] for each in speeds]),
     }
 
 
@@ -196,9 +236,13 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         Of all random numbers, 0 to 2^64 - 1.
     species : array_like of int (n,), optional
         What disks are summed up together; by default those of one material.
-    driving : Driving, optional
+    driving : Driving or sequence of Driving, optional
         Power, spin power and linear friction of every disk, whatever its mass: white noise, or a heat bath
-        (`driven_gas.Driving`). The total momentum is then not kept. The same for all masses.
+        (`theory.Driving`); or one for each of the species, in ascending order. The total momentum is then not kept.
+    shear_rate : float
+        du_x/dy of a uniform flow [1/time], to which velocities are relative; the mean of those given is taken off.
+        Disks that touch pass on momentum over their distance: Enskog's equation, as J. M. Montanero and A. Santos,
+        Phys. Rev. E 54, 438 (1996), doi:10.1103/PhysRevE.54.438, solve it.
     contact : {"virial", "henderson", "dilute"}
         Contact values (`contact.contact_value_coefficients`); "dilute" solves Boltzmann's equation.
     device : Device or str
@@ -217,8 +261,9 @@ class DSMC(NotCopied, ReadOnlyAttributes):
 
     Notes
     -----
-    Driving acts over half a batch before and after its collisions, so that its error is of second order in a batch of
-    0.1 collisions per disk; without one there is no error but that of a finite number of disks, and of rounding.
+    Driving and flow act over half a batch before and after its collisions, so that their error is of second order in a
+    batch of 0.1 collisions per disk; without them there is no error but that of a finite number of disks, and of
+    rounding.
     Disks of very different sizes or speeds make most drawn pairs come to nothing: right, but slow.
 
     Examples
@@ -235,7 +280,8 @@ class DSMC(NotCopied, ReadOnlyAttributes):
     _instead = "Another one with the same arguments has the same collisions"
 
     disks: Disks
-    driving: Driving | None
+    driving: tuple[Driving, ...]
+    shear_rate: float
     area: float
     time: float
     collisions: int
@@ -254,7 +300,8 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         seed: Seed = 0,
         *,
         species: Column | None = None,
-        driving: Driving | None = None,
+        driving: Driving | Sequence[Driving] | None = None,
+        shear_rate: Real = 0.0,
         contact: Contact = "virial",
         device: Device | str | None = None,
     ) -> None:
@@ -265,10 +312,14 @@ class DSMC(NotCopied, ReadOnlyAttributes):
             raise InputError("packing_fraction = 0.0: must be above 0, or disks do not meet")
         spins = np.zeros(n) if spin is None else checked.array("spin", spin, (n,))
         start = State(np.zeros((n, 2)), checked.array("velocity", velocity), spins)  # checks the shape
-        self._set(disks=disks, driving=driving)
+        self._set(disks=disks, shear_rate=float(shear_rate))
         self._valid = True
         self._seed = seeds.of_device(seed)
         self._species = self._grouped(disks.material if species is None else species)
+        self._set(driving=self._driving(driving))
+        if shear_rate:
+            mean = disks.mass @ start.velocity / disks.mass.sum()
+            start = State(start.position, start.velocity - mean, spins)
         device = Device.of(device)
         laws = PairLaws.of(law, disks, precision=device.precision)
         self._set(area=math.pi * float(np.sum(disks.radius**2)) / packing_fraction)
@@ -279,8 +330,11 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         a, b = contact_value_coefficients(packing_fraction, disks.radius, None, contact)
         largest = float(disks.radius.max())
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
-        self._contact_value = np.array([a, b, 0.0, 0.0], dtype=self._real)
-        self._batch = max(n // (4 if driving else 1), _LEAST)
+        self._contact_value = np.array([a, b, 0.0, 0.0, shear_rate], dtype=self._real)
+        self._flow_apart = (
+            abs(self.shear_rate) * largest
+        )  # the most by which a flow makes touching disks approach
+        self._batch = max(n // (4 if self.driving and not shear_rate else 1), _LEAST)
         kind: Any = laws.kind  # mypy does not take a class for hashable
         self._make_arrays(start, compiled(kind), laws.coefficients)
         fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
@@ -298,6 +352,18 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         _, which = np.unique(labels, return_inverse=True)
         return which.ravel()
 
+    def _driving(self, given: Driving | Sequence[Driving] | None) -> tuple[Driving, ...]:
+        """The driving of each species, none without."""
+        count = int(self._species.max()) + 1
+        if given is None:
+            return ()
+        if isinstance(given, Driving):
+            return (given,) * count
+        found = tuple(given) if isinstance(given, Sequence) else ()
+        if len(found) != count or not all(isinstance(each, Driving) for each in found):
+            raise InputError(f"driving: must be a Driving, or a list of {count}, one for each species")
+        return found
+
     def _make_arrays(self, start: State, law: Any, table: NDArray[np.float64]) -> None:
         # They import the runtime, which `backend.start` has set going.
         from ..kernels import dsmc as kernels
@@ -308,7 +374,8 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         self._kernels: Any = kernels
         self._language: Any = language
         self._parameters_of: Any = functools.cache(parameters_of)
-        self._uses = Uses(collision_law=law)
+        sheared = self.shear_rate != 0.0
+        self._uses = Uses(collision_law=law, shear=sheared, stress=sheared)
         n, disks = self.disks.n, self.disks
         real = ti.f32 if self._real is np.float32 else ti.f64
         # More candidates than the mean number come with a probability below 1e-20.
@@ -320,6 +387,13 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         self._hits: Any = ti.ndarray(ti.i32, (n,))
         self._hits_before: Any = ti.ndarray(ti.i32, (n,))
         self._first: Any = ti.ndarray(ti.i32, (n,))
+        self._group: Any = ti.ndarray(ti.i32, (n,))
+        self._language.from_numpy(self._group, self._species.astype(np.int32))
+        kept = n if sheared else 1
+        self._transfer: Any = ti.Vector.ndarray(4, ti.f64, kept)
+        self._transfer_before: Any = ti.Vector.ndarray(4, ti.f64, kept)
+        self._transfer.fill(0.0)
+        self._summed = (0.0, np.zeros(4))  # time and sums of the transfer at the latest sample
         self._law: Any = ti.ndarray(real, table.shape)
         self._language.from_numpy(self._law, table.astype(self._real))
         self._hits.fill(0)
@@ -346,7 +420,8 @@ class DSMC(NotCopied, ReadOnlyAttributes):
 
     def release(self) -> None:
         """Give all device memory back; the gas cannot be used any more."""
-        for name in ("_disk", "_before", "_pair", "_todo", "_hits", "_hits_before", "_first", "_law"):
+        names = "disk before pair todo hits hits_before first group transfer transfer_before law"
+        for name in (f"_{each}" for each in names.split()):
             array = getattr(self, name)
             if array is not None:
                 backend.free_array(array)
@@ -376,6 +451,7 @@ class DSMC(NotCopied, ReadOnlyAttributes):
     def checkpoint(self) -> Checkpoint:
         """The present state. Another gas of the same disks, law, seed and driving resumes it with the same bits."""
         self._check_valid()
+        self._take_transfer()
         record = self._record()
         return Checkpoint(
             record[:, :2].copy(), record[:, 2].copy(), self.collisions_of_disks, self.time, self.energy_input,
@@ -405,6 +481,8 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         )
         self._valid = True
         self._batches, self._kicks = state.batches, state.kicks
+        self._transfer.fill(0.0)
+        self._summed = (state.time, np.zeros(4))
 
     @validated
     def run(
@@ -475,18 +553,19 @@ class DSMC(NotCopied, ReadOnlyAttributes):
 
     def _batch_of(self, longest: float, target: float) -> None:
         rate = self._rate()
-        # Of all candidates a third collides in a gas of equal disks, at most: larger batches are seldom needed.
-        count = min(float(self._batch), max(3.0 * target, float(_LEAST)))
+        # Of all candidates a third collides in a gas of equal disks, at most: larger batches are seldom needed. In a
+        # flow it is a tenth.
+        count = min(float(self._batch), max((10.0 if self.shear_rate else 3.0) * target, float(_LEAST)))
         duration = min(count / rate, longest)
-        if self.driving is None:
+        if not self.driving and not self.shear_rate:
             self._collide(duration, rate)
             return
-        self._kick(0.5 * duration)
+        self._act(0.5 * duration)
         left = duration
         while left > 1e-12 * duration:
             rate = self._rate()
             left -= self._collide(min(left, self._batch / rate), rate)
-        self._kick(0.5 * duration)
+        self._act(0.5 * duration)
 
     def _rate(self) -> float:
         """Candidates per time [1/time] that are enough for the present speeds; keeps the present state."""
@@ -498,10 +577,13 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         if not math.isfinite(cap):
             raise EngineError(f"t = {self.time:.9g}: a velocity is not finite")
         contact_value = Named(self._contact_value, DSMC_TABLES["contact_value"])
-        contact_value.majorant, contact_value.cap = self._section * 2.0 * cap, cap**2
+        majorant = self._section * 2.0 * cap
+        if self.shear_rate:  # any direction is drawn: pi g_ij sigma_ij g_n
+            majorant = math.pi * self._section * (2.0 * cap + self._flow_apart)
+        contact_value.majorant, contact_value.cap = majorant, cap**2
         n = self.disks.n
         # n (n - 1) / 2 pairs at 2 g_ij sigma_ij |g| / area
-        return n * (n - 1) * self._section * 2.0 * cap / self.area
+        return n * (n - 1) * majorant / self.area
 
     def _check_alive(self) -> None:
         backend.check_process()
@@ -561,26 +643,48 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         low = 2**32 - 1
         return np.array([number & low, number >> 32, self._seed & low, self._seed >> 32], dtype=np.uint32)
 
-    def _kick(self, duration: float) -> None:
-        """Apply the driving for a time [time]: the exact solution of dv = -rate v dt + noise, and of the spins'."""
-        driving = self.driving
-        assert driving is not None
+    def _act(self, duration: float) -> None:
+        """Apply the driving for a time [time], then the flow: dv_x = -shear_rate v_y dt of velocities relative to it.
 
-        def given(power: float, rate: float) -> float:
-            """Energy that noise gives: power dt, less what friction takes of it meanwhile."""
-            return power * (-math.expm1(-2.0 * rate * duration) / (2.0 * rate) if rate > 0.0 else duration)
+        The driving is the exact solution of dv = -rate v dt + noise, and of the spins'.
+        """
+        for group, driving in enumerate(self.driving):
 
-        factors = np.array([
-            math.exp(-driving.rate * duration), math.exp(-driving.spin_rate * duration),
-            given(driving.power, driving.rate), given(driving.spin_power, driving.spin_rate),
-        ])  # fmt: skip
-        self._launch(self._kernels.kick, key=self._key(self._kicks), factors=factors)
-        self._kicks += 1
-        self._set(energy_input=self.energy_input + math.fsum(self._gains))
+            def given(power: float, rate: float) -> float:
+                """Energy that noise gives: power dt, less what friction takes of it meanwhile."""
+                return power * (
+                    -math.expm1(-2.0 * rate * duration) / (2.0 * rate) if rate > 0.0 else duration
+                )
+
+            factors = np.array([
+                math.exp(-driving.rate * duration), math.exp(-driving.spin_rate * duration),
+                given(driving.power, driving.rate), given(driving.spin_power, driving.spin_rate), 0.0,
+            ])  # fmt: skip
+            self._launch(self._kernels.kick, group, key=self._key(self._kicks), factors=factors)
+            self._set(energy_input=self.energy_input + math.fsum(self._gains))
+        self._kicks += len(self.driving) > 0
+        if self.shear_rate:
+            factors = np.array([1.0, 1.0, 0.0, 0.0, self.shear_rate * duration])
+            self._launch(self._kernels.strain, factors=factors)
+            self._set(energy_input=self.energy_input + math.fsum(self._gains))
+
+    def _take_transfer(self) -> NDArray[np.float64]:
+        """Mean collisional stress since the call before, shape (2, 2); its work counts as energy put in from now on."""
+        if not self.shear_rate:
+            return np.full((2, 2), np.nan)
+        (before, taken), now = self._summed, np.asarray(self._language.to_numpy(self._transfer)).sum(axis=0)
+        self._summed = self.time, now
+        self._set(energy_input=self.energy_input - self.shear_rate * float(now[1] - taken[1]))
+        if self.time == before:
+            return np.full((2, 2), np.nan)
+        return np.asarray((now - taken).reshape(2, 2) / (self.area * (self.time - before)))
 
     def _measure(self) -> dict[str, Any]:
-        record = self._record()
-        return sample(self.disks, record[:, :2], record[:, 2], self.collisions_of_disks, self._species) | {
+        record, collisional = self._record(), self._take_transfer()
+        found = sample(self.disks, record[:, :2], record[:, 2], self.collisions_of_disks, self._species)
+        return found | {
             "time": self.time,
             "energy_input": self.energy_input,
+            "kinetic_stress": found["kinetic_stress"] / self.area,
+            "collisional_stress": collisional,
         }

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, counted, nearest, option_name, printable
 from ..plots.style import written
-from ..quantities import AXES
 from ..tools.intervals import FEW, PERCENT
 from ..tools.versions import described
 from ..trajectory.descriptions import REDUCED
 from .results import (
     ADDING,
     N_EFF,
+    PARTS,
     ROWS,
     RUN_ERROR,
     SEED,
@@ -38,10 +38,6 @@ from .results import (
 )
 
 TO = " to "
-FIRST = ("temperature", "rotational_temperature", "theta")
-"""Quantities of the whole gas that follow the numbers of analyses in the table."""
-PARTS = (*AXES, "species")
-"""Dimensions of a quantity that several numbers make up."""
 
 
 class PointMean(NamedTuple):
@@ -72,9 +68,9 @@ def describe(
     results = averaged(whole, start, option_name("--from", "start ="))
     keys = [key for names in results.axes.values() for key in names]
     chosen = [_known(results, each) for each in what]
-    lines = [
-        line for name in chosen or _ordered(results) for line in _lines(results, name, asked=bool(chosen))
-    ]
+    theories = {f"{name}_theory" for name in results.quantities}  # they are a column beside what they are of
+    shown_of_all = [name for name in _ordered(results) if name not in theories]
+    lines = [line for name in chosen or shown_of_all for line in _lines(results, name, asked=bool(chosen))]
     nothing = [] if chosen else _nothing(lines)
     lines = [line for line in lines if line.quantity not in nothing]
     shown_names = {line.quantity.split(" ")[0] for line in lines}
@@ -96,7 +92,7 @@ def describe(
     if nothing:
         found += ["", _wrapped(f"0 in all runs: {', '.join(nothing)}")]
     shown = {line.quantity.split(" ")[0] for line in lines} | {*nothing}
-    if left_out := [name for name in results.quantities if name not in shown and not chosen]:
+    if left_out := [name for name in results.quantities if name not in {*shown, *theories} and not chosen]:
         text = "not in the table (`ifrdem info FILE NAME`, `ifrdem plot FILE NAME`)"
         found += ["", _wrapped(f"{text}: {', '.join(left_out)}")]
     return printable("\n".join(found))
@@ -185,7 +181,7 @@ def _ordered(results: Results) -> list[str]:
     """Names of quantities: numbers of analyses, temperatures, other series, and last what adds up over the run."""
     return sorted(
         results.quantities,
-        key=lambda name: 0 if name in results.texts else 1 if name in FIRST else 3 if name in ADDING else 2,
+        key=lambda name: 0 if name in results.texts else 1 if name in THEORY else 3 if name in ADDING else 2,
     )
 
 

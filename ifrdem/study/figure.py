@@ -16,6 +16,7 @@ from ..analysis.names import ANALYSES, OVER_TIME
 from ..analysis.result import identifier
 from ..errors import InputError, nearest, option_name
 from ..plots.style import (
+    KINDS,
     NARROW,
     chosen_panels,
     few_labels,
@@ -25,11 +26,14 @@ from ..plots.style import (
     is_narrow,
     legend_above,
     legend_of_figure,
+    marks,
     plain,
+    some_marks,
     text_for,
     written,
 )
 from ..quantities import SERIES
+from ..theory.choose import is_closed
 from ..tools.intervals import PERCENT
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
@@ -37,6 +41,7 @@ from ..trajectory.tables import PER_DISK, at_equal_collisions
 from .plan import VARIANT
 from .results import (
     ADDING,
+    PARTS,
     ROWS,
     SERIES_FROM,
     SHORT,
@@ -50,6 +55,7 @@ from .results import (
     theory_between,
     theory_of,
     window_starts,
+    with_theory,
 )
 from .task import AT, NOTES, WARNINGS, Variable
 
@@ -70,9 +76,6 @@ KEY_SYMBOLS = {
     "speed_rms": r"$v_\mathrm{rms}$ at the start", "spin_rms": r"$\omega_\mathrm{rms}$ at the start",
 }  # fmt: skip
 """Symbols of keys of a case, by their last part."""
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # Okabe and Ito's
-MARKERS = "osD^vPX"
-"""Markers of curves, by which they differ in grey."""
 MOST_PANELS = 12
 PANEL_SHAPE, HEADS = 0.75, 1.2
 """Height over width of a panel of a figure of a given width; height of its title and legends [inches]."""
@@ -87,8 +90,6 @@ SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
 Ends = tuple[float | None, float | None] | None
 FILE = "file"
-PARTS = ("species", "component", "mechanism", "regime", "axis")
-"""Dimensions of a quantity that several numbers make up: curves or panels, as swept keys are."""
 
 
 def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
@@ -128,6 +129,8 @@ def draw(
 
     swept = list(results.axes)
     name = SHORT.get(what, what)
+    if not is_closed():
+        results = with_theory(results)
     if start is not None:
         results = _from(results, name, start)
     if f"{name}_mean" not in results.variables:
@@ -368,7 +371,8 @@ def _panel(
     count = len(results.values(curve)) if curve is not None else 1
     for i in range(count):
         panel = {**fixed, **({curve: i} if curve is not None else {})}
-        colour = COLOURS[i % len(COLOURS)] if count <= len(COLOURS) else _shade(i, count)
+        kind = KINDS[i % len(KINDS)]
+        colour = kind if count <= len(KINDS) else _shade(i, count)
         label = None if curve is None else _named(results, curve, i)
 
         def along(which: str | Variable, panel: Mapping[str, int] = panel) -> NDArray[Any] | None:
@@ -394,14 +398,13 @@ def _panel(
             where = np.arange(len(where))
             axes.set_xticks(where, [plain(str(each)) for each in results.values(x)])
         rows = x not in results.axes
-        marker: Any = {"marker": MARKERS[i % len(MARKERS)], "ls": "-" if rows else ""}
-        if rows and count > 1:  # a few, not at the same places as those of the next curve
-            marker["markevery"] = ((i % len(MARKERS)) / (8 * len(MARKERS)), 0.125)
-        elif rows:
-            marker["marker"] = ""
+        look = some_marks(kind, i) if rows else marks(kind, ms=5.0)
+        look |= {"color": colour, "mfc": colour if look["mfc"] == kind else "none"}
+        if rows and count == 1:
+            look["marker"] = ""
         if rows and {*ROWS} & {*dims} and name not in ADDING:
             _start(axes, results, x, where, panel, colour)
-        axes.plot(where, y, color=colour, lw=1.4, ms=4, label=label, **marker)
+        axes.plot(where, y, lw=1.4, label=label, **look)
         if part is not None and np.isfinite(part).any():
             if rows:
                 axes.fill_between(where, y - part, y + part, color=colour, alpha=0.25, lw=0)

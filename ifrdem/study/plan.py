@@ -52,6 +52,8 @@ FIXED = {
     "run.collisions_per_disk": "every run has the same end: a longer run holds the shorter ones",
 }
 """Keys that cannot be swept, and why; neither can those of [output]."""
+VARIANT = "variant"
+"""Dimension of the variants of a study."""
 RESERVED = {
     "time",
     "step",
@@ -67,7 +69,7 @@ RESERVED = {
     "notes",
     "analyses_from",
     "at",
-    "variant",
+    VARIANT,
 }
 """Names that a swept key cannot have in the results."""
 CADENCES = (
@@ -82,8 +84,6 @@ CADENCES = (
     "log_from",
 )
 """Keys of [output] that say when rows and frames are due, beside their numbers."""
-VARIANT = "variant"
-"""Dimension of the variants of a study."""
 FIRST_SEED = 1_000_003
 """Added to the seed of a run for that of its equilibration, whose random forces differ."""
 LAST_FRAME = {"frames": "1", "series": "1", "picture": "false", "views": "false"}
@@ -444,7 +444,7 @@ class Plan:
             key=_key([record, outside, "equilibration", __version__]), index=(*point, 0), text=base.text,
             path=str(base.path.resolve()), overrides=tuple(changes), folder=str(folder.resolve()), analyses=(), at=(),
             start=None, trajectory=True,
-            weight=sum(each.number for each in case.species) * (case.run.collisions_per_disk or 1.0),
+            weight=weight(case),
         )  # fmt: skip
 
     def tasks(self, good: dict[tuple[int, ...], CaseSections], folder: Path) -> Iterator[Task]:
@@ -480,9 +480,14 @@ class Plan:
                     overrides=tuple(changes), folder=str(folder.resolve()),
                     analyses=tuple(self.output.analyses), at=tuple(self.output.analyses_at),
                     start=self.output.analyses_from, trajectory=self.output.trajectories,
-                    weight=sum(each.number for each in case.species) * (case.run.collisions_per_disk or 1.0),
+                    weight=weight(case),
                     options=self.output.options, after=after,
                 )  # fmt: skip
+
+
+def weight(case: CaseSections) -> float:
+    """Part of a run in the work of a study: disks times collisions per disk, or disks where a time ends it."""
+    return sum(each.number for each in case.species) * (case.run.collisions_per_disk or 1.0)
 
 
 def _key(identity: list[Any]) -> str:
@@ -518,7 +523,7 @@ def read(
 
     Raises InputError with a line for each thing that is wrong with the study itself.
     """
-    path = shipped.find(str(path))
+    path = shipped.find(str(path), study=True)
     text, raw = case_file.load(path)
     of_study = "case" in raw or not {"run", "box", "species"} & raw.keys()
     name = path.stem if of_study else f"{path.stem}-study"  # NAME.nc is a view of the trajectory of a run

@@ -18,15 +18,16 @@ from numpy.typing import NDArray
 
 from ..analysis.common import mean_errors
 from ..analysis.gas_theory import MOST_KINDS, VELOCITIES
-from ..analysis.window import DRIVES, since
+from ..analysis.window import any_drives, becomes_steady, since
 from ..case import file as case_file
 from ..case.case import UNITS, CaseSections
+from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.keys import about
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, counted, there_are
 from ..model.laws.ifr import EnergyWarning
 from ..quantities import AXES, NUMBER, SERIES, SPECIES_SERIES
-from ..theory.choose import prediction
+from ..theory.choose import PREDICT, is_closed
 from ..theory.mixtures import Mixture
 from ..tools import files
 from ..tools.checked import is_number
@@ -51,6 +52,8 @@ ENDING, RUNS = ".nc", ".runs"
 """Endings of the file of results, and of the folder of runs next to it."""
 THEORY = ("temperature", "rotational_temperature", "theta")
 """Predictions of kinetic theory for a gas."""
+PARTS = (*AXES, "species")
+"""Dimensions of a quantity that several numbers make up: curves or panels, as swept keys are."""
 START, N_EFF, RUN_ERROR = "analyses_from", "_n_eff", "_run_error"
 """Variable with the start of averages over time of each point; endings of numbers of independent values, and of
 standard errors within a run."""
@@ -78,8 +81,9 @@ TEXTS = {
     WARNINGS: "warnings of the analyses of each run", NOTES: "notes of the analyses of each run",
 }  # fmt: skip
 """Text on variables that are no quantities of the whole gas."""
-BEYOND = 10.0
-"""Times the end of the runs, to which theory is followed: it may need longer for as many collisions."""
+BEYOND, NOT_FAR_BEYOND = 10.0, 1.25
+"""Times the end of the runs, to which theory is followed: it may need longer for as many collisions. DSMC of a gas that
+does not cool is followed less far, for it has as many collisions all the time."""
 
 
 @dataclass
@@ -282,7 +286,10 @@ def collect(
     attributes: dict[str, str] = {}
     if "temperature" in found:
         variables["runs"] = Variable(swept, np.isfinite(found["temperature"].values[..., 0]).sum(axis=-1))
-        theory, attributes[VELOCITY_WORDS] = _theory(plan, good, row_axis, variables)
+        cases = {point: (each, plan.base(point).path.parent) for point, each in good.items()}
+        theory, attributes[VELOCITY_WORDS] = _theory(
+            cases, row_axis, variables, equilibrated=plan.first is not None
+        )
         variables |= theory
     used = {dim for one in variables.values() for dim in one.dims if len(one.dims) > 1} | {SEED, row_axis}
     keys = [each for axis in plan.axes for each in zip(axis.names, axis.keys, strict=True)]
@@ -318,11 +325,10 @@ velocities kinetic theory takes."""
 
 
 def _has_window(case: CaseSections, results: Mapping[int, Mapping[str, Variable]]) -> bool:
-    """True of a point whose gas is driven, sheared or between walls, as `analysis.window.has_window` of a run."""
-    driven = any(
-        name in one and np.nan_to_num(one[name].values).any() for one in results.values() for name in DRIVES
-    )
-    return bool(case.box.shear_rate) or (case.walled and not case.box.open) or bool(case.wall) or driven
+    """`becomes_steady` of the gas of a point."""
+    driven = any_drives({name: one.values for name, one in each.items()} for each in results.values())
+    walled = bool(case.wall) or (case.walled and not case.box.open)
+    return becomes_steady(case.box.shear_rate, walled=walled, driven=driven)
 
 
 def _coordinate(values: tuple[Any, ...]) -> NDArray[Any]:
@@ -357,8 +363,9 @@ def _means(
 
 
 def _theory(
-    plan: Plan, good: Mapping[tuple[int, ...], CaseSections], row_axis: str, variables: Mapping[str, Variable]
-) -> tuple[dict[str, Variable], str]:
+    cases: Mapping[tuple[int, ...], tuple[CaseSections, Path]], row_axis: str, variables: Mapping[str, Variable], *,
+    equilibrated: bool,
+) -> tuple[dict[str, Variable], str]:  # fmt: skip
     """Temperatures of each point by kinetic theory, at the places of the rows, nan where it does not hold; and words.
 
     These say which velocities it takes, such as "Gaussian, Sonine" for the one at some points, the other at others.
@@ -366,12 +373,12 @@ def _theory(
     T = variables["temperature_mean"]
     made = {name: np.full(T.values.shape, np.nan) for name in THEORY}
     velocities: set[str] = set()
-    for point, case in good.items():
+    for point, (case, folder) in cases.items():
         times = variables["time"].values if row_axis == "time" else variables["time_mean"].values[point]
         if not np.isfinite(T.values[point]).any():
             continue
-        start = _measured_start(point, variables) if plan.first is not None else None
-        curves = predicted(case, plan.base(point).path.parent, float(np.nanmax(times)), start)
+        start = _measured_start(point, variables) if equilibrated else None
+        curves = predicted(case, folder, float(np.nanmax(times)), start)
         if curves is None:
             continue
         when, tau, T_theory, T_rot, words = curves
@@ -411,30 +418,19 @@ def theory_between(
 
     It is that at the last row, or of `averaged` results a mean over rows, from a place that is interpolated between
     those of the swept values. `fixed` are the positions on the other swept dimensions. Only for a numeric key that varies
-    alone, and only if all files that the case needs still exist.
+    alone, if all files that the case needs still exist, and not by DSMC.
     """
-    swept, keys, path = (
-        results.values(x),
-        json.loads(results.attributes["keys"]),
-        results.attributes.get("path"),
-    )
+    swept, keys = results.values(x), json.loads(results.attributes["keys"])
     one_number = len(results.axes.get(x, ())) == 1 and swept.dtype.kind in "if" and len(swept) > 1
-    if path is None or name not in THEORY or not one_number or EQUILIBRATED in results.attributes:
+    stored = "path" in results.attributes and EQUILIBRATED not in results.attributes
+    if not (stored and name in THEORY and one_number and is_closed()):
         return None
-    text = results.attributes["case"]
     row_axis, positions = results.row_axis, results.row_places
     at = tuple(fixed.get(dim, slice(None)) for dim in results.axes)
     starts = np.full(len(swept), np.nan)
     if SERIES_FROM in results.variables:
         starts = results.values(SERIES_FROM)[at]
     times = positions if row_axis == "time" else results.values("time_mean")[at]
-    overrides = [line for line in results.attributes["overrides"].splitlines() if line]
-    if VARIANT in fixed:
-        text, path, overrides = json.loads(results.attributes[VARIANTS])[fixed[VARIANT]]
-    for dim, i in fixed.items():
-        if dim == VARIANT:
-            continue
-        overrides += [f"{keys[one]}={_assigned(results.values(one)[i])}" for one in results.axes[dim]]
     low, high = float(swept.min()), float(swept.max())
     space = np.geomspace if low > 0.0 and high > 10.0 * low else np.linspace
     fine = space(low, high, FINE)
@@ -442,26 +438,52 @@ def theory_between(
     found = []
     for value in values.tolist():
         try:
-            file = case_file.of_text(
-                text,
-                Path(path),
-                (*overrides, f"{keys[x]}={value}"),
-                stored=True,
-            )
-            curves = predicted(file.case, Path(path).parent, float(np.nanmax(times)))
+            file = _stored_case(results, fixed, f"{keys[x]}={value}")
+            curves = predicted(file.case, file.path.parent, float(np.nanmax(times)))
         except InputError:  # not every value between has an admissible law
             curves = None
         weights = _row_weights(positions, float(np.interp(value, np.sort(swept), starts[np.argsort(swept)])))
-        found.append((np.nan, np.nan) if curves is None else _at(curves, row_axis, positions, weights))
-    T, T_rot = np.array(found).T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        theory = {"temperature": T, "rotational_temperature": T_rot, "theta": T_rot / T}[name]
+        found.append(np.nan if curves is None else _at(curves, name, row_axis, positions, weights))
+    theory = np.array(found)
     return (np.asarray(values, dtype=float), theory) if np.isfinite(theory).any() else None
+
+
+def _stored_case(results: Results, fixed: Mapping[str, int], *more: str) -> CaseFile:
+    """The case of positions on swept dimensions, with more changes; InputError if a file that it needs is gone."""
+    keys = json.loads(results.attributes["keys"])
+    text, path = results.attributes["case"], results.attributes["path"]
+    changes = [line for line in results.attributes["overrides"].splitlines() if line]
+    if VARIANT in fixed:
+        text, path, changes = json.loads(results.attributes[VARIANTS])[fixed[VARIANT]]
+    for dim, i in fixed.items():
+        if dim != VARIANT:
+            changes += [f"{keys[one]}={_assigned(results.values(one)[i])}" for one in results.axes[dim]]
+    return case_file.of_text(text, Path(path), (*changes, *more), stored=True)
+
+
+def with_theory(results: Results) -> Results:
+    """Results with the temperatures of the theory that is in use (`PREDICT`), in place of those that are stored.
+
+    Raises InputError if the results know no case, or a file that a case needs is gone.
+    """
+    if "path" not in results.attributes or "temperature_mean" not in results.variables:
+        raise InputError("the results hold no case of their gas, from which theory would begin")
+    shape = tuple(len(results.values(axis)) for axis in results.axes)
+    points = {at: _stored_case(results, dict(zip(results.axes, at, strict=True))) for at in np.ndindex(shape)}
+    cases = {at: (file.case, file.path.parent) for at, file in points.items()}
+    equilibrated = EQUILIBRATED in results.attributes
+    theory, words = _theory(cases, results.row_axis, results.variables, equilibrated=equilibrated)
+    kept = {
+        name: one
+        for name, one in results.variables.items()
+        if name not in {f"{each}_theory" for each in THEORY}
+    }
+    return Results(kept | theory, results.attributes | {VELOCITY_WORDS: words})
 
 
 def theory_of(results: Results, name: str) -> Variable | None:
     """Kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
-    names = (f"{name}_theory", f"{name}_theory_mean", f"{name}_by_theory_mean")
+    names = (f"{name}_theory_mean", f"{name}_by_theory_mean", f"{name}_theory")
     return next((results.variables[each] for each in names if each in results.variables), None)
 
 
@@ -470,14 +492,21 @@ def _assigned(value: Any) -> str:
 
 
 def _at(
-    curves: Predicted, row_axis: str, positions: NDArray[np.float64], weights: NDArray[np.float64]
-) -> tuple[float, float]:  # fmt: skip
-    """T and T_rot of curves, averaged over the positions of rows with their weights; nan beyond the curves."""
-    when, tau, T, T_rot, _ = curves
-    base, used = when if row_axis == "time" else tau, weights > 0.0
-    inside = positions[-1] <= base[-1]
-    at = [np.interp(positions[used], base, each) for each in (T, T_rot)]
-    return tuple(float(np.average(each, weights=weights[used])) if inside else np.nan for each in at)  # type: ignore[return-value]
+    curves: Predicted, name: str, row_axis: str, positions: NDArray[np.float64], weights: NDArray[np.float64]
+) -> float:  # fmt: skip
+    """A quantity of `THEORY`, averaged over the positions of rows with their weights; nan beyond the curves.
+
+    theta is a mean of ratios, as that of the rows.
+    """
+    base, used = curves.times if row_axis == "time" else curves.collisions_per_disk, weights > 0.0
+    if positions[-1] > base[-1]:
+        return np.nan
+    T, T_rot = (
+        np.interp(positions[used], base, each) for each in (curves.temperature, curves.rotational_temperature)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = {"temperature": T, "rotational_temperature": T_rot, "theta": T_rot / T}[name]
+    return float(np.average(value, weights=weights[used]))
 
 
 def _row_weights(places: NDArray[np.float64], start: float) -> NDArray[np.float64]:
@@ -518,7 +547,8 @@ def predicted(
     disks, phi = gas.disks, gas.box.packing_fraction(gas.disks.radius)
     driven = bool(case.force or gas.box.shear_rate)
     later = np.linspace(0.0, 1.0, 1500)[1:] if driven else np.geomspace(1e-5, 1.0, 1500)
-    steps = BEYOND * end * np.r_[0.0, later]
+    beyond = NOT_FAR_BEYOND if driven and not is_closed() else BEYOND
+    steps = beyond * end * np.r_[0.0, later]
     try:
         with (
             warnings.catch_warnings(action="ignore", category=EnergyWarning),
@@ -533,7 +563,7 @@ def predicted(
             T0, T_rot0 = (
                 np.array([each[which == kind].mean() for kind in range(mixture.species)]) for each in energies
             )
-            found = prediction(
+            found = PREDICT.get()(
                 disks, laws, phi, T0, T_rot0, steps, shear_rate=gas.box.shear_rate,
                 forces=[each.model_dump(exclude_none=True) for each in case.force], velocities="best",
             )  # fmt: skip

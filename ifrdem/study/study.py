@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 import os
 import shutil
@@ -27,7 +28,7 @@ from ..tools.checked import validated
 from ..tools.files import check_files
 from ..tools.progress import clock_face, quiet
 from . import workers
-from .plan import ClusterSection, Plan, read
+from .plan import ClusterSection, Plan, read, weight
 from .results import ENDING, RUNS, Results, averaged, collect, warnings_of
 from .task import Task, load
 from .workers import check_jobs
@@ -35,9 +36,11 @@ from .workers import check_jobs
 if TYPE_CHECKING:
     import xarray
 
-RATE, ROW_SECONDS, RUN_SECONDS, FILE_SECONDS, START_SECONDS = 2e5, 2e-3, 0.1, 0.4, 8.0
-"""Collisions a second and core; seconds of a row of series, of a further gas, of one with a trajectory, whose analyses
-are done, and of processes that start and load kernels: before any run is done."""
+RATE, RUN_SECONDS, FILE_SECONDS, ANALYSIS_SECONDS, START_SECONDS = 2e5, 0.1, 0.4, 0.3, 8.0
+"""Collisions a second and core, where theory gives no estimate of a run; seconds of a further gas beside its run, of
+one with a trajectory, of an analysis of it, and of processes that start and load kernels: before any run is done."""
+MOST_ESTIMATED = 20
+"""Points whose runs are estimated, evenly among all; the others take as long for their work."""
 RUN_BYTES, RESULTS_BYTES = 10_000, 60_000
 """Bytes of the files of a run and of a study beside their rows."""
 MOST_OF_DISK, MOST_WARNINGS = 0.9, 5
@@ -201,15 +204,37 @@ class Study:
 
     @property
     def seconds(self) -> float:
-        """Estimated time of the missing runs on one core, from finished runs or else from a typical speed."""
+        """Estimated time of the missing runs on one core, from finished runs or else as `ifrdem check` of their cases.
+
+        To that of each run (`RunEstimate.seconds`) comes what a study does for it: case, start, and analyses.
+        """
         done, missing, _ = self._state([*self.equilibrations, *self.tasks])
         if done:
             elapsed, work = sum(seconds for _, seconds in done), sum(task.weight for task, _ in done)
             return elapsed / work * sum(task.weight for task in missing)
-        cases = self._checked_cases[0]
-        rows = cases[missing[0].index[:-1]].series_cadence.number or 0 if missing else 0
-        each = FILE_SECONDS if self.plan.output.analyses or self.plan.output.trajectories else RUN_SECONDS
-        return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + each for task in missing)
+        points = [*dict.fromkeys(task.index[:-1] for task in missing)]
+        kept = bool(self.plan.output.analyses) or self.plan.output.trajectories
+        pace = {
+            each: self._pace(each, frames=kept)
+            for each in points[:: math.ceil(len(points) / MOST_ESTIMATED) or 1]
+        }
+        mean = sum(pace.values()) / max(len(pace), 1)
+        each = FILE_SECONDS if kept else RUN_SECONDS
+        each += ANALYSIS_SECONDS * len(self.plan.output.analyses)
+        return sum(pace.get(task.index[:-1], mean) * task.weight + each for task in missing)
+
+    def _pace(self, point: tuple[int, ...], *, frames: bool) -> float:
+        """Estimated time of a run of a point by itself on one thread, over its work [s]; a typical one without theory.
+
+        Runs whose trajectory nothing needs have no `frames`.
+        """
+        case = self._checked_cases[0][point]
+        gas = CaseGas.from_case(case, self.plan.base(point).path.parent)
+        estimate = RunEstimate.of(gas)
+        if not frames:
+            estimate = dataclasses.replace(estimate, frames=0, file_bytes=0)
+        seconds = estimate.seconds(gas, 1)
+        return seconds / weight(case) if math.isfinite(seconds) else 0.5 / RATE
 
     def _state(self, tasks: Sequence[Task]) -> tuple[list[tuple[Task, float]], list[Task], list[str]]:
         """Finished runs with the seconds that they took, missing runs, and messages on damaged results.

@@ -25,6 +25,7 @@ from .cooling_gas import (
     haff_time,
     rough_rates,
 )
+from .driven_gas import Driving
 from .hydrodynamics import (
     ShearModes,
     clustering_length,
@@ -44,14 +45,15 @@ from .mixtures import (
     mixture_driven,
 )
 from .rough_gas import RoughCooling, RoughSonine, rough_cooling, rough_sonine
+from .sheared_gas import SteadyFlow, steady_flow
 from .sonine import collision_factor, cooling_factor, cooling_sonine, heated_sonine, sonine_coefficient
 
 __all__ = [
-    "VIRIAL", "CoolingRatio", "Mixture", "MixtureTemperatures", "Prediction", "RoughCooling", "RoughSonine", "ShearModes", "changes_per_collision",
+    "VIRIAL", "CoolingRatio", "Driving", "Mixture", "MixtureTemperatures", "Prediction", "RoughCooling", "RoughSonine", "ShearModes", "SteadyFlow", "changes_per_collision",
     "checked_times", "clustering_length", "collision_factor", "collision_rate", "compressibility", "constant_beta", "contact_value",
     "cooling", "cooling_factor", "cooling_rates", "cooling_ratio", "cooling_ratios", "cooling_sonine", "haff",
     "haff_time", "heated_sonine", "mean_free_path", "mixture_collision_rates", "mixture_contact_values",
     "mixture_cooling", "mixture_cooling_rates", "mixture_cooling_ratios", "mixture_driven", "prediction", "rough_cooling", "rough_rates", "rough_sonine",
     "self_diffusion", "shear_length", "shear_mode_energy", "shear_mode_time", "shear_viscosity", "sonine_coefficient",
-    "thermal_conductivity",
+    "steady_flow", "thermal_conductivity",
 ]  # fmt: skip

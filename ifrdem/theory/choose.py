@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -34,8 +35,8 @@ class Prediction(Brief):
     `observables.measure` has them; shape (steps,)."""
     species: MixtureTemperatures | None = None
     """Temperatures of each species, in the order of `Mixture.of`; None in a sheared gas."""
-    velocities: Literal["gaussian", "sonine"] = "gaussian"
-    """Velocities that the theory takes: Gaussian, or with cumulants (`rough_cooling`)."""
+    velocities: Literal["gaussian", "sonine", "dsmc"] = "gaussian"
+    """Velocities that the theory takes: Gaussian, with cumulants (`rough_cooling`), or those of a DSMC gas."""
 
     @property
     def theta(self) -> Array:
@@ -123,6 +124,15 @@ def prediction(
     return Prediction("driven", *found.mean(mixture), found)
 
 
+PREDICT: ContextVar[Callable[..., Prediction]] = ContextVar("predict", default=prediction)
+"""What gives the temperatures of the theory of figures and analyses: `prediction`, or a function of its signature."""
+
+
+def is_closed() -> bool:
+    """True unless `PREDICT` is another theory than `prediction`."""
+    return PREDICT.get() is prediction
+
+
 STICKS = 100.0
 """kappa = mu (1 + e_n) / (c sqrt(S)) from which every collision counts as sticking: 1 / (2 kappa^2) of them slide."""
 HOTTEST_SPINS = 10.0
@@ -133,7 +143,8 @@ HOTTEST_SPINS = 10.0
 def constant_beta(law: KineticLaw, k: Positive) -> float | None:
     """Ratio of the slip at the contact of equal disks after and before, with its sign changed; None if it varies.
 
-    It is constant if e_n is and every collision sticks: with a mu above some 100. Smooth disks have no constant one here.
+    It is constant if e_n is and every collision sticks, with a mu above some 100, or none has friction (`law = "rough"`
+    of cases). Smooth disks have no constant one here.
 
     Examples
     --------
@@ -146,6 +157,10 @@ def constant_beta(law: KineticLaw, k: Positive) -> float | None:
     """
     inverse_a = 1.0 / (1.0 + k)
     h, c = (float(each) for each in slip_coefficients(law, inverse_a))
+    if law.mu == 0.0:
+        if h == 0.0:
+            return None
+        c = 0.0
     if c * math.sqrt(1.0 + k * HOTTEST_SPINS) * STICKS > law.mu * (1.0 + law.e_n):
         return None
     beta = (h + c) / inverse_a - 1.0

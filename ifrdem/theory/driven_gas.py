@@ -32,7 +32,13 @@ LINEAR = ("random_kicks", "poisson_kicks", "spin_kicks", "poisson_spin_kicks", "
 @validated
 @dataclass(frozen=True)
 class Driving:
-    """The total heating and friction of all forces."""
+    """The total heating and friction of all forces on a disk.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> bath = theory.Driving(power=2.0 * 0.5 * 3.0, rate=0.5)  # of the temperature 3: power = 2 rate T
+    """
 
     power: NonNegative = 0.0
     spin_power: NonNegative = 0.0

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,10 +39,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, TheoryError
 from ..model.laws.ifr import IFRLaw
 from ..model.laws.law import CollisionLaw
-from ..tools.checked import MOST, Array, Fraction, NonNegative, Packed, Positive, validated
+from ..tools.checked import MOST, Array, Fraction, NonNegative, Number, Packed, Positive, validated
 from .collisions import KineticLaw, collision_rate, is_smooth
 from .contact import compressibility, contact_value
-from .cooling_gas import changes
+from .cooling_gas import changes, cooling_ratio
 from .sheared_gas import relaxation, stress_factors
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
@@ -64,16 +64,36 @@ class ShearModes(NamedTuple):
     time: float  # [time]
 
 
-def _theta(law: CollisionLaw, theta: float | None, name: str = "theta") -> float:
+ASYMPTOTIC = "asymptotic"
+
+
+def _given_theta(name: str, value: Any) -> Any:
+    if value == ASYMPTOTIC:
+        return value
+    return Number(0.0, MOST, f'a number of 0 or more, or "{ASYMPTOTIC}"')(name, value)
+
+
+Theta = Annotated[float | str, _given_theta]
+"""T_rot / T, or that to which a gas that cools from spins at rest tends (`cooling_ratio`)."""
+
+
+def _theta(law: CollisionLaw, k: float, theta: float | str | None, name: str = "theta") -> float:
     """The ratio T_rot / T that was given; 0 without one of smooth disks, to whose spins nothing couples."""
-    if theta is None:
+    if theta is None or theta == ASYMPTOTIC:
         if is_smooth(law):
             return 0.0
+        if theta == ASYMPTOTIC:
+            found = cooling_ratio(law, k, 0.0)
+            if not math.isfinite(found):
+                raise InputError(
+                    f'{name} = "{ASYMPTOTIC}": must be a number: T_rot / T of this gas grows without end'
+                )
+            return found
         raise InputError(
             f"{name}: T_rot / T must be given; in a cooling gas it changes (`theory.cooling`), and tends "
             "to one of `theory.cooling_ratios`"
         )
-    return theta
+    return float(theta)
 
 
 @validated
@@ -85,7 +105,7 @@ def shear_viscosity(
     *,
     law: KineticLaw = ELASTIC,
     k: Positive = 2.0,
-    theta: NonNegative | None = None,
+    theta: Theta | None = None,
 ) -> float:
     """Shear viscosity eta [mass/time] of a gas of equal disks that cools; of elastic smooth disks without a law.
 
@@ -97,8 +117,9 @@ def shear_viscosity(
         As for `collisions.collision_rate`; the packing fraction above 0.
     law, k : IFRLaw, float
         Without rolling friction; shape number in I = m R^2 / k.
-    theta : float, optional
-        T_rot / T at the time; not needed of smooth disks. In a gas that cools it changes.
+    theta : float or "asymptotic", optional
+        T_rot / T at the time; not needed of smooth disks. In a gas that cools it changes, and "asymptotic" is the ratio
+        that it reaches if spins begin at rest (`cooling_ratio`).
 
     Notes
     -----
@@ -110,7 +131,7 @@ def shear_viscosity(
     >>> round(theory.shear_viscosity(0.001, 1.0, 1.0, 0.5), 4)  # dilute: (m T / pi)^(1/2) / (2 sigma) = 0.2821
     0.2822
     """
-    z, ell = _losses(law, k, _theta(law, theta))
+    z, ell = _losses(law, k, _theta(law, k, theta))
     nu = collision_rate(packing_fraction, T, mass, radius)
     more, contact = stress_factors(packing_fraction, law.e_n)
     return packing_fraction / (math.pi * radius**2) * T / nu * (more**2 / (ell - 0.5 * z) + contact)
@@ -172,7 +193,7 @@ def shear_length(
     packing_fraction: Packed,
     *,
     k: Positive = 2.0,
-    theta: NonNegative | None = None,
+    theta: Theta | None = None,
 ) -> float:
     """Wavelength L_s = 2 pi xi [length] above which shear modes of a cooling gas grow relative to thermal velocities.
 
@@ -186,8 +207,12 @@ def shear_length(
     >>> law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
     >>> round(theory.shear_length(law, 0.5, 0.2), 2)
     30.51
+    >>> rough = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2)
+    >>> round(theory.shear_length(rough, 0.5, 0.2, theta="asymptotic"), 2)
+    24.26
     """
-    z, _ = _losses(law, k, _theta(law, theta))
+    theta = _theta(law, k, theta)
+    z, _ = _losses(law, k, theta)
     if z <= 0.0:
         return math.inf
     eta = shear_viscosity(packing_fraction, 1.0, 1.0, radius, law=law, k=k, theta=theta)
@@ -333,7 +358,7 @@ def _mode_energy(
     theta0: float | None, end: float,
 ) -> tuple[_CoolingPath, Array]:  # fmt: skip
     """The course of the gas until tau = end, and `shear_mode_energy` at its times."""
-    path = _CoolingPath.of(law, radius, packing_fraction, k, _theta(law, theta0, "theta0"), end)
+    path = _CoolingPath.of(law, radius, packing_fraction, k, _theta(law, k, theta0, "theta0"), end)
     n = packing_fraction * box[0] * box[1] / (math.pi * radius**2)
     most = math.sqrt(max(float(np.max(path.lost[1:] / path.spread[1:])), 0.0))
     q2, times = np.unique(waves(box, most), return_counts=True)

@@ -85,7 +85,7 @@ def _nodes() -> tuple[Array, Array]:
 
 
 def _losses(e_n: float, beta: float, theta: float, k: float) -> Array:
-    """J of x, y, x^2, y^2 and x y (rows): of Gaussians, and for each unit of a_20, a_02 and a_11 (columns)."""
+    """`losses` by quadrature, at one theta above 0."""
     (g_n, g_t, V_n, V_t, w_1, w_2), weight = _nodes()
     spin = np.sqrt(theta * k)  # R w_i = spin * w_i in units of (2 T / m)^(1/2): I = m R^2 / k
     P_n = 0.5 * (1.0 + e_n) * g_n
@@ -126,7 +126,10 @@ def _coefficients(e_n: float, beta: float, k: float) -> Array:
 
 
 def losses(e_n: float, beta: float, theta: float, k: float) -> Array:
-    """J of x, y, x^2, y^2 and x y (rows): of Gaussians, and for each unit of a_20, a_02 and a_11 (columns)."""
+    """J of x, y, x^2, y^2 and x y (rows): of Gaussians, and for each unit of a_20, a_02 and a_11 (columns); (5, 4).
+
+    It is a sum over powers of theta (`_coefficients`), whose coefficients are kept for each e_n, beta and k.
+    """
     return np.asarray(np.tensordot(float(theta) ** POWERS.astype(float), _coefficients(e_n, beta, k), 1))
 
 

@@ -24,7 +24,7 @@ worth 1 %; steady state), is T of theory by, in %,
 
 because velocities and spins are not Gaussian. Theory of first order (below) is off by more: T of smooth disks by +7,
 +11 and +15 % at e_n = 0.8 and phi = 0.1, 0.3 and 0.5, and by +13, +19 and +25 % at 0.7. Below e_n = 0.65 and above
-phi = 0.5 `steady_state` and `sheared` warn (`TheoryWarning`).
+phi = 0.5 `steady_flow` and `sheared` warn (`TheoryWarning`).
 
 Assumed: homogeneous, no correlations between velocities and spins or of what is going to collide.
 
@@ -45,6 +45,7 @@ import numpy as np
 
 from ..errors import InputError, TheoryError, TheoryWarning
 from ..model.laws.law import CollisionLaw
+from ..model.observables import Stress
 from ..tools.checked import Array, NonNegative, NonNegativeColumn, Positive, Real, validated
 from .collisions import KineticLaw, collision_rate, is_smooth, slip_coefficients
 from .contact import PackingFraction, contact_value
@@ -132,19 +133,26 @@ class _Flow(NamedTuple):
         self, law: CollisionLaw, k: float, packing_fraction: float, g: float
     ) -> tuple[tuple[float, ...], float]:
         """Time derivatives in the order of the fields, and collisions of a disk per time, at the shear rate g."""
-        p_xx, p_yy, p_xy = self.p
-        frequency = 8.0 * packing_fraction * contact_value(packing_fraction)
-        found = frequency * collisional_changes(p_xx, p_yy, p_xy, self.turn, self.tau, g, law, k)
-        rate, xx, yy, xy, turn, spinning = (float(one) for one in found)
+        p_yy = self.p[1]
+        found = self.collisions(law, k, packing_fraction, g)
+        rate, xx, yy, xy, turn, spinning = (float(one) for one in found[:6])
         along = (xx - 2.0 * self.tilt * xy + self.tilt**2 * yy) / math.exp(self.along)
         tilt, tau = -g + (xy - self.tilt * yy) / p_yy, spinning - self.turn * turn / (2.0 * k)
         return (yy / p_yy, along, tilt, turn, tau), rate
+
+    def collisions(self, law: CollisionLaw, k: float, packing_fraction: float, g: float) -> Array:
+        """`collisional_changes` per time."""
+        p_xx, p_yy, p_xy = self.p
+        frequency = 8.0 * packing_fraction * contact_value(packing_fraction)
+        return frequency * collisional_changes(p_xx, p_yy, p_xy, self.turn, self.tau, g, law, k)
 
 
 def collisional_changes(
     p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float, g: float, law: CollisionLaw, k: float
 ) -> Array:
     r"""Changes of a disk by its collisions, over 8 phi chi and per time: of 1, of m V V (xx, yy, xy), of w and I w^2.
+
+    The last four are what its collisions transfer, half of the sum of (dp)_a (r_i - r_j)_b (xx, xy, yx, yy).
 
     In units m = sigma = 1. Let n = (cos a, sin a) point from a disk to the other and t = (-sin a, cos a). The relative
     velocity of two Gaussian disks has the covariance C = 2 p in the basis (n, t), its slip 2 k tau more, which is
@@ -155,9 +163,9 @@ def collisional_changes(
     g_n less the flow's part, and the mean of c_t linear in both. Pairs come at the rate 8 phi chi times the average of
     g_n > 0 over a, and half the difference of what is exchanged belongs to either disk:
 
-        d(V V) = -(P c + c P) / 2 + P P,    dw = -2 k P_t,    d(I w^2) = -P_t w + k P_t^2.
+        d(V V) = -(P c + c P) / 2 + P P,    dw = -2 k P_t,    d(I w^2) = -P_t w + k P_t^2,
 
-    Arguments as in the module's text: `turn` is W, g the shear rate; law and k as for `relaxation`.
+    and dp = -P_n n - P_t t goes from disk i, at r_i - r_j = -n, to j. Arguments as in the module's text: `turn` is W, g the shear rate; law and k as for `relaxation`.
     """
     from scipy.special import erfc
 
@@ -205,7 +213,7 @@ def collisional_changes(
     d_nn = average(P_n**2 - P_n * g_n, -P_n * flow_n)
     d_tt = average(P_t**2 - P_t * c_t, -P_t * c_t0)
     d_nt = average(P_n * P_t - 0.5 * (P_n * c_t + P_t * g_n), -0.5 * (P_n * c_t0 + P_t * flow_n))
-    d_w = np.sum(weight * I_3 * -2.0 * k * P_t, axis=1)
+    mean_n, mean_t = (np.sum(weight * I_3 * P, axis=1) for P in (P_n, P_t))
     d_spinning = average(k * P_t**2 - P_t * (g_t - c_t), -P_t * (flow_t - c_t0 - turn))
     x, y = x[:, 0], y[:, 0]
     changes = (
@@ -213,8 +221,12 @@ def collisional_changes(
         x**2 * d_nn - 2.0 * x * y * d_nt + y**2 * d_tt,
         y**2 * d_nn + 2.0 * x * y * d_nt + x**2 * d_tt,
         x * y * (d_nn - d_tt) + (x**2 - y**2) * d_nt,
-        d_w,
+        -2.0 * k * mean_t,
         d_spinning,
+        0.5 * (x * mean_n - y * mean_t) * x,
+        0.5 * (x * mean_n - y * mean_t) * y,
+        0.5 * (y * mean_n + x * mean_t) * x,
+        0.5 * (y * mean_n + x * mean_t) * y,
     )
     return np.array(changes).mean(axis=1)
 
@@ -231,20 +243,45 @@ def _check(law: CollisionLaw, packing_fraction: float, shear_rate: float) -> Non
         warnings.warn(text, TheoryWarning, stacklevel=1)  # one place, so that it is shown once
 
 
+class SteadyFlow(NamedTuple):
+    """Steady state of a sheared gas: temperatures [energy], pressure tensor, and collision rate of a disk [1/time].
+
+    T_rot is nan for smooth disks, whose spins nothing changes.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> flow = theory.steady_flow(IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0), 1.0, 0.5, 2.0, 0.1, shear_rate=0.5)
+    >>> round(flow.stress.normal_difference, 3), round(flow.stress.temperature_ratio, 3)
+    (0.297, 1.39)
+    """
+
+    temperature: float
+    rotational_temperature: float
+    stress: Stress
+    collision_rate: float
+
+
 @validated
-def steady_state(
+def steady_flow(
     law: KineticLaw,
     mass: Positive,
     radius: Positive,
     k: Positive,
     packing_fraction: PackingFraction,
     shear_rate: Real,
-) -> tuple[float, float] | None:
-    """Temperatures T and T_rot [energy] of the steady state; None if the gas heats without end, as elastic disks do.
+) -> SteadyFlow | None:
+    """Steady state of a gas of equal disks in uniform shear flow; None if it heats without end, as elastic disks do.
 
-    T_rot is nan for smooth disks, whose spins nothing changes. Arguments as for `theory.cooling`, with the shear rate
-    [1/time]. InputError if the law has rolling friction, the shear rate is 0 or a property is not positive.
-    TheoryWarning outside the range of the module's text.
+    Arguments as for `theory.cooling`, with the shear rate du_x/dy [1/time]. InputError if the law has rolling friction,
+    the shear rate is 0 or a property is not positive. TheoryWarning outside the range of the module's text.
+
+    Examples
+    --------
+    >>> from ifrdem import coins, theory
+    >>> flow = theory.steady_flow(coins["1 pta"].law, 1.0, 0.5, 2.0, 0.1, shear_rate=0.5)
+    >>> round(flow.temperature, 3), round(flow.stress.friction, 3)
+    (4.18, 0.573)
     """
     from scipy.optimize import root
 
@@ -264,22 +301,38 @@ def steady_state(
     shear = -T * math.sqrt(part * (1.0 - part))
     guess = _Flow.of(T * (1.0 + part), T * (1.0 - part), shear, -0.5, theta * T)
 
+    def state(y: Array) -> _Flow:
+        return _Flow._make((*y, 0.0, 0.0)) if smooth else _Flow(y[0], y[1], y[2], y[3], math.exp(y[4]))
+
     def change(y: Array) -> tuple[float, ...]:
-        if smooth:
-            return _Flow._make((*y, 0.0, 0.0)).rates(law, k, packing_fraction, 1.0)[0][:3]
-        state = _Flow(y[0], y[1], y[2], y[3], math.exp(y[4]))
-        *rates, spinning = state.rates(law, k, packing_fraction, 1.0)[0]
-        return (*rates, spinning / state.tau)
+        now = state(y)
+        *rates, spinning = now.rates(law, k, packing_fraction, 1.0)[0]
+        return tuple(rates[:3]) if smooth else (*rates, spinning / now.tau)
 
     start = guess[:3] if smooth else (*guess[:4], math.log(guess.tau))
-    found = root(change, start, tol=1e-12)
-    if not found.success and np.abs(found.fun).max() > 1e-9:
-        raise TheoryError(f"no steady state of the sheared gas was found: {found.message}")
+    solved = root(change, start, tol=1e-12)
+    if not solved.success and np.abs(solved.fun).max() > 1e-9:
+        raise TheoryError(f"no steady state of the sheared gas was found: {solved.message}")
+    found = state(solved.x)
+    rate, *_, xx, xy, yx, yy = (float(each) for each in found.collisions(law, k, packing_fraction, 1.0))
+    T, T_rot = found.temperatures(k)
+    p_xx, p_yy, p_xy = found.p
     unit = mass * (2.0 * radius * shear_rate) ** 2
-    if smooth:
-        return float(unit * _Flow._make((*found.x, 0.0, 0.0)).temperatures(k)[0]), math.nan
-    T, T_rot = _Flow._make((*found.x[:4], math.exp(found.x[4]))).temperatures(k)
-    return float(unit * T), float(unit * T_rot)
+    way = np.array([[1.0, math.copysign(1.0, shear_rate)], [math.copysign(1.0, shear_rate), 1.0]])
+    of_density = way * unit * packing_fraction / (math.pi * radius**2)
+    stress = Stress(
+        of_density * np.array([[p_xx, p_xy], [p_xy, p_yy]]), of_density * np.array([[xx, xy], [yx, yy]])
+    )
+    rotational = math.nan if smooth else float(unit * T_rot)
+    return SteadyFlow(float(unit * T), rotational, stress, rate * abs(shear_rate))
+
+
+def steady_state(
+    law: CollisionLaw, mass: float, radius: float, k: float, packing_fraction: float, shear_rate: float
+) -> tuple[float, float] | None:
+    """Temperatures T and T_rot [energy] of `steady_flow`, as of `driven_gas.steady_state`."""
+    found = steady_flow(law, mass, radius, k, packing_fraction, shear_rate)
+    return None if found is None else (found.temperature, found.rotational_temperature)
 
 
 def _steady_theta(law: CollisionLaw, k: float) -> float | None:
@@ -309,9 +362,9 @@ def sheared(
 ) -> tuple[Array, Array, Array]:
     """Temperatures of a gas of equal disks, isotropic at time 0, from when its flow begins.
 
-    InputError as `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
+    InputError as `steady_flow`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
     TheoryError if the equations cannot be integrated: shear and collision rates differ by too many orders of
-    magnitude. TheoryWarning as `steady_state`.
+    magnitude. TheoryWarning as `steady_flow`.
 
     Arguments and what is returned as for `theory.cooling`, with the shear rate [1/time].
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from ifrdem.case import shipped, template
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
+from ifrdem.study.study import Study
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -35,6 +37,37 @@ def test_every_shipped_case_is_in_order_and_named_like_its_file(name: str) -> No
     file = case_file.read(shipped.find(name))
     assert file.case.run.name == name
     assert f"#   ifrdem run {name} " in file.text
+
+
+@pytest.mark.parametrize("name", shipped.studies())
+def test_every_shipped_study_is_in_order_and_named_in_its_comment(name: str, tmp_path: Path) -> None:
+    study = Study(name, output=tmp_path / "found.nc")
+    assert study.check() == []
+    assert study.runs == len(study.tasks)
+    text = shipped.new(f"studies/{name}.toml")
+    assert f"#   ifrdem study {name}\n" in text
+    assert "doi:10." in text
+    assert 8 <= sum(bool(line) and not line.startswith("#") for line in text.splitlines()) <= 20
+    assert name not in shipped.names()
+
+
+def test_a_shipped_study_is_copied_and_is_no_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["run", "rough_cooling"]) == 2
+    error = capsys.readouterr().err
+    assert "rough_cooling: is a shipped study, not a case: `ifrdem study rough_cooling` runs it" in error
+    assert cli.main(["new", "studies/rough_cooling.toml"]) == 0
+    assert "ifrdem study rough_cooling.toml" in capsys.readouterr().err
+    assert (tmp_path / "rough_cooling.toml").read_bytes() == (
+        CASES / "studies/rough_cooling.toml"
+    ).read_bytes()
+    assert cli.main(["study", "rough_colling", "--dry-run"]) == 2
+    assert "no shipped case or study of this name (did you mean 'rough_cooling'?)" in capsys.readouterr().err
+    assert cli.main(["cases"]) == 0
+    shown = capsys.readouterr().out
+    assert all(re.search(rf"^{each} +\w", shown, flags=re.MULTILINE) for each in shipped.studies())
 
 
 def test_listing_imports_nothing_heavy() -> None:

@@ -16,7 +16,7 @@ from ifrdem.model.laws.law import CollisionLaw
 from ifrdem.model.state import Disks
 from ifrdem.simulation import backend, dsmc
 from ifrdem.simulation.dsmc import DSMC
-from ifrdem.theory import collision_rate, cooling, haff
+from ifrdem.theory import collision_rate, cooling, haff, steady_flow
 from ifrdem.theory.collisions import mixture_collision_rates
 from ifrdem.theory.contact import Contact, mixture_contact_values
 from ifrdem.theory.driven_gas import Driving, driven
@@ -241,6 +241,72 @@ def test_seeds_differ_and_repeat() -> None:
         one.run(collisions_per_disk=2.0, samples=1)
     np.testing.assert_array_equal(ends[0].velocity, ends[1].velocity)
     assert not np.array_equal(ends[0].velocity, ends[2].velocity)
+
+
+def test_what_a_flow_gives_to_rough_elastic_disks_is_its_work_and_their_turning() -> None:
+    """Nothing is lost: energy grows by -rate P_xy A dt, with the strain of velocities in free flight, and the spins get
+    (P_xy - P_yx) A dt of angular momentum, both to rounding."""
+    gas = homogeneous(400, ELASTIC_ROUGH, T_rot=0.3, shear_rate=0.7)
+    spin = [gas.spin.sum() / 8.0]
+    for per_disk in (1.0, 3.0):
+        found = gas.run(collisions_per_disk=per_disk, samples=2)
+        spin.append(gas.spin.sum() / 8.0)
+        np.testing.assert_allclose(found.energy - found.energy_input, 400.0 * 1.15, rtol=2e-3)
+        np.testing.assert_allclose(np.ptp(found.energy - found.energy_input), 0.0, atol=1e-9)
+        turned = (found.collisional_stress[1:, 0, 1] - found.collisional_stress[1:, 1, 0]) @ np.diff(
+            found.time
+        )
+        assert turned * gas.area == pytest.approx(spin[-1] - spin[-2], rel=1e-9)
+    assert found.energy[-1] > 1.05 * found.energy[0]
+    np.testing.assert_allclose(gas.velocity.sum(axis=0), 0.0, atol=1e-10)
+
+
+def test_a_sheared_gas_has_the_stresses_of_theory() -> None:
+    """Steady state of smooth disks, 1,000 over 16 collisions each: stresses over n T scatter by 2 to 3 %, and are within
+    2 % of anisotropic Gaussians (`theory.steady_flow`). T of 1,000 sheared disks takes 20 collisions to forget noise."""
+    flow = steady_flow(SMOOTH, 1.0, 0.5, 2.0, 0.2, 0.5)
+    assert flow is not None
+    disks = Disks(1000, 1.0, 0.5)
+    velocity = placement.maxwellian(disks.mass, temperature=flow.temperature, seed=5)
+    gas = DSMC(disks, SMOOTH, 0.2, velocity, seed=3, shear_rate=0.5, device=Device(threads=1))
+    begin = gas.run(collisions_per_disk=6.0, samples=1).time[-1]
+    found = gas.run(collisions_per_disk=22.0, samples=32)
+    assert found.temperature[1:].mean() == pytest.approx(flow.temperature, rel=0.1)
+    stress = found.stress(begin)
+    units = 0.5 * np.trace(stress.kinetic), 0.5 * np.trace(flow.stress.kinetic)
+    np.testing.assert_allclose(stress.kinetic / units[0], flow.stress.kinetic / units[1], atol=0.06)
+    np.testing.assert_allclose(stress.collisional / units[0], flow.stress.collisional / units[1], rtol=0.12)
+    assert stress.friction == pytest.approx(flow.stress.friction, rel=0.08)
+    with pytest.raises(InputError, match="before the last sample"):
+        found.stress(found.time[-1])
+    with pytest.raises(InputError, match="shear_rate"):
+        homogeneous(50, SMOOTH).run(collisions_per_disk=1.0, samples=1).stress()
+
+
+def test_speeds_of_a_maxwellian_are_counted() -> None:
+    """|c| has the density 2 c exp(-c^2): of 20,000 disks each bin within 4 Poisson errors, and all are counted."""
+    found = homogeneous(20_000, SMOOTH).run(t_end=1e-6, samples=1)
+    assert found.speed_counts.shape == (2, 1, len(dsmc.SPEED_EDGES) - 1)
+    assert found.speed_counts.sum(axis=2).tolist() == [[20_000], [20_000]]
+    below = np.exp(-(dsmc.SPEED_EDGES**2))
+    expected = 20_000 * (below[:-1] - below[1:])
+    assert np.all(np.abs(found.speed_counts[0, 0] - expected) < 4.0 * np.sqrt(expected) + 3.0)
+    middle = found.speed_density()[0, :-1]
+    assert middle @ np.diff(dsmc.SPEED_EDGES[:-1]) == pytest.approx(1.0, abs=1e-12)
+    assert np.argmax(middle) in (6, 7)  # 1 / sqrt(2)
+
+
+def test_each_species_has_its_own_driving() -> None:
+    """Hardly any collision: T of each species rises by its power times the time; kicks of 4,000 disks add 2 %."""
+    disks = Disks(8000, 1.0, 0.5, material=np.repeat([1, 0], 4000))
+    velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=5)
+    driving = [Driving(power=2.0), Driving(power=0.5, spin_power=1.0)]
+    gas = DSMC(disks, [[SMOOTH] * 2] * 2, 1e-5, velocity, driving=driving, device=Device(threads=1))
+    found = gas.run(t_end=2.0, samples=1)
+    assert found.temperature_of[-1] == pytest.approx([5.0, 2.0], rel=0.08)
+    assert found.rotational_temperature_of[-1] == pytest.approx([0.0, 4.0], rel=0.1, abs=1e-12)
+    with pytest.raises(InputError, match=r"driving: must be a Driving, or a list of 2"):
+        DSMC(disks, [[SMOOTH] * 2] * 2, 1e-5, velocity, driving=driving[:1])
 
 
 def test_impossible_gases_are_refused() -> None:

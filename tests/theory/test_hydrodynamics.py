@@ -198,6 +198,18 @@ def test_a_wave_that_keeps_up_with_thermal_velocities_grows_by_noise_alone() -> 
     assert excess(1e3, np.array([-0.5])).item() == pytest.approx(1.5 / 0.5 - 1.0)
 
 
+def test_the_asymptotic_shear_length_is_that_of_the_ratio_that_cooling_reaches() -> None:
+    """`theory.cooling` from spins at rest: after 1e8 units of time the ratio does not change any more."""
+    T, T_rot, _ = cooling(COIN, 1.0, 0.5, 2.0, 0.2, 1.0, 0.0, [1e8])
+    length = shear_length(COIN, 0.5, 0.2, theta=float(T_rot[0] / T[0]))
+    assert shear_length(COIN, 0.5, 0.2, theta="asymptotic") == pytest.approx(length, rel=1e-5)
+    assert shear_length(SMOOTH, 0.5, 0.2, theta="asymptotic") == shear_length(SMOOTH, 0.5, 0.2)
+    with pytest.raises(
+        InputError, match=r'theta = .asymptot.: must be a number of 0 or more, or "asymptotic"'
+    ):
+        shear_length(COIN, 0.5, 0.2, theta="asymptot")  # type: ignore[arg-type]
+
+
 def test_a_box_below_the_shear_length_has_no_growing_modes() -> None:
     theta = cooling_ratio(COIN, 2.0, 0.0)  # from where it stays
     length = shear_length(COIN, 0.5, 0.3, theta=theta)

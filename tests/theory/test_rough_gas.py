@@ -82,5 +82,8 @@ def test_theory_of_constant_beta_is_chosen_where_it_holds() -> None:
     walton = ifrdem.laws.Walton(e_n=0.9, beta_0=0.5, mu=1e6)
     assert theory.constant_beta(walton, 2.0) == pytest.approx(0.5)
     assert theory.constant_beta(IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), 2.0) is None
+    assert theory.constant_beta(ifrdem.laws.rough_disks(0.9, 0.5), 2.0) == pytest.approx(
+        0.5
+    )  # no friction: all by e_t
     with pytest.raises(InputError, match=r"beta = -1, k = 2: must be of rough disks that cool"):
         theory.rough_sonine(0.9, -1.0)

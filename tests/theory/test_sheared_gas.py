@@ -87,6 +87,12 @@ def test_a_dilute_gas_of_nearly_elastic_disks_agrees_with_santos_garzo_and_dufty
     T, T_rot = steady_state(smooth(e), *GAS, phi, rate) or (0.0, 0.0)
     assert theory.collision_rate(phi, T, 1.0, 0.5) == pytest.approx(nu, rel=5e-4)
     assert math.isnan(T_rot)  # nothing acts on the spins
+    flow = theory.steady_flow(smooth(e), *GAS, phi, rate)
+    assert flow is not None
+    # P_xx = (beta + 2 zeta) / (beta + zeta), P_yy = beta / (beta + zeta), P_xy = -a P_yy / (beta + zeta) of n T
+    assert flow.stress.normal_difference == pytest.approx(2.0 * zeta / (beta + zeta), rel=2e-3)
+    assert flow.stress.temperature_ratio - 1.0 == pytest.approx(2.0 * zeta / beta, rel=2e-3)
+    assert flow.stress.friction == pytest.approx(math.sqrt(zeta / beta), rel=1e-3)
 
 
 @pytest.mark.parametrize("law", [COIN, IFRLaw(e_n=0.8, e_t=-0.7, mu=0.5, sticking="contact_point")])
@@ -114,6 +120,9 @@ def test_changes_of_anisotropic_gases_are_those_of_colliding_pairs(law: IFRLaw) 
 
     change = moments(after.velocity - flow, after.spin) - moments(peculiar, spin)
     change[0] = 1.0
+    given = after.velocity[:, 0] - velocity[:, 0]  # of the first disk, at -n from the second
+    transferred = -0.5 * np.einsum("ca,cb->abc", given, normal).reshape(4, n)
+    change = np.concatenate((change, transferred))
     samples = approach * change
     found, error = samples.mean(axis=1), samples.std(axis=1) / math.sqrt(n)
     expected = collisional_changes(p[0, 0], p[1, 1], p[0, 1], turn, tau, g, law, 2.0)
@@ -122,7 +131,7 @@ def test_changes_of_anisotropic_gases_are_those_of_colliding_pairs(law: IFRLaw) 
 
 def test_an_isotropic_gas_at_rest_cools_as_the_closed_forms_say() -> None:
     T, T_rot = 1.3, 0.6
-    rate, xx, yy, xy, turn, spinning = collisional_changes(T, T, 0.0, 0.0, T_rot, 0.0, COIN, 2.0)
+    rate, xx, yy, xy, turn, spinning, *_ = collisional_changes(T, T, 0.0, 0.0, T_rot, 0.0, COIN, 2.0)
     translation, rotation = theory.changes_per_collision(T_rot / T, COIN, 2.0)
     assert 8.0 * 0.1 * theory.contact_value(0.1) * rate == pytest.approx(
         theory.collision_rate(0.1, T, 1.0, 0.5)
@@ -190,6 +199,34 @@ def test_the_steady_state_is_where_temperatures_go_and_scales_with_the_square_of
     found = sheared(COIN, *GAS, 0.1, 0.4, 0.1 * T, 0.0, [0.0, 400.0])
     np.testing.assert_allclose((found[0][-1], found[1][-1]), (T, T_rot), rtol=1e-5)
     np.testing.assert_allclose(steady_state(COIN, *GAS, 0.1, -0.8), (4.0 * T, 4.0 * T_rot), rtol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [0.4, -0.4])
+def test_stresses_of_the_steady_flow_are_those_of_its_balances(rate: float) -> None:
+    """Collisions lose -rate P_xy, the losses of an isotropic gas being no more than 5 % off; spins get P_xy - P_yx."""
+    flow = theory.steady_flow(COIN, *GAS, 0.3, rate)
+    assert flow is not None
+    stress, n, T = flow.stress, 0.3 / (math.pi / 4.0), flow.temperature
+    theta = flow.rotational_temperature / T
+    lost = -np.dot((1.0, 0.5), theory.changes_per_collision(theta, COIN, 2.0)) * flow.collision_rate * n * T
+    assert -rate * stress.total[0, 1] == pytest.approx(lost, rel=0.1)
+    assert stress.collisional[0, 1] == pytest.approx(stress.collisional[1, 0], rel=1e-10)  # W is steady
+    assert 0.5 * np.trace(stress.kinetic) == pytest.approx(n * T, rel=1e-12)
+    assert stress.pressure == pytest.approx(n * T * theory.compressibility(0.3), rel=0.15)  # e_n < 1: less
+
+
+@pytest.mark.parametrize("p", [(1.3, 0.7, -0.5), (0.4, 2.0, 0.3)])
+def test_what_rough_elastic_disks_get_of_the_flow_is_what_they_transfer(
+    p: tuple[float, float, float],
+) -> None:
+    """All energy is kept (e_n = 1, beta = 1): m V V / 2 and I w^2 / 2 rise by -g times the transfer of x along y in
+    collisions, to rounding of the quadrature, and spins by I dw = (transfer xy) - (transfer yx); I = 1/8."""
+    law, turn, tau, g = IFRLaw(e_n=1.0, e_t=0.0, mu=1e9, sticking="contact_point"), -0.4, 0.6, 0.9
+    _, xx, yy, _, turned, spinning, *transfer = collisional_changes(*p, turn, tau, g, law, 2.0)
+    xy, yx = transfer[1:3]
+    assert abs(xy) > 0.05
+    assert 0.5 * (xx + yy) + 0.5 * spinning == pytest.approx(-g * xy, abs=1e-6)
+    assert turned / 8.0 == pytest.approx(xy - yx, rel=1e-9)
 
 
 def test_elastic_disks_never_stop_heating() -> None:

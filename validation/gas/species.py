@@ -45,15 +45,15 @@ LAGS = 6.0
 """Collisions per disk up to which displacements grow with a slope that theory knows, from half of it on."""
 
 
-def equal_rates(e_n: float) -> float:
+def equal_rates(e_n: float, mass: Array = MASS, phi: float = PHI) -> float:
     """T_2 / T_1 at which both species cool at the same rate."""
-    g = mixture_contact_values(PHI, RADIUS, FRACTION)
+    g = mixture_contact_values(phi, RADIUS, FRACTION)
 
     def difference(ratio: float) -> float:
-        th, zeta = MASS / np.array([1.0, ratio]), np.zeros(2)
+        th, zeta = mass / np.array([1.0, ratio]), np.zeros(2)
         for i in (0, 1):
             for j in (0, 1):
-                mu, both = MASS[j] / MASS.sum() if i != j else 0.5, th[i] + th[j]
+                mu, both = mass[j] / mass.sum() if i != j else 0.5, th[i] + th[j]
                 often = FRACTION[j] * g[i, j] * (RADIUS[i] + RADIUS[j]) * np.sqrt(both / (th[i] * th[j]))
                 zeta[i] += often * mu * (1.0 + e_n) * (1.0 - 0.5 * mu * (1.0 + e_n) * both / th[j])
         return float(zeta[0] - zeta[1])

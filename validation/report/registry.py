@@ -32,7 +32,7 @@ BULLET = ("bullet_pair", "bullet_anomaly", "bullet_flight", "bullet_box", "bulle
 GAS = (
     "gas_state", "gas_stress", "gas_profiles", "gas_equilibrium", "gas_elastic", "gas_haff", "gas_rough",
     "gas_cooling", "gas_species", "gas_driven", "gas_piston", "gas_collapse", "gas_clusters", "gas_shaken",
-    "gas_hopper", "gas_laws", "gas_cases",
+    "gas_hopper", "gas_laws", "gas_studies", "gas_cases",
 )  # fmt: skip
 """Cases that compare many disks with the literature and kinetic theory; they take minutes, and a seed."""
 
@@ -57,7 +57,7 @@ SECONDS = {
     "gas_rough": (124.0, 21.0),
     "gas_driven": (150.0, 56.0), "gas_piston": (180.0, 26.0), "gas_collapse": (5.0, 5.0), "gas_clusters": (180.0, 13.0),
     "gas_shaken": (250.0, 45.0), "gas_hopper": (300.0, 90.0), "gas_laws": (115.0, 40.0),
-    "gas_species": (60.0, 15.0), "gas_cases": (500.0, 20.0),
+    "gas_species": (60.0, 15.0), "gas_studies": (200.0, 60.0), "gas_cases": (500.0, 20.0),
 }  # fmt: skip
 """Processor time of cases, in full and quick, with compiled kernels [s]; of others a second or so."""
 
