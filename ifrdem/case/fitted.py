@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from itertools import combinations_with_replacement, product
 from pathlib import Path
@@ -20,6 +21,8 @@ from . import file as case_file
 
 NUMBER, PACKING_FRACTION, COLLISIONS_PER_DISK = 1000, 0.2, 20.0
 """Disks, packing fraction and length of the run that is written: nothing measured says what they are."""
+OTHERS = r"[^\w.+-]"
+"""Characters that the name of a run cannot have."""
 WALL = "wall"
 """Name of the material of walls that have none."""
 
@@ -33,13 +36,13 @@ class Kind(NamedTuple):
     k: float
 
 
-def text_of(fits: Sequence[Fit], name: str) -> str:
+def text_of(fits: Sequence[Fit], name: str, run: str) -> str:
     """A case file with the coefficients of fits, one for each pair of kinds of disks, or of one with walls.
 
     Each kind of disks (mass, radius, k, material) is a species with a material of its own; coefficients have their
     errors and correlations, from which `ifrdem study --coefficients` draws. Number, packing fraction and duration are
-    not measured, and are to be chosen; speeds at the start are those before the measured impacts. `name` is that of the
-    run, and of the material if the data name none.
+    not measured, and are to be chosen; speeds at the start are those before the measured impacts. `name` is that of
+    the material if the data name none, `run` that of the run.
 
     Raises InputError if a pair of kinds is missing, a table has angles instead of velocities, no class of laws fits all
     pairs, or a law can add energy.
@@ -59,7 +62,7 @@ def text_of(fits: Sequence[Fit], name: str) -> str:
         "# A gas with measured coefficients, by `ifrdem fit`. Not measured, to be chosen: [run], [box], number of disks.",
         "",
         "[run]",
-        f"name = {_text(name)}",
+        f"name = {_text(re.sub(OTHERS, '_', run))}",
         f"collisions_per_disk = {COLLISIONS_PER_DISK}",
         "",
         "[box]",

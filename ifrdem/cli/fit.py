@@ -140,8 +140,8 @@ class FitOptions:
             str,
             "E",
             "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal "
-            "[rad]; estimate (default): missing ones from the residuals; repeatable. Columns such as "
-            "delta_2_error take precedence",
+            "[rad], before; 0: exact, of collisions; estimate (default): missing ones from the residuals; repeatable. "
+            "Columns such as delta_2_error take precedence",
         ),
     ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
@@ -315,7 +315,7 @@ def fit(
         from ..case import fitted
 
         try:
-            write_text(path, fitted.text_of(every, name))
+            write_text(path, fitted.text_of(every, name, path.stem))
             written.append(path)
         except InputError as error:
             complain(str(error))
@@ -487,9 +487,10 @@ def form_of(table: TableOptions, problems: OptionProblems, known: list[str] | No
 
 def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
     """Standard errors by column, by group, of all angles, or to be estimated."""
-    from ..fit.data import COLLISION_COLUMNS, COLUMNS, GROUPS
+    from ..fit.data import BEFORE, COLLISION_COLUMNS, COLUMNS, DIRECTION, GROUPS
 
-    names = (*COLUMNS, *COLLISION_COLUMNS, *GROUPS, "normal")
+    names = (*COLUMNS, *COLLISION_COLUMNS, *GROUPS, DIRECTION, BEFORE)
+    exact = {*names} - {*COLUMNS, "angles"}
     found: dict[str, float] = {}
     for text in texts:
         name, equals, value = text.rpartition("=")
@@ -503,7 +504,11 @@ def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
         if name in found:
             problems.append(f"--error {text}: given twice")
         found[name] = problems.parse(
-            1.0, of_text, f"--error {name} =" if equals else "--error", value, Positive
+            1.0,
+            of_text,
+            f"--error {name} =" if equals else "--error",
+            value,
+            NonNegative if name in exact else Positive,
         )
     return found
 

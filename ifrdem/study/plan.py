@@ -552,9 +552,9 @@ def read(
                 f"{COEFFICIENTS}: cannot be combined with variants; use a study for each of them"
             )
         draws = _drawn(main, number)
-        *axes, sets = _axes([*lists, {key: [*values] for key, values in _columns(draws)}])
+        *others, sets = _axes([*lists, {key: [*values] for key, values in _columns(draws)}])
         numbered = tuple((i, *values) for i, values in enumerate(sets.values))
-        axes = (*axes, Axis((COEFFICIENTS, *sets.names), (COEFFICIENTS, *sets.keys), numbered))
+        axes = (*others, Axis((COEFFICIENTS, *sets.names), (COEFFICIENTS, *sets.keys), numbered))
     chosen = _seeds(study.ensemble.seeds if seeds is None else seeds, int(_number(raw, "seed")))
     variants = _variants(study, main, changes, folder)
     if variants:

@@ -73,7 +73,7 @@ def pooled(results: Results) -> Results:
 def _two_way(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Means over draws (S, ...), and the standard deviation (...) by draws, of values (C, S, ...)."""
     S = values.shape[1]
-    used = np.isfinite(values).all(axis=1)  # (C, ...)
+    used: NDArray[np.bool_] = np.all(np.isfinite(values), axis=1)  # (C, ...)
     x, C = np.where(used[:, None], values, 0.0), used.sum(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         of_seed, of_draw = x.sum(axis=0) / C, x.mean(axis=1)
