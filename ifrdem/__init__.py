@@ -22,7 +22,7 @@
 `Study`, `concat`                      many gases at once; trajectories on one axis of collisions per disk
 `view`                                 a trajectory in a notebook, to play and to zoom
 `theory`, `analysis`, `plots`          kinetic theory, analyses of arrays or files, figures of runs
-`fit`, `bullet`                        coefficients from experiments, the law in PyBullet
+`fit`, `engines`, `bullet`             coefficients from experiments; laws in other engines, in PyBullet
 `InputError`, `EngineError`            input that cannot be used; a run that cannot continue
 `InelasticCollapse`                    an EngineError: collisions without end
 `NoMoreCollisions`                     an EngineError: no disk will meet another one

@@ -1,5 +1,6 @@
 from . import analysis as analysis
 from . import bullet as bullet
+from . import engines as engines
 from . import fit as fit
 from . import forces as forces
 from . import initial as initial

@@ -1,10 +1,8 @@
-"""The IFR law for bodies of PyBullet: `step(client, bodies, law)` moves a PyBullet world by one of its steps.
+"""Laws of collisions for bodies of PyBullet: `step(client, bodies, law)` moves a PyBullet world by one of its steps.
 
-PyBullet moves the bodies and says which come near each other. Its own response to contacts is switched off, because
-Newton's restitution and Coulomb's friction are all it knows (its friction ends at sticking: e_t = -1 and contact-point
-sticking in our terms). For every contact within a step, both bodies go back to the time of contact, collide by
-`ifrdem.collide`, and fly on to the end of the step, in the order of the contacts: the result does not depend on the
-length of the step, only its cost does.
+PyBullet moves the bodies. Its own response to contacts is switched off, because Newton's restitution and Coulomb's
+friction are all it knows (its friction ends at sticking: e_t = -1 and contact-point sticking in our terms).
+`engines.collide_step` lets the bodies collide.
 """
 
 from __future__ import annotations
@@ -13,18 +11,16 @@ import importlib
 import importlib.util
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from types import ModuleType
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .errors import InelasticCollapse, InputError, install_extra
-from .model.laws.collision import collide
-from .model.laws.ifr import IFRLaw
+from .engines import Hit, LawOrFunction, collide_step
+from .errors import InputError, install_extra
 from .tools.checked import Array, Integer, NonNegative, Numbers, Positive, Real, validated
 
 LAST_PYTHON = (3, 11)  # PyBullet publishes wheels for Python 3.9 to 3.11
@@ -326,29 +322,12 @@ __all__ = [
     "Bodies", "DiskBody", "Hit", "WallBody", "absence", "add_disk", "add_wall", "describe", "load", "place", "step",
 ]  # fmt: skip
 
-Laws = IFRLaw | Callable[[int, int], IFRLaw]
-
-ROOM = 1.01  # more than a bounding box is off by rounding
-MOST_HITS = 1000  # hits of one body in one step; more is an inelastic collapse
-
-
-class Hit(NamedTuple):
-    """A collision: its time since the beginning of the step [time], the ids of both bodies, and the impulses.
-
-    `P_n` and `P_t` [mass length/time] are what the first body gives to the second along the normal n and
-    t = (-n_y, n_x); of a disk and a wall the disk comes first.
-    """
-
-    time: float
-    a: int
-    b: int
-    P_n: float
-    P_t: float
-
 
 @validated
-def step(client: Client, bodies: Bodies | Sequence[DiskBody | WallBody | int], law: Laws) -> list[Hit]:
-    """Advance a PyBullet world by one step, in which `bodies` collide by the IFR law.
+def step(
+    client: Client, bodies: Bodies | Sequence[DiskBody | WallBody | int], law: LawOrFunction
+) -> list[Hit]:
+    """Advance a PyBullet world by one step, in which `bodies` collide by a law of `ifrdem.collide`.
 
     Use it in place of `pybullet.stepSimulation`. Gravity and external forces act as in PyBullet: at the beginning of
     the step, on the velocity; flights within a step are straight.
@@ -360,13 +339,13 @@ def step(client: Client, bodies: Bodies | Sequence[DiskBody | WallBody | int], l
     bodies : Bodies or sequence of DiskBody, WallBody or int
         Cylinders and planes that collide with each other. `Bodies.read(client, ...)`, called once, saves reading
         masses at every step.
-    law : IFRLaw or callable
-        One law, or a function of two bodies' ids that returns their law.
+    law : CollisionLaw, mapping or callable
+        One law, as `ifrdem.collide` takes it, or a function of two bodies' ids that returns their law.
 
     Returns
     -------
     list of Hit
-        The collisions of this step, in order.
+        The collisions of this step, in order, with the ids of both bodies.
 
     Raises
     ------
@@ -401,122 +380,21 @@ def step(client: Client, bodies: Bodies | Sequence[DiskBody | WallBody | int], l
     p = _world(client)
     if not isinstance(bodies, Bodies):
         bodies = Bodies.read(client, bodies)
-    return _Step(p, client, bodies, law).run()
-
-
-class _Step:
-    """One step: flights are kept as their end points, `x` at the end of the step, and times run from -dt to 0."""
-
-    def __init__(self, p: Any, client: int, bodies: Bodies, law: Laws) -> None:
-        self.p, self.client, self.bodies, self.law = p, client, bodies, law
-        self.n = len(bodies.disks)
-        # Disks count from 0, walls after them.
-        members: list[DiskBody | WallBody] = [*bodies.disks, *bodies.walls]
-        self.index = {one.body: i for i, one in enumerate(members)}
-        self.ids = [one.body for one in members]
-        self.normal = np.array([wall.normal for wall in bodies.walls]).reshape(-1, 2)
-        self.point = np.array([wall.point for wall in bodies.walls]).reshape(-1, 2)
-        self.radius = bodies.radius.tolist()
-        self.dt = float(p.getPhysicsEngineParameters(physicsClientId=client)["fixedTimeStep"])
-
-    def run(self) -> list[Hit]:
-        # Zero iterations: contacts are found, but nothing acts in them. Warm starting would, by earlier impulses.
-        options = {"numSolverIterations": 0, "warmStartingFactor": 0.0}
-        self.p.setPhysicsEngineParameter(**options, physicsClientId=self.client)
-        self.p.stepSimulation(physicsClientId=self.client)
-        self.x, self.v, self.w, self.angle = self.bodies.state(self.client)
-        self.since = np.full(self.n + len(self.bodies.walls), -self.dt)  # when each present flight began
-        hits: list[Hit] = []
-        count = np.zeros(self.n, dtype=int)
-        self.p.performCollisionDetection(physicsClientId=self.client)  # bounding boxes at the end of the step
-        near = np.unique(self._near(range(self.n)), axis=0)
-        while True:
-            first = self._first(near)
-            if first is None:
-                return hits
-            hits.append(self._collide(*first))
-            hit = [i for i in first[1:] if i < self.n]
-            count[hit] += 1
-            if count.max() > MOST_HITS:
-                body = self.ids[int(count.argmax())]
-                times = f"{MOST_HITS} times in one step of {self.dt:g}: an inelastic collapse"
-                raise InelasticCollapse(f"body {body} collided {times}")
-            self.p.performCollisionDetection(physicsClientId=self.client)
-            near = np.unique(np.concatenate([near, self._near(hit)]), axis=0)
-
-    def _near(self, which: Iterable[int]) -> NDArray[np.int64]:
-        """Pairs (m, 2) with one of the disks `which` that by Bullet's broad phase may touch in the step."""
-        # Seen from the end of the step, where Bullet has the bodies: no two move more than this towards each other.
-        reach = 2.0 * self.dt * float(np.hypot(self.v[:, 0], self.v[:, 1]).max(initial=0.0))
-        overlapping, index = self.p.getOverlappingObjects, self.index
-        found = []
-        for i in which:
-            x, y, z = self.x[i].tolist()
-            side = ROOM * (self.radius[i] + reach)
-            low, high = (x - side, y - side, z - side), (x + side, y + side, z + side)
-            for body, _ in overlapping(low, high, physicsClientId=self.client) or ():
-                j = index.get(body, i)  # a body that is not ours counts as the disk itself
-                found.append((i, j) if i < j else (j, i))
-        pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
-        return pairs[pairs[:, 0] != pairs[:, 1]]
-
-    def _first(self, near: NDArray[np.int64]) -> tuple[float, int, int] | None:
-        """The first contact before the end of the step: time, and both members; None if there is none."""
-        of_disks = near[:, 1] < self.n
-        times = np.empty(len(near))
-        times[of_disks] = self._with_disks(near[of_disks])
-        times[~of_disks] = self._with_walls(near[~of_disks])
-        # Exact ties fall to the pair with the smallest numbers.
-        due = np.flatnonzero(times <= 0.0)
-        return min(((float(times[at]), int(near[at, 0]), int(near[at, 1])) for at in due), default=None)
-
-    def _with_disks(self, pair: NDArray[np.int64]) -> Array:
-        """Times at which disks of pairs (m, 2) touch; infinite where they do not."""
-        i, j = pair.T
-        flight_start = np.maximum(self.since[i], self.since[j])
-        v = self.v[j] - self.v[i]
-        r = self.x[j, :2] - self.x[i, :2] + v * flight_start[:, None]
-        sigma = self.bodies.radius[i] + self.bodies.radius[j]
-        b, c, vv = np.sum(r * v, axis=1), np.sum(r * r, axis=1) - sigma**2, np.sum(v * v, axis=1)
-        root = b * b - vv * c
-        meet = (b < 0.0) & (root >= 0.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(meet, flight_start + np.maximum(c, 0.0) / (np.sqrt(root) - b), np.inf)
-
-    def _with_walls(self, pair: NDArray[np.int64]) -> Array:
-        """Times at which disks and walls of pairs (m, 2) touch; infinite where they do not."""
-        i, wall = pair[:, 0], pair[:, 1] - self.n
-        flight_start = np.maximum(self.since[i], self.since[pair[:, 1]])
-        n = self.normal[wall]
-        approach = -np.sum(self.v[i] * n, axis=1)
-        at = self.x[i, :2] + self.v[i] * flight_start[:, None] - self.point[wall]
-        gap = np.sum(at * n, axis=1) - self.bodies.radius[i]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(approach > 0.0, flight_start + np.maximum(gap, 0.0) / approach, np.inf)
-
-    def _collide(self, time: float, i: int, j: int) -> Hit:
-        """Collide i and j at `time`, and put them back where they then are at the end of the step."""
-        bodies = self.bodies
-        at_i = self.x[i, :2] + self.v[i] * time
-        if j < self.n:
-            between = self.x[j, :2] + self.v[j] * time - at_i
-            normal = between / math.hypot(*between)
-            m_j, R_j, k_j, v_j, w_j = bodies.mass[j], bodies.radius[j], bodies.k[j], self.v[j], self.w[j]
-        else:
-            normal = -self.normal[j - self.n]
-            m_j, R_j, k_j, v_j, w_j = math.inf, math.inf, bodies.k[i], np.zeros(2), 0.0
-        law = self.law if isinstance(self.law, IFRLaw) else self.law(self.ids[i], self.ids[j])
-        after = collide(
-            law, normal, [bodies.mass[i], m_j], [bodies.radius[i], R_j], [bodies.k[i], k_j],
-            [self.v[i], v_j], [self.w[i], w_j],
-        )  # fmt: skip
-        for side, one in enumerate((i, j)):
-            if one < self.n and math.isfinite(bodies.mass[one]):
-                self.since[one] = time
-                velocity, spin = after.velocity[side], float(after.spin[side])
-                self.x[one, :2] += (self.v[one] - velocity) * time
-                self.angle[one] += (self.w[one] - spin) * time
-                self.v[one], self.w[one] = velocity, spin
-                (x, y, z), angle = self.x[one], self.angle[one]
-                place(self.client, self.ids[one], (x, y), velocity, spin, angle=angle, z=z)
-        return Hit(time + self.dt, self.ids[i], self.ids[j], float(after.P_n), float(after.P_t))
+    # Zero iterations: contacts are found, but nothing acts in them. Warm starting would, by earlier impulses.
+    p.setPhysicsEngineParameter(numSolverIterations=0, warmStartingFactor=0.0, physicsClientId=client)
+    p.stepSimulation(physicsClientId=client)
+    position, velocity, spin, angle = bodies.state(client)
+    x = position[:, :2].copy()
+    ids = [one.body for one in (*bodies.disks, *bodies.walls)]
+    hits = collide_step(
+        x, velocity, spin, float(p.getPhysicsEngineParameters(physicsClientId=client)["fixedTimeStep"]),
+        (lambda a, b: law(ids[a], ids[b])) if callable(law) else law,
+        mass=bodies.mass, radius=bodies.radius, k=bodies.k, angle=angle,
+        walls=[(wall.point, wall.normal) for wall in bodies.walls],
+    )  # fmt: skip
+    for i in sorted(
+        {i for hit in hits for i in hit[1:3] if i < len(bodies.disks) and math.isfinite(bodies.mass[i])}
+    ):
+        z = float(position[i, 2])
+        place(client, ids[i], x[i], velocity[i], float(spin[i]), angle=float(angle[i]), z=z)
+    return [hit._replace(a=ids[hit.a], b=ids[hit.b]) for hit in hits]

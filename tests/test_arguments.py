@@ -265,7 +265,8 @@ IFRDEM: dict[str, dict[str, Any]] = {
               "collisions": [0, 0], "image": np.zeros((2, 2), dtype=int), "wall_collisions": [0, 0],
               "latest_collision": [0.0, 0.0], "last_partner": [-1, -1], "angle": [0.0, 0.0],
               "dissipated": np.zeros((2, 7)), "flow": np.zeros((2, 2)), "asleep": [0, 0]},
-    "Study": {"path": "cooling", "vary": (), "set": (), "seeds": 2, "output": None},
+    "Study": {"path": "cooling", "vary": (), "set": (), "seeds": 2, "coefficients": None,
+              "output": None},
     "Turn": {"kind": "sine", "center": (0.0, 0.0), "rate": 1.0, "amplitude": 1.0, "frequency": 1.0, "phase": 0.0},
     "Turn.angle": {"self": ifrdem.Turn("steady", rate=1.0), "t": 1.0},
     "VelocityCutoff": {"speed": 0.1},
@@ -335,8 +336,13 @@ FIT: dict[str, dict[str, Any]] = {
             "cross_validate": False, "bootstrap": 0, "seed": 1, "progress": lambda _: None},
     "own": {"kind": Elastic, "ranges": {"e_n": (0.0, 1.0)}},
 }  # fmt: skip
+ENGINES: dict[str, dict[str, Any]] = {
+    "collide_step": {"position": np.array([[0.0, 0.0], [2.0, 0.0]]), "velocity": np.zeros((2, 2)), "spin": np.zeros(2),
+                     "dt": 0.1, "law": LAW, "mass": 1.0, "radius": 0.5, "k": 2.0, "lengths": (5.0, 5.0),
+                     "walls": (), "angle": None},
+}  # fmt: skip
 MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
-    theory: THEORY, analysis: ANALYSIS, ifrdem.initial: INITIAL, ifrdem.initial.radii: RADII,
+    ifrdem.engines: ENGINES, theory: THEORY, analysis: ANALYSIS, ifrdem.initial: INITIAL, ifrdem.initial.radii: RADII,
     ifrdem.forces: FORCES, ifrdem.observables: OBSERVABLES, ifrdem.fit: FIT, ifrdem: IFRDEM,
 }  # fmt: skip
 """Module -> public name, or a class's method, -> arguments of one valid call."""

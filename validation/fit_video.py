@@ -1,8 +1,8 @@
 """Video data made by the program at known truth: tracks of coin collisions, and a table of coins before and after.
 
 `python -m ifrdem.validation.fit_video FOLDER` writes tracks.csv (25 collisions of two coins on a table, 1,000
-frames/s), start.csv and rest.csv (12 coins on it: the measured starts and rest positions), and the case table.toml of
-these, which is `coins_from_video`. `... FOLDER ellipses` makes 20 such tables, compares each with 12 runs with drawn
+frames/s; `... FOLDER 200` other numbers), start.csv and rest.csv (12 coins on it: the measured starts and rest
+positions), and the case table.toml of these, which is `coins_from_video`. `... FOLDER ellipses` makes 20 such tables, compares each with 12 runs with drawn
 start and law, and prints the part of the places on the ellipses of `compare`.
 """
 
@@ -18,20 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ifrdem
+from ifrdem import fit
 from ifrdem.case.shipped import find
+from ifrdem.fit import impacts
+from ifrdem.fit.tracks import read as read_tracks
 from ifrdem.runs import compare
 from ifrdem.tools.tables import TableFormat
 
 Array = NDArray[np.float64]
-FITTED = {
-    "e_n": (0.8702, 8.0e-4),
-    "e_t": (-0.8801, 1.7e-3),
-    "mu": (0.2100, 8.2e-4),
-}  # to 25 tracked collisions on a table without friction, with errors
 LAW = ifrdem.IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 TABLE_FRICTION = 0.2
 GRAVITY = 9.81  # [m/s2]
 COIN = ifrdem.coins["1 pta"]
+FILM = 1000.0, 1.0e-4, 25  # frames per second, error of a place [m], collisions
 PLACE, VELOCITY, SPIN = 1.0e-4, 3.0e-3, 0.3  # errors of the start: [m], [m/s], [rad/s]
 MADE = "# SYNTHETIC: made by `python -m ifrdem.validation.fit_video` at e_n = 0.87, e_t = -0.88, mu = 0.21, table mu = 0.2\n"
 
@@ -140,8 +139,19 @@ def rest(places: Sequence[Sequence[float]]) -> list[str]:
     ]
 
 
+def fitted(folder: Path) -> fit.Fitted:
+    """The law fitted to the collisions of the film."""
+    (folder / "tracks.csv").write_text(tracks(*FILM), encoding="utf-8")
+    disk = fit.Disk(mass=COIN.mass, radius=COIN.radius, k=COIN.k)
+    found = impacts.find(read_tracks(folder / "tracks.csv"), disk)
+    (folder / "hits.csv").write_text(impacts.csv(found.pairs), encoding="utf-8")
+    name = "ifr-percussion"
+    return fit.fit(fit.read(folder / "hits.csv"), model=[name], profile=False).laws[name]
+
+
 def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
     """The part of rest places on the 68 and 95 % ellipses, over tables of other starts and errors."""
+    law = fitted(folder)
     found, among, farthest = [], [], []
     for seed in range(1, tables + 1):
         start, places = table(seed)
@@ -152,13 +162,14 @@ def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
         command = [sys.executable, "-m", "ifrdem", "run", str(case), "--quiet", "--no-picture", "--force"]
         subprocess.run([*command, "-o", str(folder / "run")], check=True)
         measured = compare.read(folder / "rest.csv", {"positions": PLACE}, TableFormat())
-        rng = np.random.default_rng(seed)
-        laws = [
-            dict(zip(FITTED, rng.normal(*zip(*FITTED.values(), strict=True)), strict=True))
-            for _ in range(members)
-        ]
         compared = compare.compare(
-            run, measured, laws=laws, errors={"positions": PLACE}, members=members, seed=seed, case=case
+            run,
+            measured,
+            laws=law.draw(members, seed),
+            errors={"positions": PLACE},
+            members=members,
+            seed=seed,
+            case=case,
         )
         found.append(compared.probability)
         each = np.concatenate([compared.members, measured.position[None]])
@@ -182,13 +193,18 @@ def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
 
 
 def main(folder: Path, what: str = "") -> None:
-    """Write the four files, or print the table of ellipses."""
+    """Write the four files, with another number of collisions if `what` is one, or print the table of ellipses."""
     folder.mkdir(parents=True, exist_ok=True)
     if what == "ellipses":
         print(ellipses(folder))
         return
     start, places = table()
-    for name, text in (("tracks", tracks(1000.0, 1.0e-4, 25)), ("start", start), ("rest", places)):
+    fps, noise, number = FILM
+    for name, text in (
+        ("tracks", tracks(fps, noise, int(what or number))),
+        ("start", start),
+        ("rest", places),
+    ):
         (folder / f"{name}.csv").write_text(text, encoding="utf-8")
     case = find("coins_from_video").read_text(encoding="utf-8").split("\n\n", 1)[1]
     case = case.replace("coins_from_video.csv", "start.csv").replace("coins_from_video", "table")

@@ -595,7 +595,8 @@ class StartSection(Section):
     lattice), "impact_scan" (pairs, one disk of each at rest, hit at angles psi), or the name of a trajectory, such as
     "run.h5" (path from the case file), whose box must be the same."""
     frame: Whole | None = field(-1, None)
-    """Frame of the trajectory [whole number]: 0 the first, -1 the last, which it is without this key."""
+    """Frame of the trajectory, dump or extended XYZ [whole number]: 0 the first, -1 the last, which it is without this
+    key."""
     motion: bool = field(True, False)
     """Take velocities and spins from the frame as well [true or false], instead of speed_rms and spin_rms."""
     time: NonNegative | None = field(0.0, None)
@@ -608,11 +609,12 @@ class StartSection(Section):
     """Of an impact scan: speed of the disk that hits [m/s]."""
     file: Name | None = field("start.csv", None)
     """CSV file [text; path from the case file]: a line a disk, in the order of the species, with the columns x, y [m]
-    and, to set velocities too, vx, vy [m/s] and spin [rad/s]."""
+    and, to set velocities too, vx, vy [m/s] and spin [rad/s]. Or a dump of LAMMPS, or extended XYZ, whose rows are put
+    into that order by type and id."""
     columns: dict[str, str] | None = field({"x": "pos x"}, None)
-    """Names of columns in the CSV file, if they differ [table]."""
+    """Names of columns in the file, if they differ [table]."""
     units: dict[str, str] | None = field({"x": "mm"}, None)
-    """Units of columns in the CSV file, if not SI [table], such as mm, cm/s, deg/s, or a factor."""
+    """Units of columns in the file, if not SI [table], such as mm, cm/s, deg/s, or a factor."""
     delimiter: str | None = field(";", None)
     """Character that separates the CSV file's columns [text]."""
     decimal: Literal[".", ","] | None = field(",", None)
@@ -636,7 +638,7 @@ class StartSection(Section):
         if scan and positions != IMPACT_SCAN:
             return [f'{", ".join(scan)}: requires positions = "{IMPACT_SCAN}"']
         if "file" in data:
-            return exclusive_with(data, "file", "positions", "frame", "motion")
+            return exclusive_with(data, "file", "positions", "motion")
         of_file = [key for key in ("columns", "units", "delimiter", "decimal", "relax") if key in data]
         return [f"{', '.join(of_file)}: requires file"] * bool(of_file and file is None)
 

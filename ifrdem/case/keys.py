@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from ..tools.checked import LEAST, MOST, Each, Integer, Number
+from ..tools.toml import toml
 from ..trajectory.descriptions import REDUCED
 from .case import CaseSections
 from .messages import common_base, kind_of, models_in
 from .section import Section
-from .template import toml
 
 _PLAIN = {float: "number", int: "integer", str: "text", bool: "true or false"}
 _UNIT = re.compile(r" ?\[((?:1|m|s|kg|rad|Pa|J|N|W|degrees|minutes)(?:[/^][\w^]+)*)\]")

@@ -6,10 +6,13 @@ The sections of laws by name are made of what their classes say (`CollisionLaw.k
 from __future__ import annotations
 
 import functools
+import itertools
 import operator
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import AfterValidator, ConfigDict, Discriminator, Tag, create_model
 from pydantic.fields import FieldInfo
 
@@ -19,7 +22,7 @@ from ..model.laws.coin_table import coins
 from ..model.laws.ifr import REQUIRED_COEFFICIENTS, IFRLaw
 from ..model.laws.law import CollisionLaw, Key
 from ..model.laws.records import LAWS
-from ..tools.values import Number
+from ..tools.values import Number, Positive
 from .section import Name, Section, exclusive_with, field, refusal
 
 
@@ -59,19 +62,88 @@ def _known_coin(name: str) -> str:
 CoinName = Annotated[Name, AfterValidator(_known_coin)]
 
 
+Correlation = Annotated[float, Number(-1.0, 1.0, "a number from -1 to 1")]
+_ROUNDED = 1e-4
+"""Most that rounded correlations may be beyond those of a covariance matrix."""
+
+
 class LawSection(Section):
     """Coefficients of a law of collisions."""
 
     kind_key: ClassVar[str] = "law"
 
+    errors: dict[str, Positive] | None = field({"e_n": 0.002, "mu": 0.001}, None)
+    """Standard errors of coefficients [table], such as those of a fit: `ifrdem study --coefficients` draws from them."""
+    correlations: dict[str, dict[str, Correlation]] | None = field({"e_n": {"mu": 0.3}}, None)
+    """Correlations of these errors [table]: correlations.e_n.mu is that of e_n and mu, each pair once; 0 without it."""
+
     if TYPE_CHECKING:
         law: str
+
+    @classmethod
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
+        """Mistakes, errors of what is no coefficient included."""
+        errors, tables = data.get("errors"), data.get("correlations")
+        errors, tables = (each if isinstance(each, dict) else {} for each in (errors, tables))
+        known = _numbers(cls, data)
+        found = super().problems(data) + [
+            f"errors.{name}: is no coefficient{there_are(name, known)}"
+            for name in errors
+            if name not in known
+        ]
+        pairs = [
+            (a, b, value) for a, each in tables.items() if isinstance(each, dict) for b, value in each.items()
+        ]
+        wrong = [
+            f"correlations.{a}.{b}: must be of two coefficients of errors, {', '.join(errors) or 'which are missing'}"
+            for a, b, _ in pairs
+            if a == b or not {a, b} <= {*errors}
+        ]
+        wrong += [
+            f"correlations.{b}.{a}: is given as correlations.{a}.{b}, too"
+            for (a, b, _), (c, d, _) in itertools.combinations(pairs, 2)
+            if (a, b) == (d, c)
+        ]
+        if not wrong and pairs and all(isinstance(value, int | float) for *_, value in pairs):
+            least = float(np.linalg.eigvalsh(_correlation([*errors], tables))[0])
+            if not least > -_ROUNDED:
+                wrong.append("correlations: no covariance matrix has these; they are too large together")
+        return found + wrong
+
+    def coefficient(self, name: str) -> float:
+        """The value of a coefficient."""
+        return float(getattr(self, name))
+
+    @property
+    def covariance(self) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+        """Names (p,) of the coefficients that have errors, and their covariance matrix (p, p)."""
+        errors = self.errors or {}
+        sizes = np.array([*errors.values()])
+        return (*errors,), _correlation([*errors], self.correlations or {}) * np.outer(sizes, sizes)
 
     def made(self, k: float) -> CollisionLaw:
         """The law of disks whose mean shape number is k."""
         named = LAWS[self.law]
         shape = {"k": k} if named.kind.takes_k and named.make is named.kind else {}
         return named.make(**{key: getattr(self, key) for key in named.keys}, **shape)
+
+
+def _numbers(cls: type[Section], data: Mapping[str, Any]) -> list[str]:
+    """Names of the coefficients of a section: numbers of its law, or of a custom law those that are given."""
+    name = data.get("law", IFR_LAWS[0])
+    if isinstance(name, str) and name in LAWS:
+        return [key for key, each in LAWS[name].keys.items() if isinstance(each.allowed, Number)]
+    return [key for key in data if key not in cls.model_fields]
+
+
+def _correlation(names: Sequence[str], tables: Mapping[str, Mapping[str, float]]) -> NDArray[np.float64]:
+    """The correlation matrix (p, p) of names."""
+    found = np.eye(len(names))
+    for a, each in tables.items():
+        for b, value in each.items():
+            i, j = names.index(a), names.index(b)
+            found[i, j] = found[j, i] = value
+    return found
 
 
 class MaterialSection(LawSection):
@@ -137,7 +209,7 @@ class IFRMaterial(MaterialSection):
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Mistakes: coefficients given with a coin, or missing without one."""
         missing = [key for key in REQUIRED_COEFFICIENTS if key not in data and "coin" not in data]
-        problems = exclusive_with(data, "coin", *REQUIRED_COEFFICIENTS)
+        problems = super().problems(data) + exclusive_with(data, "coin", *REQUIRED_COEFFICIENTS, "errors")
         return [*problems, f"missing: {', '.join(missing)}, or coin"] if missing else problems
 
     def made(self, k: float) -> IFRLaw:

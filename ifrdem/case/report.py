@@ -37,6 +37,7 @@ from .estimate import (
     step_seconds,
 )
 from .gas import CaseGas
+from .laws_section import LawSection, MaterialSection, PairSection
 from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 from .summary import COMPILING, REFUSED_HERE, clock, no_path, refuse_cadences, refused_here, size
@@ -184,9 +185,12 @@ def _laws(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         text = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
         if is_sampled(type(law)):
             text = f"custom, tried on {PAIRS} random pairs"
+        section = _section(gas.case, verdict.key)
+        errors = {} if section is None else section.errors or {}
         values = (
-            f"{key} = {value}" if isinstance(value, str) else f"{key} = {value:g}"
-            for key, value in _values(gas.case, verdict.key, law).items()
+            f"{key} = {value if isinstance(value, str) else f'{value:g}'}"
+            + (f" +- {errors[key]:g}" if key in errors else "")
+            for key, value in _values(section, law).items()
         )
         text += f" ({', '.join(values)})"
         yield ReportRow(f"law of {verdict.first}, {verdict.second}", text)
@@ -199,12 +203,17 @@ def _laws(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
             yield ReportRow(name, f"{e_n:.4g} at {g_n:.4g}", units.speed)
 
 
-def _values(case: CaseSections, key: str, law: CollisionLaw) -> dict[str, Any]:
-    """Name and arguments of the law that a section gives, "material[0]"."""
-    if found := re.fullmatch(r"(material|pair)\[(\d+)\]", key):
-        section = getattr(case, found[1])[int(found[2])]
-        if section.law not in ARGUMENTS:  # from a file, or another name for a law
-            return {"law": section.law} | section.model_dump(exclude={"name", "materials", "law"})
+def _section(case: CaseSections, key: str) -> LawSection | None:
+    """The section that gives a law, "material[0]"; None of one by the names of coins."""
+    found = re.fullmatch(r"(material|pair)\[(\d+)\]", key)
+    return getattr(case, found[1])[int(found[2])] if found else None
+
+
+def _values(section: LawSection | None, law: CollisionLaw) -> dict[str, Any]:
+    """Name and arguments of a law, as the section that gives it has them."""
+    if section is not None and section.law not in ARGUMENTS:  # from a file, or another name for a law
+        others = {*MaterialSection.model_fields, *PairSection.model_fields, "law"}
+        return {"law": section.law} | section.model_dump(exclude=others)
     return to_record(law)
 
 

@@ -455,7 +455,10 @@ def given_start(
             }
             given = from_trajectory.read(folder / name, start.frame, radius, box, **options)
         else:
-            given = from_csv.read(folder / name, comm.number(len(radius))[1], box, start.form)
+            given = from_csv.read(
+                folder / name, comm.number(len(radius))[1], box, start.form, frame=start.frame,
+                species=[(each.name, each.number) for each in case.species], units=case.run.units,
+            )  # fmt: skip
             given = replace(given, time=start.time or 0.0)
             at: Any = {"time": given.time}
             if start.relax is not None:

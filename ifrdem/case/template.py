@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import textwrap
 import tomllib
@@ -11,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, get_origin
 
 from ..errors import InputError, there_are
+from ..tools.toml import toml
 from .case import CaseSections
 from .messages import common_base, kind_of, models_in
 from .section import Section
@@ -181,15 +181,6 @@ def _comment(text: str, width: int = 100) -> str:
 
 def _behind_hash(text: str) -> str:
     return "".join(line if line.startswith("#") else f"# {line}" for line in text.splitlines(keepends=True))
-
-
-def toml(value: Any) -> str:
-    """A value as TOML: JSON writes texts, lists, numbers, true and false the same way."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {toml(each)}" for key, each in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(toml, value))}]"
-    return json.dumps(value, ensure_ascii=False)
 
 
 def sections(values: Mapping[str, Any]) -> Iterator[str]:

@@ -63,6 +63,7 @@ brackets, as in psi (rad) or vx_1 [cm/s]. For instance:
   ifrdem fit data.csv --M 1.3 --error 0.5 --error psi=1 --picture fit --write-material coins.toml
   ifrdem fit hits.csv --disk-1 1.19e-3,10.5e-3,2 --disk-2 wall --set nx=0 --set ny=-1 --robust
   ifrdem fit data.csv --M 1 --error estimate --model all --design 10
+  ifrdem fit hits.csv hits_walls.csv --write-case gas.toml     a gas with these coefficients and their errors
   ifrdem fit --example > data.csv     writes synthetic data to try it on
 """
 
@@ -139,8 +140,8 @@ class FitOptions:
             str,
             "E",
             "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal "
-            "[rad]; estimate (default): missing ones from the residuals; repeatable. Columns such as "
-            "delta_2_error take precedence",
+            "[rad], before; 0: exact, of collisions; estimate (default): missing ones from the residuals; repeatable. "
+            "Columns such as delta_2_error take precedence",
         ),
     ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
@@ -186,16 +187,19 @@ class FileOptions:
     """CSV file for --draw (default: draws.csv)"""
     write_material: Annotated[Path | None, FILE] = None
     """a [[material]] table for case files (TOML)"""
+    write_case: Annotated[Path | None, FILE] = None
+    """a case (TOML): species, materials, pairs, walls, with errors of coefficients for `ifrdem study --coefficients`"""
     material_name: Annotated[str | None, Parameter(metavar="NAME")] = None
-    """its name (default: that of the data file)"""
+    """its name, or that of unnamed disks of a case (default: that of the data file)"""
 
 
 def fit(
-    data: Annotated[
-        str | None, Parameter(name="DATA", help="a CSV file of measured impacts, see above")
-    ] = None,
-    /,
-    *,
+    *data: Annotated[
+        str,
+        Parameter(
+            name="DATA", help="a CSV file of measured impacts, see above; several: of disks and of walls"
+        ),
+    ],
     example: Annotated[bool, flag("print a synthetic CSV file and do nothing else")] = False,
     disks: DiskOptions = DiskOptions(),
     table: TableOptions = TableOptions(),
@@ -209,16 +213,16 @@ def fit(
     with errors in every value, intervals by profile likelihood, laws compared. Prints a table.
     """
     if example:
-        if data is not None:
+        if data:
             raise InputError(
-                f"--example prints its data and reads none: `ifrdem fit --example > {data}` writes them"
+                f"--example prints its data and reads none: `ifrdem fit --example > {data[0]}` writes them"
             )
         from ..fit.data import example as synthetic
 
         echo(synthetic().rstrip("\n"))
         return 0
     problems = OptionProblems()
-    if data is None:
+    if not data:
         problems.append("DATA is missing: give a CSV file; `ifrdem fit --example` prints one")
     pair = _disks(disks, options.rolling, problems)
     both = _collision_disks(disks, problems)
@@ -234,11 +238,11 @@ def fit(
         problems.append("--seed requires --bootstrap or --draw")
     if files.draws is not None and not drawn:
         problems.append("--draws requires --draw")
-    if files.material_name is not None and files.write_material is None:
-        problems.append("--material-name requires --write-material")
-    source = Path(data or "data.csv")
-    name = source.stem if files.material_name is None else files.material_name
-    if files.write_material is not None and not 1 <= len(name) <= 100:
+    if files.material_name is not None and files.write_material is None and files.write_case is None:
+        problems.append("--material-name requires --write-material or --write-case")
+    sources = [Path(each) for each in data]
+    name = (sources or [Path("data.csv")])[0].stem if files.material_name is None else files.material_name
+    if (files.write_material or files.write_case) is not None and not 1 <= len(name) <= 100:
         problems.append(f"--material-name {name!r}: must have 1 to 100 characters")
     stem = problems.parse("", _picture_stem, "--picture", files.picture)
     parts_of_picture = ("", "_corner", "_speeds")
@@ -247,7 +251,8 @@ def fit(
     record, material = files.json, files.write_material
     sample = (files.draws or Path("draws.csv")) if drawn else None
     written = [each for each in (record, *pictures, material, sample) if each is not None]
-    _check_files(written, source, force, problems)
+    of_all = [] if files.write_case is None else [files.write_case]
+    _check_files([*written, *of_all], sources, force, problems)
     problems.end()
 
     from ..fit import laws as of_laws
@@ -256,18 +261,19 @@ def fit(
     kinds = list(options.model or (of_laws.IFR if options.law is None else ()))
     own = [] if options.law is None else [of_laws.own_from_file(options.law, ranges)]
     of_laws.chosen(kinds, fixed, own)  # refuses names before the file is read
-    measured = read(source, errors, form=form, min_quality=options.min_quality, **both)
-    if not isinstance(measured, Data) and pair:
-        raise InputError(
-            f"{', '.join(map(_dashed, pair))}: of tables of angles; collisions need --disk-1 and --disk-2"
-        )
-    if isinstance(measured, Data) and "M" not in pair:
-        raise InputError(
-            "--M is missing: give the mass ratio m_1 / m_2, 0 for a wall, or --pair with two coins of the paper"
-        )
+    tables = [read(each, errors, form=form, min_quality=options.min_quality, **both) for each in sources]
+    for measured in tables:
+        if not isinstance(measured, Data) and pair:
+            raise InputError(
+                f"{', '.join(map(_dashed, pair))}: of tables of angles; collisions need --disk-1 and --disk-2"
+            )
+        if isinstance(measured, Data) and "M" not in pair:
+            raise InputError(
+                "--M is missing: give the mass ratio m_1 / m_2, 0 for a wall, or --pair with two coins of the paper"
+            )
     from ..fit import maximum, report  # import SciPy, which is slow
 
-    parts = _parts(measured, options.kind, written)
+    parts = _parts(tables, options.kind, written)
     progress = _progress(len(parts))
     every = [maximum.fit(
         part, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
@@ -305,30 +311,37 @@ def fit(
             complain(str(error))
             status = FAILED
             written.remove(material)
+    for path in of_all:
+        from ..case import fitted
+
+        try:
+            write_text(path, fitted.text_of(every, name, path.stem))
+            written.append(path)
+        except InputError as error:
+            complain(str(error))
+            status = FAILED
     if written:
         note(f"\nwrote {', '.join(map(str, written))}")
     return status
 
 
-def _parts(measured: Any, kind: int | None, written: Sequence[Path]) -> list[Any]:
-    """The tables to fit: one for each pair of kinds of disks, or by `kind` one of them or all together."""
+def _parts(tables: Sequence[Any], kind: int | None, written: Sequence[Path]) -> list[Any]:
+    """The tables to fit: one for each pair of kinds of disks, or by `kind` one of them, or all of a file together."""
     from ..fit.data import Data
 
-    if isinstance(measured, Data):
-        if kind is not None:
-            raise InputError("--kind: cannot be combined with a table of angles")
-        return [measured]
-    if kind == 0:
-        return [measured]
-    parts: list[Any] = measured.kinds()
-    if kind is not None:
+    if kind is not None and any(isinstance(each, Data) for each in tables):
+        raise InputError("--kind: cannot be combined with a table of angles")
+    parts: list[Any] = [
+        part for each in tables for part in ([each] if kind == 0 or isinstance(each, Data) else each.kinds())
+    ]
+    if kind:
         if kind > len(parts):
             raise InputError(f"--kind {kind}: must be an integer from 0 to {len(parts)}")
         return [parts[kind - 1]]
     if len(parts) > 1 and written:
         raise InputError(
             f"{written[0]}: there are {len(parts)} pairs of kinds of disks; choose one by --kind 1 to {len(parts)}, or "
-            "fit all together by --kind 0"
+            "fit all of a file together by --kind 0"
         )
     return parts
 
@@ -345,9 +358,9 @@ def _progress(fits: int) -> Callable[[int], Callable[[float], None]]:
     return of
 
 
-def _check_files(paths: Sequence[Path], data: Path, force: bool, problems: OptionProblems) -> None:
+def _check_files(paths: Sequence[Path], data: Sequence[Path], force: bool, problems: OptionProblems) -> None:
     """Note reasons why files cannot be written."""
-    problems += [f"output {path}: is the data file" for path in paths if path == data]
+    problems += [f"output {path}: is the data file" for path in paths if path in data]
     problems += [f"output {path}: is given twice" for path in dict.fromkeys(paths) if paths.count(path) > 1]
     try:
         check_files(paths, force=force, elsewhere="another name keeps it")
@@ -474,9 +487,10 @@ def form_of(table: TableOptions, problems: OptionProblems, known: list[str] | No
 
 def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
     """Standard errors by column, by group, of all angles, or to be estimated."""
-    from ..fit.data import COLLISION_COLUMNS, COLUMNS, GROUPS
+    from ..fit.data import BEFORE, COLLISION_COLUMNS, COLUMNS, DIRECTION, GROUPS
 
-    names = (*COLUMNS, *COLLISION_COLUMNS, *GROUPS, "normal")
+    names = (*COLUMNS, *COLLISION_COLUMNS, *GROUPS, DIRECTION, BEFORE)
+    exact = {*names} - {*COLUMNS, "angles"}
     found: dict[str, float] = {}
     for text in texts:
         name, equals, value = text.rpartition("=")
@@ -490,7 +504,11 @@ def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
         if name in found:
             problems.append(f"--error {text}: given twice")
         found[name] = problems.parse(
-            1.0, of_text, f"--error {name} =" if equals else "--error", value, Positive
+            1.0,
+            of_text,
+            f"--error {name} =" if equals else "--error",
+            value,
+            NonNegative if name in exact else Positive,
         )
     return found
 
@@ -600,7 +618,7 @@ def collisions(
         )
     path = Path(output) if output is not None else source.with_name(f"{source.stem}_collisions.csv")
     of_walls, report = (path.with_name(f"{path.stem}_{end}.csv") for end in ("walls", "report"))
-    _check_files([path, report, *([of_walls] if wall or walls else [])], source, force, problems)
+    _check_files([path, report, *([of_walls] if wall or walls else [])], [source], force, problems)
     problems.end()
 
     from ..fit import impacts
@@ -839,7 +857,7 @@ def compare(
     stem = problems.parse("", _picture_stem, "--picture", picture)
     pictures = [Path(f"{stem}.png"), Path(f"{stem}.pdf")] if stem else []
     paths = [] if output is None else [Path(output)]
-    _check_files([*pictures, *paths], Path(measured), force, problems)
+    _check_files([*pictures, *paths], [Path(measured)], force, problems)
     problems.end()
 
     from ..case import shipped

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from .. import mpi
 from ..errors import InputError, Stopped, TrajectoryError, refuse
 from ..tools.files import check_files, write_bytes, write_text
-from ..tools.values import Count, Integer, Number
+from ..tools.values import Count, Integer, Number, Several
 from .console import FAILED, UNFINISHED, complain, echo, note, ranks, warn
 from .options import (
     Case,
@@ -197,6 +197,14 @@ def study(
     seeds: Annotated[
         str | None, option(str, "N", "number of seeds, or a list such as 1,2,5 (default: 1)")
     ] = None,
+    coefficients: Annotated[
+        int | None,
+        option(
+            Several,
+            "N",
+            "run N sets of coefficients, drawn from the errors that materials and pairs of the case have",
+        ),
+    ] = None,
     set: Set = None,
     output: Annotated[
         str | None,
@@ -241,7 +249,7 @@ def study(
     """
     from ..study.study import Study
 
-    it = Study(file, vary=vary or [], set=set or [], seeds=seeds, output=output)
+    it = Study(file, vary=vary or [], set=set or [], seeds=seeds, coefficients=coefficients, output=output)
     warnings = it.check(keep_going=keep_going, workers=workers, scheduler=scheduler)
     for line in it.summary(workers, scheduler):
         (echo if dry_run else note)(line)

@@ -51,6 +51,10 @@ MOTION = ("vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")
 AFTER = tuple(f"{name}_after" for name in MOTION)
 CENTRES = ("x_1", "y_1", "x_2", "y_2")
 NORMAL = ("nx", "ny")
+DIRECTION = "normal"
+"""The normal as one quantity, whose errors are in radians."""
+BEFORE = "before"
+"""All of the motion before, which may be exact."""
 _DISKS = ("mass_1", "radius_1", "k_1", "mass_2", "radius_2", "k_2")
 _KINDS: Mapping[str, str] = {
     **dict.fromkeys(CENTRES, "length"),
@@ -417,8 +421,9 @@ def read(
         The file.
     errors : mapping of str to float, optional
         Errors of whole columns, by their names or those of `GROUPS`; "normal" [rad] for that of nx, ny. NaN
-        for one to be estimated from the residuals, "rest" for all columns that have none. A column of errors
-        comes first, then the error by name, then that of the group.
+        for one to be estimated from the residuals, 0 for values that are exact (of collisions), "before" for the whole
+        motion before, "rest" for all columns that have none. A column of errors comes first, then the error by name,
+        then that of the group.
     disk_1, disk_2 : Disk, optional
         Of whole collisions, unless columns mass_1, radius_1, k_1, ... give them.
     form : TableFormat, optional
@@ -440,6 +445,7 @@ def read(
         kinds[f"material_{i}"] = "text"
         spellings |= dict.fromkeys((f"material{i}", f"species{i}"), f"material_{i}")
     moving = ("normal", *MOTION, *AFTER)
+    kinds[DIRECTION], spellings[DIRECTION] = "direction", DIRECTION
     covariances = {f"{tables.COVARIANCE}{a}:{b}": (a, b) for a in moving for b in moving if a != b}
     kinds |= dict.fromkeys(covariances, "number")
     spellings |= {tables.plain(name): name for name in covariances}
@@ -536,7 +542,8 @@ def _given_errors(
     problems: list[Problem] = []
     for name in quantities:
         groups = [group for group, names in GROUPS.items() if name in names]
-        by = [each for each in (name, *(["normal"] if name in NORMAL else []), *groups) if each in errors]
+        wider = [DIRECTION] * (name in NORMAL) + [BEFORE] * (name in MOTION)
+        by = [each for each in (name, *wider, *groups) if each in errors]
         if f"{name}_error" in columns:
             given[name] = columns[f"{name}_error"]
             gaps = np.isnan(given[name]) & ~np.isnan(columns[name])
@@ -544,6 +551,8 @@ def _given_errors(
                 problems.append(
                     Problem(f"{name}_error", None, f"missing for {int(gaps.sum())} values of {name}")
                 )
+        elif name in NORMAL and f"{DIRECTION}_error" in columns:
+            given[DIRECTION] = columns[f"{DIRECTION}_error"]
         elif name in form.known:
             given[name] = np.zeros(n)
         elif by:
@@ -555,7 +564,8 @@ def _given_errors(
     problems += [
         Problem("errors", None, f"the file has no column {name}{there_are(name, quantities)}")
         for name in errors
-        if name not in quantities and not set(quantities) & set({**GROUPS, "normal": NORMAL}.get(name, ()))
+        if name not in quantities
+        and not set(quantities) & set({**GROUPS, DIRECTION: NORMAL, BEFORE: MOTION}.get(name, ()))
     ]
     return given, problems
 

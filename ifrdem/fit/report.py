@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import InputError, option_name
 from ..model.laws.files import source_of
 from ..tools.checked import Count, Seed, validated
+from ..tools.toml import toml
 from .data import Data
 from .model import MEASURED
 from .result import Fit, Fitted, Interval
@@ -304,19 +305,29 @@ def material(fit: Fit, name: str) -> str:
     '# Fitted to 18 impacts of data.csv (delta_1, delta_2) by `ifrdem fit`; M = 1, k_1 = 2, k_2 = 2.'
     """
     fitted = fit.laws[fit.best]
-    if not fitted.law.kind.name_in_cases and source_of(fitted.law.kind) is None:
-        raise InputError(
-            f"no material is written: a case knows laws by name or file, and {fit.best}, which fits best, has neither; "
-            f"{option_name('--model', 'model')} chooses"
-        )
-    if fitted.law.depends_on_speed:
-        raise InputError(
-            f'no material is written: no case has the law {fit.best}; law = "viscoelastic" requires A and Y, and '
-            f"impacts give only a combination of both; {option_name('--model', 'model')} chooses another law"
+    if reason := not_in_cases(fitted):
+        raise InputError(f"no material is written{reason}")
+    heading = ["[[material]]", f"name = {json.dumps(name, ensure_ascii=False)}"]
+    return "\n".join((*origin(fit, fitted), *law_lines(heading, fitted))) + "\n"
+
+
+def not_in_cases(fitted: Fitted) -> str:
+    """Clause on why no case takes a fitted law; empty if one does."""
+    law, choose = fitted.law, option_name("--model", "model")
+    if not law.kind.name_in_cases and source_of(law.kind) is None:
+        return f": a case knows laws by name or file, and {law.name}, which fits best, has neither; {choose} chooses"
+    if law.depends_on_speed:
+        return (
+            f': no case has the law {law.name}; law = "viscoelastic" requires A and Y, and impacts give only a '
+            f"combination of both; {choose} chooses another law"
         )
     verdict = fitted.admissibility
-    if verdict is not None and not verdict.admissible:
-        raise InputError(f"no material is written, because a case would refuse it: {verdict.message}")
+    refused = verdict is not None and not verdict.admissible
+    return f", because a case would refuse it: {verdict.message}" if verdict is not None and refused else ""
+
+
+def origin(fit: Fit, fitted: Fitted) -> list[str]:
+    """Comments of a case on where the coefficients of a law come from."""
     chosen = (
         "preferred by the data"
         if fit.decided
@@ -324,24 +335,25 @@ def material(fit: Fit, name: str) -> str:
     )
     if len(fit.laws) == 1:
         chosen = "as requested"
+    elif fitted is not fit.laws[fit.best]:
+        chosen = f"not the best, which is {fit.best}: all pairs of a case have laws of one class"
     tested = f", probability {fitted.probability:.3g}" if math.isfinite(fitted.probability) else ""
     disks = "; ".join(_disks(fit))
-    lines = [
+    return [
         f"# Fitted to {len(fit.data)} impacts of {fit.data.source} ({', '.join(fit.data.names)}) by "
         f"`ifrdem fit`; {disks}.",
-        f"# {fit.best}, {chosen}. chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}.",
+        f"# {fitted.law.name}, {chosen}. chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}.",
         *(f"# Warning: {each}" for each in fitted.warnings),
-        *_material(name, fitted),
     ]
-    return "\n".join(lines) + "\n"
 
 
-def _material(name: str, fitted: Fitted) -> list[str]:
+def law_lines(heading: Sequence[str], fitted: Fitted) -> list[str]:
+    """Lines of a material or pair of a case, behind its heading: law, coefficients, their errors and correlations."""
     law = [f'law = "{fitted.law.kind.name_in_cases}"'] * (fitted.law.sticking is None)
     if (source := source_of(fitted.law.kind)) is not None:
         reference = f"{os.path.relpath(source.path).replace(os.sep, '/')}:{source.name}"
         law = [f"law = {json.dumps(reference)}  # path from the case file, which runs its code"]
-    lines = ["[[material]]", f"name = {json.dumps(name, ensure_ascii=False)}", *law]
+    lines = [*heading, *law]
     for key, number in fitted.coefficients.items():
         if key == "rho" and number == 0.0:
             continue
@@ -352,7 +364,16 @@ def _material(name: str, fitted: Fitted) -> list[str]:
             each = fitted.estimates[key]
             about = f"interval {_short(each.interval.low)} to {_short(each.interval.high)}"
         lines.append(f"{key} = {value!r}  # {unit}, {about}")
-    return lines if law else [*lines, f'sticking = "{fitted.law.sticking}"']
+    lines += [] if law else [f'sticking = "{fitted.law.sticking}"']
+    names = fitted.law.free
+    if not np.isfinite(fitted.covariance).all():
+        return [*lines, f"# no errors: {', '.join(fitted.flat) or 'the coefficients'} are not determined"]
+    each_error = {name: float(f"{fitted.estimates[name].standard_error:.3g}") for name in names}
+    lines.append(f"errors = {toml(each_error)}")
+    pairs: dict[str, dict[str, float]] = {}
+    for i, j in combinations(range(len(names)), 2):
+        pairs.setdefault(names[i], {})[names[j]] = float(round(fitted.correlation[i, j], 4))
+    return [*lines, f"correlations = {toml(pairs)}"] if pairs else lines
 
 
 @validated

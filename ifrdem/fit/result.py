@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,7 +16,7 @@ from .data import Collisions, Data
 from .laws import Law, ifr_law
 from .likelihood import Array
 from .missing import helpful
-from .model import MEASURED, FitProblem, Pair
+from .model import MEASURED, CollisionProblem, FitProblem, Pair
 from .trends import Trends
 
 CONFIDENCE = 0.95
@@ -261,7 +261,7 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
 
     `others` are coefficients (p,) and loss of solutions outside of the intervals, the best one first.
     """
-    found = _outliers(fitted, robust) + _trends(fitted) + _poor_errors(fitted)
+    found = (_systematic(fitted) or _outliers(fitted, robust)) + _trends(fitted) + _poor_errors(fitted)
     if is_dominated(fitted.distance, robust):
         text = f"{100.0 * float(np.max(fitted.distance)) / fitted.chi2:.3g} % of chi2 is that of one impact"
         found.append(f"{text}: intervals are from the standard errors, and mean little")
@@ -401,6 +401,65 @@ def _trends(fitted: Fitted) -> list[str]:
             "columns material_1 and material_2: each pair is then fitted separately"
         )
     return found
+
+
+_NO_CHANCE = 1e-6  # p-value of residuals that errors of measurement do not have
+_FEWEST = 20  # impacts, for residuals to show a course
+_ROUNDING = 1e-9  # of the motion, below which residuals are
+
+
+def _series(fitted: Fitted) -> Iterator[tuple[str, Array]]:
+    """Residuals in the order of |psi|, (n,) each: of collisions along the normal and along the slip, whatever the frame."""
+    problem, order = fitted.problem, np.argsort(np.abs(fitted.x[:, 0]), kind="stable")
+    raw, size = fitted.residuals * problem.s, np.nan_to_num(np.abs(problem.y))
+    if not isinstance(problem, CollisionProblem):
+        yield from zip(problem.names, raw[order].T, strict=True)
+        return
+    side, columns = np.sign(fitted.x[:, 0]), dict(zip(problem.names, raw.T, strict=True))
+    large = dict(zip(problem.names, np.max(size, axis=0), strict=True))
+    phi = problem.y[:, 0]
+    for name, one in columns.items():
+        if name.startswith("vx"):
+            other = columns["vy" + name[2:]]
+            least = _ROUNDING * max(large[name], large["vy" + name[2:]])
+            for what, along in (
+                ("along the normal", (np.cos(phi), np.sin(phi))),
+                ("along the slip", (-side * np.sin(phi), side * np.cos(phi))),
+            ):
+                each = along[0] * one + along[1] * other
+                yield f"v{name[2:]} {what}", np.where(np.abs(each) > least, each, np.nan)[order]
+        elif name.startswith("spin"):
+            yield name, np.where(np.abs(one) > _ROUNDING * large[name], side * one, np.nan)[order]
+
+
+def _systematic(fitted: Fitted) -> list[str]:
+    """A warning if residuals follow the angle of incidence, as errors of measurement never do.
+
+    Signs of neighbours in the order of psi are alike in half of the cases, whatever the distribution of errors, if
+    these are independent and as often positive as negative. The largest excess of all quantities is tested.
+    """
+    from scipy.special import ndtr
+
+    found = []
+    for name, each in _series(fitted):
+        sign = np.sign(each[np.isfinite(each) & (each != 0.0)])
+        if len(sign) >= _FEWEST:
+            alike = sign[1:] * sign[:-1]
+            found.append((float(np.sum(alike) / np.sqrt(len(alike))), name, float(np.mean(alike > 0.0))))
+    if not found:
+        return []
+    z, name, part = max(found)
+    p = len(found) * float(ndtr(-z))
+    if not p < _NO_CHANCE:
+        return []
+    exact = option_name("--error before=0 --error normal=0", "errors = {'before': 0, 'normal': 0}")
+    text = (
+        f"residuals of {name} follow psi: neighbours have one sign in {100.0 * part:.0f} % of cases (p = {p:.1g}): these are "
+        "no errors of measurement, the law does not hold, and standard errors, intervals and suspicious lines mean nothing"
+    )
+    more = f"; of impacts computed by a program give {exact}" if fitted.errors else ""
+    models = option_name("--model all", "model = ['all']")
+    return [f"{text}; {models} compares laws{more}"]
 
 
 _POOR = 0.5  # standard error of the logarithm of an error

@@ -20,6 +20,7 @@ from ..quantities import FIELDS
 from ..tools import tables, text_file
 from ..tools.checked import Array
 from ..tools.tables import TableFormat
+from . import other_formats
 
 POSITION = ("x", "y")
 MOTION = ("vx", "vy", "spin")
@@ -60,8 +61,17 @@ class StartData:
         return at_displacements(walls, *self.pistons.T.tolist())
 
 
-def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = None) -> StartData:
-    """Read a start file.
+def read(
+    path: Path,
+    n: int,
+    box: Box | None = None,
+    form: TableFormat | None = None,
+    *,
+    species: other_formats.Species = (),
+    frame: int | None = None,
+    units: str = "",
+) -> StartData:
+    """Read a start file: CSV, or a frame of a dump of LAMMPS or of extended XYZ (`other_formats`).
 
     The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and spin
     [rad/time], in any order, each with a column NAME_error if wished; units in brackets, such as x (mm), are
@@ -71,15 +81,29 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
     lines that begin with #, are skipped. InputError with a line for each thing that is wrong: a column, a value (by
     line and column), the number of disks.
 
+    `species` are names and numbers of the species, `frame` the number of a frame, -1 (the last) without it, and `units`
+    those of the case; CSV needs none of these.
+
     There must be `n` disks, in the `box` (lower sides included), if there is one. Of ranks of MPI, each reads all
     lines, and keeps the values of its slice (`Communicator`); all raise the same.
     """
-    _refuse_other_formats(path)
+    head = [line for line, _ in zip(text_file.lines(path, most=MOST_BYTES), range(2), strict=False)]
+    kind = other_formats.format_of(head)
+    if not kind and frame is not None:
+        raise InputError(
+            f"frame = {frame}: is of dumps of LAMMPS, extended XYZ and trajectories; this is CSV"
+        )
     try:
-        table = tables.read(
-            path, KINDS, {tables.plain(key): name for name in KINDS for key in (name, EXPORTED.get(name, name))},
-            form or TableFormat(), most=MOST_BYTES, most_problems=MOST_REPORTED, gaps=False, n=n, setting=_key,
-        )  # fmt: skip
+        if kind:
+            table = other_formats.read(
+                path, kind, n, species or [("", n)], box, form or TableFormat(),
+                frame=-1 if frame is None else frame, most=MOST_BYTES, units=units,
+            )  # fmt: skip
+        else:
+            table = tables.read(
+                path, KINDS, {tables.plain(key): name for name in KINDS for key in (name, EXPORTED.get(name, name))},
+                form or TableFormat(), most=MOST_BYTES, most_problems=MOST_REPORTED, gaps=False, n=n, setting=_key,
+            )  # fmt: skip
     except InputError as error:
         lines = [line.removeprefix(f"{path}: ") for line in str(error).splitlines()]
         raise InputError("\n".join(lines)) from None
@@ -137,43 +161,6 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
         spin=columns[MOTION[2]] if moving else None,
         errors={name: value for name, value in columns.items() if name.endswith("_error")},
     )
-
-
-_OTHERS = {
-    "x": ("x", "xu", "pos_x"),
-    "y": ("y", "yu", "pos_y"),
-    "vx": ("vx", "velo_x", "vel_x", "velocities_x"),
-    "vy": ("vy", "velo_y", "vel_y", "velocities_y"),
-    "spin": ("omegaz", "omega_z", "angular_velocity_z"),
-}
-"""Columns of a start file, and their names in dumps of LAMMPS and in extended XYZ."""
-
-
-def _refuse_other_formats(path: Path) -> None:
-    """InputError with the columns that are wanted, if a file is a dump of LAMMPS or extended XYZ."""
-    head = [line for line, _ in zip(text_file.lines(path, most=MOST_BYTES), range(20), strict=False)]
-    if head and head[0].startswith("ITEM: TIMESTEP"):
-        what = "a dump of LAMMPS"
-        names = next((line.split()[2:] for line in head if line.startswith("ITEM: ATOMS")), [])
-        kinds, box = "type", "; subtract the lower bounds of the box from x and y"
-    elif len(head) > 1 and head[0].strip().isdigit() and "Properties=" in head[1]:
-        what, names, kinds, box = "extended XYZ", [], "species", ""
-        parts = head[1].split("Properties=")[1].split()[0].strip('"').split(":")
-        for name, _, width in zip(parts[::3], parts[1::3], parts[2::3], strict=False):
-            names += [name] if width == "1" else [f"{name}_{axis}" for axis in "xyz"]
-    else:
-        return
-    wanted = {
-        name: next((other for other in others if other in names), "") for name, others in _OTHERS.items()
-    }
-    mapped = ", ".join(f"{name} from {other}" for name, other in wanted.items() if other)
-    lacking = [name for name, other in wanted.items() if not other]
-    text = f"is {what} with columns {', '.join(names)}: must be CSV; write columns {mapped or 'x, y, vx, vy, spin'}"
-    if mapped and {"x", "y"} & {*lacking}:
-        text += " (it has no x and y: write unscaled ones)"
-    elif mapped and lacking:
-        text += f" (and {', '.join(lacking)}, which it does not have, or no motion at all)"
-    raise InputError(f"{text}, with rows sorted by {kinds}, as the species of the case, and then by id{box}")
 
 
 def _key(key: str, value: str, name: str) -> str:

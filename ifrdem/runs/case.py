@@ -19,6 +19,7 @@ from ..case.section import Section, plain
 from ..errors import InputError, RunWarning, shortened
 from ..simulation.simulation import Simulation
 from ..tools.checked import Positive, validated
+from ..tools.toml import toml
 from ..trajectory.reader import Trajectory
 from .outputs import Outputs
 from .run import run as run_file
@@ -205,7 +206,7 @@ def assignments(changes: Changes) -> Iterator[str]:
         return
     for key, value in changes.items():
         try:
-            yield f"{key}={'' if value is None else template.toml(plain(value))}"
+            yield f"{key}={'' if value is None else toml(plain(value))}"
         except TypeError:  # what JSON does not know
             raise InputError(f"set: {key} = {shortened(value)}: must be a value of a case file") from None
 

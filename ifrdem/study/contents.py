@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import math
 import os
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,8 +19,11 @@ from ..plots.style import written
 from ..tools.intervals import FEW, PERCENT
 from ..tools.versions import described
 from ..trajectory.descriptions import REDUCED
+from .draws import COEFFICIENTS
+from .pooled import is_drawn, parts_of_interval, pooled
 from .results import (
     ADDING,
+    BY_COEFFICIENTS,
     N_EFF,
     PARTS,
     ROWS,
@@ -52,6 +56,7 @@ class PointMean(NamedTuple):
     n_eff: float
     theory: float
     unit: str
+    by_coefficients: float = math.nan
 
 
 def describe(
@@ -61,11 +66,14 @@ def describe(
 
     Numbers of analyses stand first, then temperatures and other series: means over the steady window of each point
     (`averaged`), or from `start` on; of gases without a window values at the end of the runs. With fewer than 10 seeds
-    half the 95 % interval is printed, too. `what` chooses quantities by name. With `csv` it is that table alone, with
+    half the 95 % interval is printed, too. Drawn coefficients are averaged over, with a column of the standard deviation
+    by their errors. `what` chooses quantities by name. With `csv` it is that table alone, with
     every digit. Raises InputError as `Results.read`, or if no row is as late, or there is no such quantity.
     """
     whole = Results.read(path)
     results = averaged(whole, start, option_name("--from", "start ="))
+    if is_drawn(results):
+        results = pooled(results)
     keys = [key for names in results.axes.values() for key in names]
     chosen = [_known(results, each) for each in what]
     theories = {f"{name}_theory" for name in results.quantities}  # they are a column beside what they are of
@@ -83,10 +91,16 @@ def describe(
     head = [f"{path}: {results.attributes.get('title', 'results of a study')}"]
     head.append(f"  written by {described(results.attributes.get('ifrdem'), results.attributes.get('git'))}")
     head.append(f"  seeds  {', '.join(map(str, results.values(SEED)))}")
-    head += [f"  ! {line}" for line in warnings_of(results)]
+    head += [f"  ! {line}" for line in warnings_of(whole)]
     intervals = len(results.values(SEED)) < FEW
     text = f", and half the {PERCENT} interval by Student's t" * intervals
     head += ["", f"  means over seeds with standard errors{text}; {_series(results)}", *_window(whole)]
+    if is_drawn(whole):
+        head.append(
+            _wrapped(
+                f"{whole.attributes.get(COEFFICIENTS, COEFFICIENTS)}; by coefficients: {_of_draws(results)}"
+            )
+        )
     found = [*head, *_printed(keys, lines, intervals=intervals)]
     found += _against_theory(lines, results.attributes.get(VELOCITY_WORDS, ""))
     if nothing:
@@ -96,6 +110,13 @@ def describe(
         text = "not in the table (`ifrdem info FILE NAME`, `ifrdem plot FILE NAME`)"
         found += ["", _wrapped(f"{text}: {', '.join(left_out)}")]
     return printable("\n".join(found))
+
+
+def _of_draws(results: Results) -> str:
+    """Clause on what the standard deviations by coefficients are."""
+    if len(results.values(SEED)) == 1:
+        return f"standard deviation of {parts_of_interval(results)}: several seeds tell the two apart"
+    return "standard deviation of the mean over many seeds, by the errors of coefficients"
 
 
 def _wrapped(text: str) -> str:
@@ -236,6 +257,7 @@ def _lines(results: Results, name: str, *, asked: bool) -> Iterator[PointMean]:
     if parts and name in ADDING and not asked:
         return
     half, theory = half_interval(results, name), theory_of(results, name)
+    spread = results.variables.get(f"{name}{BY_COEFFICIENTS}")
     n_eff = results.variables.get(f"{name}{N_EFF}")
     sizes = [range(len(results.values(dim))) for dim in (*axes, *parts)]
     for at in itertools.product(*sizes):
@@ -262,13 +284,15 @@ def _lines(results: Results, name: str, *, asked: bool) -> Iterator[PointMean]:
             " ".join((name, *labels)), tuple(keys), number(mean.values), number(error.values), number(half),
             int(finite.sum()), float(np.mean(of_runs)),
             number(None if theory is None or theory.dims != mean.dims else theory.values), mean.unit,
+            number(None if spread is None else spread.values),
         )  # fmt: skip
 
 
 def _printed(keys: Sequence[str], lines: Sequence[PointMean], *, intervals: bool) -> Iterator[str]:
     """The table in columns; of n_eff and theory only if a line has some."""
-    of_windows, of_theory = (
-        any(np.isfinite(getattr(line, name)) for line in lines) for name in ("n_eff", "theory")
+    of_windows, of_theory, of_draws = (
+        any(np.isfinite(getattr(line, name)) for line in lines)
+        for name in ("n_eff", "theory", "by_coefficients")
     )
     columns = [
         ("quantity", lambda line: line.quantity),
@@ -276,6 +300,7 @@ def _printed(keys: Sequence[str], lines: Sequence[PointMean], *, intervals: bool
         ("mean", lambda line: f"{line.mean:.6g}"),
         ("error", lambda line: f"{line.error:.6g}"),
         *[(f"{PERCENT} +-", lambda line: f"{line.half:.6g}")] * intervals,
+        *[("by coefficients", lambda line: _or_dash(line.by_coefficients, ".6g"))] * of_draws,
         ("seeds", lambda line: str(line.seeds)),
         *[("n_eff", lambda line: _or_dash(line.n_eff, ".3g"))] * of_windows,
         *[("theory", lambda line: _or_dash(line.theory, ".6g"))] * of_theory,
@@ -295,11 +320,14 @@ def _csv(keys: Sequence[str], lines: Iterable[PointMean]) -> str:
     """The table with every digit, nothing where there is no number."""
     held = io.StringIO()
     writer = csv.writer(held, lineterminator="\n")
+    lines = list(lines)
+    more = ["by_coefficients"] * any(np.isfinite(line.by_coefficients) for line in lines)
     writer.writerow(
-        ("quantity", *keys, "mean", "error", "half_interval_95", "seeds", "n_eff", "theory", "unit")
+        ("quantity", *keys, "mean", "error", "half_interval_95", "seeds", "n_eff", "theory", *more, "unit")
     )
     for line in lines:
-        numbers = (line.mean, line.error, line.half, line.seeds, line.n_eff, line.theory)
+        numbers = [line.mean, line.error, line.half, line.seeds, line.n_eff, line.theory]
+        numbers += [line.by_coefficients] * len(more)
         shown = ["" if each != each else repr(each) for each in numbers]
         writer.writerow((line.quantity, *map(str, line.point), *shown, line.unit))
     return held.getvalue().rstrip("\n")

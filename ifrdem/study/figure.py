@@ -38,7 +38,9 @@ from ..tools.intervals import PERCENT
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
+from .draws import COEFFICIENTS
 from .plan import VARIANT
+from .pooled import half_of_both, is_drawn, is_pooled, parts_of_interval, pooled
 from .results import (
     ADDING,
     PARTS,
@@ -82,6 +84,8 @@ PANEL_SHAPE, HEADS = 0.75, 1.2
 MOST_OF_ANALYSIS = 4
 """Quantities of an analysis that a message lists."""
 MOST_REMARKS = 3
+WIDE = 0.15
+"""Opacity of the band by coefficients and seeds; that by seeds alone lies in it, and is darker."""
 AT_POINTS = "theory at points"
 """Mark of the markers of theory that stand at swept values only."""
 WINDOW_START = "steady window"
@@ -119,7 +123,8 @@ def draw(
     steady window of each point, and has its last row where there is none (`averaged`). Each value of the swept key `by`
     (the first one without it) is a curve, every combination of the others a panel; so is each species, or component, of
     a quantity that has some. From `start` on, in what ends the runs, a series is averaged over its rows, and drawn over
-    a swept key. With `as_map` colours show it over two swept keys, `over` along and `by` upwards (by default the first
+    a swept key. Drawn coefficients are averaged over, with a wide band by their errors and seeds and a narrow one by
+    seeds, unless `over` or `by` is "coefficients". With `as_map` colours show it over two swept keys, `over` along and `by` upwards (by default the first
     two). `xlim` and `ylim` are ends of the axes, None for one that stays; `shown` are the numbers of the panels that
     are drawn, from 1. `size` is the width, and the height if given, of the figure [inches].
 
@@ -127,12 +132,15 @@ def draw(
     """
     from matplotlib.figure import Figure
 
-    swept = list(results.axes)
     name = SHORT.get(what, what)
     if not is_closed():
         results = with_theory(results)
     if start is not None:
         results = _from(results, name, start)
+    whole = results
+    if is_drawn(results) and COEFFICIENTS not in (over, by):
+        results = pooled(results)
+    swept = list(results.axes)
     if f"{name}_mean" not in results.variables:
         known = drawable(results)
         near = nearest(what, [*known, *SHORT])
@@ -148,8 +156,8 @@ def draw(
     if as_map and over is None:
         over = next(iter(swept), None)
     x, curve = _x(results, over, mean.dims), None
-    if x in swept and {*mean.dims} & {*ROWS} and np.isfinite(window_starts(results)).any():
-        results = averaged(results)
+    if x in swept and {*mean.dims} & {*ROWS} and np.isfinite(window_starts(whole)).any():
+        results = pooled(averaged(whole)) if is_pooled(results) else averaged(whole)
         mean = results.variables[f"{name}_mean"]
     split = [*swept, *(dim for dim in mean.dims if dim in PARTS)]
     if left := [dim for dim in split if dim != x]:
@@ -202,6 +210,7 @@ def draw(
                 first, theory_of(results, name) is not None, _seeds(results, name), x not in swept,
                 several=len(panels_at) > 1,
                 velocities=results.attributes.get(VELOCITY_WORDS, "") if name in THEORY else "",
+                both=parts_of_interval(results) if half_of_both(results, name) is not None else "",
             )  # fmt: skip
             upwards = _label(results, name, _power(first))
         for axes in table[-1]:
@@ -386,6 +395,8 @@ def _panel(
         y = along(f"{name}_mean")
         half = half_interval(results, name)
         part = None if half is None else along(results.variables[f"{name}_mean"]._replace(values=half))
+        both = half_of_both(results, name)
+        wide = None if both is None else along(results.variables[f"{name}_mean"]._replace(values=both))
         theory = along(theory_of(results, name) or "")
         own = x in results.variables and results.variables[x].dims == (x,)
         where = results.values(x) if own else along(f"{x}_mean")
@@ -405,6 +416,10 @@ def _panel(
         if rows and {*ROWS} & {*dims} and name not in ADDING:
             _start(axes, results, x, where, panel, colour)
         axes.plot(where, y, lw=1.4, label=label, **look)
+        if wide is not None and rows:
+            axes.fill_between(where, y - wide, y + wide, color=colour, alpha=WIDE, lw=0)
+        elif wide is not None:
+            axes.errorbar(where, y, wide, fmt="none", color=colour, capsize=4, lw=0.8)
         if part is not None and np.isfinite(part).any():
             if rows:
                 axes.fill_between(where, y - part, y + part, color=colour, alpha=0.25, lw=0)
@@ -513,9 +528,25 @@ def _power(axes: Axes) -> int:
 
 
 def _legend(
-    axes: Axes, theory: bool, seeds: str | None, rows: bool, *, several: bool, velocities: str = ""
+    axes: Axes,
+    theory: bool,
+    seeds: str | None,
+    rows: bool,
+    *,
+    several: bool,
+    velocities: str = "",
+    both: str = "",
 ) -> None:
-    """`seeds`: of what the intervals are, as text, if means have some; `velocities`: of the theory."""
+    """`seeds`: of what the intervals are, as text, if means have some; `velocities`: of the theory.
+
+    `both`: of what wide intervals are, by coefficients and seeds.
+    """
+    if both and rows:
+        axes.fill_between([], [], [], color="black", alpha=WIDE, lw=0, label=f"{PERCENT} interval: {both}")
+    elif both:
+        axes.errorbar(
+            [], [], [], fmt="none", color="black", capsize=4, lw=0.8, label=f"{PERCENT} interval: {both}"
+        )
     label = f"{PERCENT} interval of the mean (Student's $t$, {seeds})"
     if seeds is not None and rows:
         axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)

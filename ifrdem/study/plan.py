@@ -30,7 +30,9 @@ from ..errors import InputError, cut, listed, nearest, option_name, shortened
 from ..quantities import LEDGER, OBSERVABLES
 from ..tools import checked, text_file
 from ..tools.checked import Integer, NonNegative
+from ..tools.values import Several
 from ..tools.versions import __version__
+from .draws import COEFFICIENTS, Draws, drawn
 from .task import Task, along
 
 if TYPE_CHECKING:
@@ -70,6 +72,7 @@ RESERVED = {
     "analyses_from",
     "at",
     VARIANT,
+    COEFFICIENTS,
 }
 """Names that a swept key cannot have in the results."""
 CADENCES = (
@@ -135,6 +138,8 @@ set = ["species[0].number=2000", "run.collisions_per_disk=20", "output.histories
 [ensemble]
 # A number of seeds, from run.seed of the case on, or a list: [1, 2, 5].
 seeds = 20
+# Sets of coefficients drawn from the errors that materials and pairs of the case have, as a further axis.
+# coefficients = 20
 
 [output]
 # Rows of the time series after the first, evenly in what ends the run, or "log".
@@ -194,9 +199,10 @@ class Range(_Part):
 
 
 class EnsembleSection(_Part):
-    """Seeds: a number, from run.seed of the case on, or a list."""
+    """Seeds: a number, from run.seed of the case on, or a list; sets of coefficients drawn from their errors."""
 
     seeds: Any = 1
+    coefficients: Several | None = None
 
 
 class StudyOutput(_Part):
@@ -293,7 +299,9 @@ class Axis:
     values: tuple[tuple[Any, ...], ...]
 
     def label(self, i: int) -> str:
-        """ "e_n = 0.8" of position i."""
+        """ "e_n = 0.8" of position i; of drawn coefficients their number."""
+        if self.names[0] == COEFFICIENTS:
+            return f"{COEFFICIENTS} = {self.values[i][0]}"
         pairs = zip(self.names, self.values[i], strict=True)
         return ", ".join(f"{name} = {_text(each)}" for name, each in pairs)
 
@@ -301,7 +309,8 @@ class Axis:
         """The values as overrides of a case, "KEY=VALUE"; none of variants, which are in `Plan.base`."""
         if self.names == (VARIANT,):
             return []
-        return [f"{key}={json.dumps(each)}" for key, each in zip(self.keys, self.values[i], strict=True)]
+        pairs = zip(self.keys, self.values[i], strict=True)
+        return [f"{key}={json.dumps(each)}" for key, each in pairs if key != COEFFICIENTS]
 
 
 class Base(NamedTuple):
@@ -326,6 +335,7 @@ class Plan:
     cluster: ClusterSection
     variants: tuple[Base, ...] = ()  # of the first axis, if there are some
     first: EquilibrateSection | None = None
+    draws: Draws | None = None  # of coefficients, which are the last axis
 
     def base(self, point: tuple[int, ...]) -> Base:
         """The case of a point without its swept keys."""
@@ -515,11 +525,16 @@ def with_labels(labels_of: dict[str, list[str]], count: int) -> list[str]:
 
 
 def read(
-    path: str | Path, *, vary: Sequence[str] = (), set: Sequence[str] = (), seeds: str | int | None = None
+    path: str | Path,
+    *,
+    vary: Sequence[str] = (),
+    set: Sequence[str] = (),
+    seeds: str | int | None = None,
+    coefficients: int | None = None,
 ) -> Plan:
     """The plan of a study file (it names its case by the key `case`), or of a case file and keys to vary.
 
-    `vary` are further axes, "KEY=VALUES" (`axis_of`); `set` and `seeds` are as for `Study`.
+    `vary` are further axes, "KEY=VALUES" (`axis_of`); `set`, `seeds` and `coefficients` are as for `Study`.
 
     Raises InputError with a line for each thing that is wrong with the study itself.
     """
@@ -533,9 +548,20 @@ def read(
         text, raw = case_file.load(path)
     groups = [{key: values} for key, values in study.sweep.items()] + [dict(group) for group in study.zip]
     groups += [axis_of(each) for each in vary]
-    axes = _axes([{key: _values(key, each) for key, each in group.items()} for group in groups])
+    lists = [{key: _values(key, each) for key, each in group.items()} for group in groups]
+    axes = _axes(lists)
     changes = [*study.set, *set]
     main = _base(path, text, raw, changes, study.output)
+    number, draws = study.ensemble.coefficients if coefficients is None else coefficients, None
+    if number is not None:
+        if study.variants:
+            raise InputError(
+                f"{COEFFICIENTS}: cannot be combined with variants; use a study for each of them"
+            )
+        draws = _drawn(main, number)
+        *others, sets = _axes([*lists, {key: [*values] for key, values in _columns(draws)}])
+        numbered = tuple((i, *values) for i, values in enumerate(sets.values))
+        axes = (*others, Axis((COEFFICIENTS, *sets.names), (COEFFICIENTS, *sets.keys), numbered))
     chosen = _seeds(study.ensemble.seeds if seeds is None else seeds, int(_number(raw, "seed")))
     variants = _variants(study, main, changes, folder)
     if variants:
@@ -545,7 +571,7 @@ def read(
             key for key in study.equilibrate.along if key not in {key for axis in axes for key in axis.keys}
         ]
     ):
-        swept = ", ".join(key for axis in axes for key in axis.keys if key != VARIANT)
+        swept = ", ".join(key for axis in axes for key in axis.keys if key not in (VARIANT, COEFFICIENTS))
         raise InputError(
             f"equilibrate.along: {unknown[0]}: must be a swept key{nearest(unknown[0], swept.split(', '))}"
         )
@@ -560,11 +586,33 @@ def read(
         study.cluster,
         variants,
         study.equilibrate,
+        draws,
     )
     runs = math.prod(plan.shape)
     if runs > MOST_RUNS:
         raise InputError(f"{runs} runs: a study can have {MOST_RUNS} at most")
     return plan
+
+
+def _columns(draws: Draws) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """Keys of drawn coefficients, and the values of each."""
+    return zip(draws.keys, zip(*draws.values, strict=True), strict=True)
+
+
+def _drawn(base: Base, number: int) -> Draws:
+    """Coefficients drawn from the errors of a case."""
+
+    def case_with(changes: Sequence[str]) -> CaseSections:
+        return case_file.of_text(base.text, base.path, (*base.overrides, *changes)).case
+
+    def allowed(changes: Sequence[str]) -> bool:
+        try:
+            case_with(changes)
+        except InputError:  # the case itself is in order: coefficients are beyond the limits of a law
+            return False
+        return True
+
+    return drawn(case_with([]), number, allowed)
 
 
 def _base(path: Path, text: str, raw: dict[str, Any], changes: Sequence[str], output: StudyOutput) -> Base:

@@ -38,6 +38,7 @@ from ..trajectory.descriptions import REDUCED
 from ..trajectory.file import new_file
 from ..trajectory.tables import optional_import
 from . import reading
+from .draws import COEFFICIENTS
 from .plan import VARIANT, Plan, with_labels
 from .task import AT, NOTES, WARNINGS, Task, Variable, along, grown, load
 from .windows import SAME_RUN, window_of
@@ -61,7 +62,10 @@ SERIES_FROM = "series_from"
 """Variable of means over rows (`averaged`): where they begin."""
 SHORT = {"T": "temperature", "T_rot": "rotational_temperature", "tau": "collisions_per_disk", "t": "time"}
 """Symbols for names, on the command line and on axes."""
+BY_COEFFICIENTS = "_by_coefficients"
+"""Ending of what errors of coefficients make of the spread (`pooled`)."""
 STATISTICS = {
+    BY_COEFFICIENTS: ": standard deviation by errors of coefficients",
     N_EFF: ": number of independent values with the same error, in the window of a run",
     RUN_ERROR: ": standard error within a run, over its window",
     "_theory": ": kinetic theory",
@@ -76,7 +80,8 @@ TEXTS = {
     "theta": "rotational over translational temperature", "failure": "message of a run that failed",
     "runs": "number of finished runs", "axis": "axes of vectors", "species": "names of the species",
     "component": "components of the pressure tensor", "mechanism": "mechanisms of dissipation",
-    "regime": "regimes of collisions", VARIANT: "variants of the case", START: "where averages over time begin",
+    "regime": "regimes of collisions", VARIANT: "variants of the case",
+    COEFFICIENTS: "drawn sets of coefficients", START: "where averages over time begin",
     SERIES_FROM: "where means over rows begin",
     WARNINGS: "warnings of the analyses of each run", NOTES: "notes of the analyses of each run",
 }  # fmt: skip
@@ -181,7 +186,8 @@ class Results:
         """The attributes of a variable: `units` ("1" for a pure number, none for texts) and `long_name`."""
         one, keys = self.variables[name], json.loads(self.attributes.get("keys", "{}"))
         texts = TEXTS | self.texts
-        text = about(keys[name])[0] if name in keys and name != VARIANT else texts.get(name)
+        of_case = name in keys and name not in (VARIANT, COEFFICIENTS)
+        text = about(keys[name])[0] if of_case else texts.get(name)
         for suffix, statistic in STATISTICS.items():
             if text is None and name.endswith(suffix):
                 stem = name.removesuffix(suffix)
@@ -280,7 +286,7 @@ def collect(
         variables[START] = Variable(swept, starts, unit)
     if np.isfinite(effective).any():
         variables[f"temperature{N_EFF}"] = Variable((*swept, SEED), effective)
-    variables |= _means(
+    variables |= means_over_seeds(
         found, len(swept), [point for point, each in windows.items() if SAME_RUN in each.marks]
     )
     attributes: dict[str, str] = {}
@@ -302,6 +308,7 @@ def collect(
         "path": str(plan.path.resolve()),
         "overrides": "\n".join(plan.overrides),
         **_bases(plan),
+        **({} if plan.draws is None else {COEFFICIENTS: plan.draws.text}),
         "ifrdem": __version__,
         "git": revision(),
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -337,7 +344,7 @@ def _coordinate(values: tuple[Any, ...]) -> NDArray[Any]:
     return np.array(list(texts))
 
 
-def _means(
+def means_over_seeds(
     found: Mapping[str, Variable], over: int, alike: Sequence[tuple[int, ...]] = ()
 ) -> dict[str, Variable]:
     """Each variable, its mean over seeds and the standard error of that, without runs that are missing.
@@ -457,7 +464,10 @@ def _stored_case(results: Results, fixed: Mapping[str, int], *more: str) -> Case
         text, path, changes = json.loads(results.attributes[VARIANTS])[fixed[VARIANT]]
     for dim, i in fixed.items():
         if dim != VARIANT:
-            changes += [f"{keys[one]}={_assigned(results.values(one)[i])}" for one in results.axes[dim]]
+            swept = [
+                one for one in results.axes[dim] if one != COEFFICIENTS
+            ]  # theory is that of the best ones
+            changes += [f"{keys[one]}={_assigned(results.values(one)[i])}" for one in swept]
     return case_file.of_text(text, Path(path), (*changes, *more), stored=True)
 
 
@@ -601,7 +611,7 @@ def averaged(results: Results, start: float | None = None, option: str = "start"
             within[name] = errors
         elif name.endswith("_theory"):
             kept[name] = _over_window(one, row_axis, places, weights)[0]
-    found = kept | _means(series, len(shape), _same_points(results))
+    found = kept | means_over_seeds(series, len(shape), _same_points(results))
     if np.isfinite(starts).any():
         found[SERIES_FROM] = Variable(tuple(results.axes), starts, results.variables[row_axis].unit)
     for name, (error, n_eff) in within.items():

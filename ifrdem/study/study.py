@@ -27,8 +27,10 @@ from ..tools import files
 from ..tools.checked import validated
 from ..tools.files import check_files
 from ..tools.progress import clock_face, quiet
+from ..tools.values import Several
 from . import workers
 from .plan import ClusterSection, Plan, read, weight
+from .pooled import pooled
 from .results import ENDING, RUNS, Results, averaged, collect, warnings_of
 from .task import Task, load
 from .workers import check_jobs
@@ -67,6 +69,9 @@ class Study:
         Overrides of the case: "species[0].number=2000".
     seeds : int or str, optional
         A number of seeds, or a list "1,2,5".
+    coefficients : int, optional
+        A number of sets of coefficients to draw from the errors that materials and pairs of the case have: the
+        dimension `coefficients` of the results.
     output : str or path, optional
         The file of results, NAME.nc; runs are kept in NAME.runs in the same folder. By default the name of the study
         file, or CASE-study.
@@ -100,9 +105,10 @@ class Study:
         vary: Sequence[str] = (),
         set: Sequence[str] = (),
         seeds: int | str | None = None,
+        coefficients: Several | None = None,
         output: str | os.PathLike[str] | None = None,
     ) -> None:
-        self.plan: Plan = read(Path(path), vary=vary, set=set, seeds=seeds)
+        self.plan: Plan = read(Path(path), vary=vary, set=set, seeds=seeds, coefficients=coefficients)
         given = os.fspath(output) if output is not None else self.plan.name + ENDING
         if os.path.isdir(given) or given.endswith(("/", os.sep)):
             given = os.path.join(given, self.plan.name + ENDING)
@@ -271,6 +277,8 @@ class Study:
             face = clock_face(START_SECONDS + self.seconds / n)
             expected = f"some {face} on {n} process{'es' if n > 1 else ''}"
             expected += ", up to a minute more where kernels must be compiled"
+        if plan.draws is not None:
+            lines.append(f"  {'':<22} {plan.draws.text}")
         if self.equilibrations:
             lines.append(f"  equilibrations         {len(self.equilibrations)}, before the runs")
         return [
@@ -474,6 +482,16 @@ class Study:
         Raises InputError as `dataset`, or if no row is as late.
         """
         return averaged(self.results(), start).to_xarray()
+
+    def prediction(self) -> xarray.Dataset:
+        """The results with means over drawn coefficients and seeds, as `dataset`.
+
+        NAME_error is the standard error of NAME_mean over seeds, NAME_by_coefficients the standard deviation that the
+        errors of the coefficients give to it.
+
+        Raises InputError as `dataset`, or if the study draws no coefficients.
+        """
+        return pooled(self.results()).to_xarray()
 
     def _repr_html_(self) -> str:
         """The plan as a table, and the first of the results if there are some, for a notebook."""

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..mpi import distribution
 from .values import is_integer
 
-POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION, HISTORIES = range(7)
+POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION, HISTORIES, COEFFICIENTS = range(8)
 """Purposes of random numbers."""
 PERMUTED_AT_ONCE = 1 << 14
 """Numbers that are permuted together, in the fastest memory of a core."""

@@ -32,11 +32,13 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "spin": {"rad/s": 1.0, "1/s": 1.0, "deg/s": math.radians(1.0), "rpm": math.pi / 30.0, "rev/s": 2.0 * math.pi},
         "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3},
         "mass": {"kg": 1.0, "g": 1e-3},
+        "direction": {"rad": 1.0, "deg": math.radians(1.0), "mrad": 1e-3},
         "number": {"1": 1.0},
         "text": {"1": 1.0},
     }
 )  # fmt: skip
-"""Factor of each unit by the kind of a column: angles become degrees, everything else SI units."""
+"""Factor of each unit by the kind of a column: angles become degrees, everything else SI units. A "direction" may have an
+error alone, because other columns give it."""
 
 ERROR_WORDS = ("error", "err", "sigma", "uncertainty", "std")
 COVARIANCE = "cov:"
@@ -383,7 +385,9 @@ def _header(
     problems += [
         f"line {line}: column '{name}' requires a column '{name.removesuffix('_error')}'"
         for name in names
-        if name.endswith("_error") and name.removesuffix("_error") not in names
+        if name.endswith("_error")
+        and (column := name.removesuffix("_error")) not in names
+        and kinds.get(column) != "direction"
     ]
     problems += [f"{name}: is a column and a known value" for name in form.known if name in names]
     refuse(problems)

@@ -248,5 +248,6 @@ Whole = Annotated[int, Integer(-(2**63), 2**63 - 1)]
 Natural = Annotated[int, Integer(0, 2**63 - 1)]
 Count = Annotated[int, Integer(1)]
 Seed = Annotated[int, Integer(0, 2**64 - 1)]
+Several = Annotated[int, Integer(2, 10_000)]
 """Numbers as public functions, keys of cases and options need them. `Ratio` is a positive pure number, `Part` a part of
-something, `Packed` a packing fraction of theory, `Natural` a whole number of 0 or more."""
+something, `Packed` a packing fraction of theory, `Natural` a whole number of 0 or more, `Several` enough for a spread."""

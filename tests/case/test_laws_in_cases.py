@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
@@ -156,3 +157,44 @@ def test_sections_of_a_named_law_have_the_keys_ranges_and_texts_of_its_class(nam
             text, example = type(section).about(key)
             assert (text.lower(), example) == (each.text.lower(), each.example)
         assert pickle.loads(pickle.dumps(section)) == section
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (["material[0].errors.e_m=0.1"], r"errors\.e_m: is no coefficient \(did you mean 'e_n'\?\)"),
+        (["material[0].errors.e_n=-0.1"], r"errors\.e_n = -0\.1: must be a positive"),
+        (["material[0].correlations.e_n.mu=0.5"], r"correlations\.e_n\.mu: must be of two coefficients of errors, e_n"),
+        (["material[0].correlations.e_n.e_n=1"], r"correlations\.e_n\.e_n: must be of two"),
+        (
+            ["material[0].errors.mu=0.1", "material[0].correlations.e_n.mu=0.5", "material[0].correlations.mu.e_n=0.5"],
+            r"correlations\.mu\.e_n: is given as correlations\.e_n\.mu, too",
+        ),
+        (
+            ["material[0].errors.mu=0.1", "material[0].errors.beta_0=0.1"]
+            + [f"material[0].correlations.{pair}=-0.9" for pair in ("e_n.mu", "e_n.beta_0", "mu.beta_0")],
+            "correlations: no covariance matrix has these",
+        ),
+        (["material[0].errors.mu=0.1", "material[0].correlations.e_n.mu=2"], "must be a number from -1 to 1"),
+    ],
+)  # fmt: skip
+def test_errors_of_coefficients_are_checked(
+    toml: Path, capsys: pytest.CaptureFixture[str], settings: list[str], message: str
+) -> None:
+    sets = [word for each in ("material[0].errors.e_n=0.01", *settings) for word in ("--set", each)]
+    assert cli.main(["check", str(toml), *sets]) == 2
+    assert re.search(message, capsys.readouterr().err)
+
+
+def test_errors_of_coefficients_change_nothing_in_a_run(toml: Path) -> None:
+    changes = [
+        "material[0].errors.e_n=0.01",
+        "material[0].errors.mu=0.01",
+        "material[0].correlations.e_n.mu=0.5",
+    ]
+    states = []
+    for sets in ([], changes):
+        gas = ifrdem.Case.read(toml, set=sets).simulation()
+        gas.run(collisions_per_disk=1)
+        states.append(gas.state.velocity)
+    np.testing.assert_array_equal(*states)

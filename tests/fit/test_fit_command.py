@@ -176,6 +176,8 @@ def test_disks_of_several_kinds_have_one_fit_each(folder: Path, capsys: pytest.C
         (["data.csv", "--M", "1", "--R-1", "1"], ["must be given together"]),
         (["data.csv", "--M", "1", "--error", "delta_3=1"], [r"no column is called 'delta_3' \(did you mean 'delta_"]),
         (["data.csv", "--M", "1", "--error", "0"], ["--error 0: must be"]),
+        (["data.csv", "--M", "1", "--error", "psi=0"], ["--error psi = 0: must be"]),
+        (["data.csv", "--M", "1", "--error", "before=0"], ["the file has no column before"]),
         (["data.csv", "--M", "1", "--error", "1", "--error", "2"], ["--error 2: given twice"]),
         (["data.csv", "--M", "1", "--model", "contact"], [r"model = 'contact': .*did you mean 'ifr-contact'"]),
         (["data.csv", "--M", "1", "--fix", "e_t"], ["--fix e_t: must be NAME=VALUE"]),

@@ -38,3 +38,33 @@ def test_commands_run_one_after_the_other(
     assert "found 25 collisions: 25 of two disks" in shown
     assert "coins slide and spin on their faces with mu g = 1.96" in shown
     assert "of 12 places" in shown
+
+
+@pytest.mark.full
+def test_commands_from_a_film_to_a_gas(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As they stand, of a film of fewer impacts and with fewer and smaller runs; then the block of Python."""
+    monkeypatch.chdir(tmp_path)
+    fit_video.main(tmp_path, "12")
+    for line in block("film to gas").splitlines():
+        _, *arguments = shlex.split(line)
+        if arguments[0] == "study":
+            arguments += [
+                "--workers",
+                "0",
+                "--set",
+                "species[0].number=50",
+                "--set",
+                "run.collisions_per_disk=2",
+            ]
+        assert main(arguments) == 0, line
+    shown = capsys.readouterr().out
+    assert "20 sets of coefficients, Gaussian with the errors of the case" in shown
+    assert Path("gas_T.png").exists()
+    # The study of the block has other cases, of which no run is done: that of the test has its results.
+    code = block("film to gas figure").replace(
+        "seeds=5", "seeds=5, set=['species[0].number=50', 'run.collisions_per_disk=2']"
+    )
+    exec(compile(code, "film-to-gas.md", "exec"), {})
+    assert Path("band.png").exists()
