@@ -15,7 +15,7 @@ from ..kernels.columns import most_disks
 from ..model.box import describe_sides
 from ..model.density import packing_fraction
 from ..model.laws.law import CollisionLaw
-from ..model.laws.records import ARGUMENTS, to_record
+from ..model.laws.records import LAWS, to_record
 from ..model.laws.sampling import PAIRS, is_sampled
 from ..model.walls.wall import Wall
 from ..mpi.distribution import GATHERED
@@ -203,7 +203,8 @@ def _values(case: CaseSections, key: str, law: CollisionLaw) -> dict[str, Any]:
     """Name and arguments of the law that a section gives, "material[0]"."""
     if found := re.fullmatch(r"(material|pair)\[(\d+)\]", key):
         section = getattr(case, found[1])[int(found[2])]
-        if section.law not in ARGUMENTS:  # from a file, or another name for a law
+        named = LAWS.get(section.law)
+        if named is None or named.make is not named.kind:  # from a file, or another name for a law
             return {"law": section.law} | section.model_dump(exclude={"name", "materials", "law"})
     return to_record(law)
 
