@@ -15,7 +15,7 @@ from ..model.laws.coin_table import coins
 from ..model.laws.ifr import EnergyWarning, IFRLaw
 from ..model.laws.law import CollisionLaw
 from .case import CaseSections
-from .laws_section import FileKeys, TableKeys, IFRMaterial, Material, PairOfMaterials
+from .laws_section import FileKeys, IFRMaterial, Material, PairOfMaterials, TableKeys
 from .species import Species
 
 

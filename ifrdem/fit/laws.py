@@ -226,7 +226,12 @@ LAWS: Mapping[str, Law] = MappingProxyType(
             _ifr("ifr-percussion", "IFR, percussion centre (Eq. 15)", STICKING[0]),
             _ifr("ifr-contact", "IFR, contact point (Eq. 12)", STICKING[1]),
             _walton(),
-            _ifr("brach", "Brach: sliding until the slip stops (IFR, contact point, e_t = -1)", STICKING[1], e_t=-1.0),
+            _ifr(
+                "brach",
+                "Brach: sliding until the slip stops (IFR, contact point, e_t = -1)",
+                STICKING[1],
+                e_t=-1.0,
+            ),
             _ifr("smooth", "smooth disks (IFR, e_t = -1, mu = 0)", STICKING[1], e_t=-1.0, mu=0.0),
             _viscoelastic(_ifr("", "", STICKING[0]), "ifr-viscoelastic", "IFR, percussion centre"),
             _viscoelastic(_walton(), "walton-viscoelastic", "Walton"),

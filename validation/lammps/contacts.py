@@ -110,7 +110,9 @@ def fitted(contact: Contact) -> dict[str, CollisionLaw]:
 
         # beta_0 up to 1; more than 0 for e_t adds energy.
         most = 1.0 if law is Walton else -0.5
-        at = least_squares(off, (low + 0.2, MU), bounds=((low, 0.0), (most, 2.0)), x_scale=0.1, diff_step=1e-6)
+        at = least_squares(
+            off, (low + 0.2, MU), bounds=((low, 0.0), (most, 2.0)), x_scale=0.1, diff_step=1e-6
+        )
         return made(at.x)
 
     return {

@@ -19,7 +19,11 @@ SEEDS = range(1, 7)
 DISKS, END = 700, 20.0
 END_VISCOELASTIC = 50.0
 TIMES = np.linspace(0.0, 1.0, 7)[1:] ** 1.5
-WITH_SPEED, CONSTANT, BUILT_IN = "table with e_n(g_n)", "Walton, constant e_n", "viscoelastic, Walton's friction"
+WITH_SPEED, CONSTANT, BUILT_IN = (
+    "table with e_n(g_n)",
+    "Walton, constant e_n",
+    "viscoelastic, Walton's friction",
+)
 LOOK = {WITH_SPEED: COLOURS[TABLE], CONSTANT: COLOURS[PERCUSSION], BUILT_IN: COLOURS[WALTON]}
 SOFTNESS = "contacts last and overlap by 3e-3 diameters, several at once"
 
@@ -46,7 +50,15 @@ def run(quick: bool) -> Result:
     for name, systematic in ((WITH_SPEED, 0.02), (BUILT_IN, 0.03)):
         text = f"viscoelastic contacts: T of the {name} over that of LAMMPS, less 1, after {tau_2[-1]:.0f}"
         more = "" if name == WITH_SPEED else "; one beta_0 for all angles"
-        near(result, text, over(speed, 1 + names.index(name))[:, -1, 0], 0.0, systematic, SOFTNESS + more, LAMMPS)
+        near(
+            result,
+            text,
+            over(speed, 1 + names.index(name))[:, -1, 0],
+            0.0,
+            systematic,
+            SOFTNESS + more,
+            LAMMPS,
+        )
     differs(
         result, f"viscoelastic contacts: T of a constant e_n = {of_speed[CONSTANT].e_n:.3f}, fitted to thermal impacts",
         over(speed, 1 + names.index(CONSTANT))[:, -1, 0], -0.12, 0.05, "LAMMPS; docs/results/lammps.md",
@@ -84,9 +96,15 @@ def _figure(parts: list[Part]) -> Picture:
             axes.plot(tau, mean, label=name, **dashes(looks[name]))
             axes.fill_between(tau, mean - error, mean + error, color=looks[name], alpha=0.2, lw=0.0)
         axes.axhline(0.0, color=style.BLACK, lw=0.7)
-        axes.set(xlabel=r"collisions per disk $\tau$", ylabel=f"{label} over that of LAMMPS $-$ 1 (%)", xlim=(0, tau[-1]))
+        axes.set(
+            xlabel=r"collisions per disk $\tau$",
+            ylabel=f"{label} over that of LAMMPS $-$ 1 (%)",
+            xlim=(0, tau[-1]),
+        )
         axes.legend(loc="best", fontsize=7)
-    for letter, title, axes in zip("abc", ("cooling", "cooling: spins", "viscoelastic contacts"), panels, strict=True):
+    for letter, title, axes in zip(
+        "abc", ("cooling", "cooling: spins", "viscoelastic contacts"), panels, strict=True
+    ):
         axes.set_title(f"({letter}) {title}", loc="left", fontsize=9)
     caption = (
         f"Cooling gases of {DISKS} disks at packing fraction 0.15 under laws of impacts, relative to Hertz-Mindlin "

@@ -35,7 +35,15 @@ def run(quick: bool) -> Result:
     each = {name: over(values, 1 + i) for i, name in enumerate(names)}
     softness = "contacts last and overlap by 3e-3 diameters, several at once"
     near(result, "T of the table over that of LAMMPS, less 1", each[TABLE][:, 0], 0.0, 0.01, softness, source)
-    near(result, "theta of the table over that of LAMMPS, less 1", each[TABLE][:, 1], 0.0, 0.01, softness, source)
+    near(
+        result,
+        "theta of the table over that of LAMMPS, less 1",
+        each[TABLE][:, 1],
+        0.0,
+        0.01,
+        softness,
+        source,
+    )
     text = "theta of Walton's law over that of LAMMPS, less 1"
     near(result, text, each[WALTON][:, 1], 0.0, 0.02, "one beta_0 for all angles", source)
     for name, expected in ((PERCUSSION, 0.10), (CONTACT_POINT, -0.12)):

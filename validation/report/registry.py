@@ -273,5 +273,7 @@ def chosen(names: list[str], quick: bool = False) -> list[str]:
     """
     if not names:
         return [*PAPER]
-    groups = {name: tuple(case for case in has if not (quick and case in LONG)) for name, has in GROUPS.items()}
+    groups = {
+        name: tuple(case for case in has if not (quick and case in LONG)) for name, has in GROUPS.items()
+    }
     return list(dict.fromkeys(case for name in names for case in groups.get(name, (name,))))

@@ -96,7 +96,9 @@ def to_record(law: CollisionLaw) -> dict[str, Any]:
     for name, (kind, arguments) in ARGUMENTS.items():
         if type(law) is kind:
             values = {key: getattr(law, key) for key in arguments}
-            return {"law": name} | {key: getattr(each, "tolist", lambda each=each: each)() for key, each in values.items()}
+            return {"law": name} | {
+                key: getattr(each, "tolist", lambda each=each: each)() for key, each in values.items()
+            }
     raise InputError(
         f"law = {shortened(law)}: must be one of {', '.join(ARGUMENTS)}, or from a file, to be stored"
     )

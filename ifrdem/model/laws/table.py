@@ -7,14 +7,14 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...errors import InputError, option_name, outside_level
 from ...tools import checked, tables
-from ...tools.checked import Array, validated
+from ...tools.checked import Array, Numbers, validated
 from ..custom_code import FromKernels
 from .ifr import IFRLaw, mean_k
 from .law import Admissibility, CollisionLaw, EnergyWarning, Key
@@ -28,6 +28,9 @@ COLUMNS: Mapping[str, str] = {
 }  # fmt: skip
 """Columns of the file of a table, and the kinds of their units (`tools/tables.py`)."""
 _ROUND_OFF = 1e-12  # as of `ifr`: what rounding leaves of values that are chosen on the boundary
+
+
+_Restitution = Annotated[ArrayLike, Numbers(None)]
 
 
 class _Excess(NamedTuple):
@@ -97,7 +100,7 @@ class TableLaw(CollisionLaw):
 
     @validated
     def __init__(
-        self, *, slip: checked.Column, ratio: checked.Column, e_n: ArrayLike, g_n: checked.Column | None = None,
+        self, *, slip: checked.Column, ratio: checked.Column, e_n: _Restitution, g_n: checked.Column | None = None,
         k: checked.Ratio = 2.0,
     ) -> None:  # fmt: skip
         x, r = (np.atleast_1d(np.asarray(each, dtype=np.float64)) for each in (slip, ratio))
@@ -130,7 +133,11 @@ class TableLaw(CollisionLaw):
     @classmethod
     @validated
     def read(
-        cls, file: str | os.PathLike[str], *, e_n: checked.NormalRestitution | None = None, k: checked.Ratio = 2.0
+        cls,
+        file: str | os.PathLike[str],
+        *,
+        e_n: checked.NormalRestitution | None = None,
+        k: checked.Ratio = 2.0,
     ) -> TableLaw:
         """The law of a CSV file.
 
@@ -162,7 +169,9 @@ class TableLaw(CollisionLaw):
             given = option_name("e_n = 0.9", "e_n=0.9")
             problems.append(f"e_n: missing: must be given ({given}), or the columns g_n and e_n of the file")
         if e_n is not None and of_speed:
-            problems.append(f"e_n = {e_n:g}: is given, and the file has a column {sorted(of_speed)[0]}: one of both")
+            problems.append(
+                f"e_n = {e_n:g}: is given, and the file has a column {sorted(of_speed)[0]}: one of both"
+            )
         pairs = [(x, "ratio"), *([("g_n", "e_n")] if e_n is None else [])]
         lines: dict[str, Array] = {}
         values: dict[str, Array] = {}
@@ -178,14 +187,20 @@ class TableLaw(CollisionLaw):
             lines |= {one: found.line[both], other: found.line[both]}
         for line, psi in zip(lines.get("psi", ()), values.get("psi", ()), strict=True):
             if not 0.0 <= psi < 90.0:
-                problems.append(f"line {line:.0f}: psi = {psi:g}: must be an angle from 0 to below 90 degrees")
+                problems.append(
+                    f"line {line:.0f}: psi = {psi:g}: must be an angle from 0 to below 90 degrees"
+                )
         if problems:
             raise InputError("\n".join(f"{source}: {each}" for each in problems))
         slip = np.tan(np.radians(values["psi"])) if x == "psi" else values["slip"]
         lines.setdefault("slip", lines[x])
         try:
             return cls(
-                slip=slip, ratio=values["ratio"], e_n=values["e_n"] if e_n is None else e_n, g_n=values.get("g_n"), k=k
+                slip=slip,
+                ratio=values["ratio"],
+                e_n=values["e_n"] if e_n is None else e_n,
+                g_n=values.get("g_n"),
+                k=k,
             )
         except PointRefused as error:
             at = lines.get(error.column)
@@ -238,7 +253,9 @@ class TableLaw(CollisionLaw):
         # Linear in the slip, so that points decide; at 0 both sides are 0.
         alone = (1.0 + largest) * a * self._r - 2.0 * self._x
         if np.all(alone <= _ROUND_OFF) and np.all(self._r >= 0.0):
-            return Admissibility(True, True, f"{about}: no collision adds energy, nor do its tangential impulses alone")
+            return Admissibility(
+                True, True, f"{about}: no collision adds energy, nor do its tangential impulses alone"
+            )
         i = int(np.argmax(alone))
         return Admissibility(
             True, False,
@@ -271,14 +288,20 @@ class TableLaw(CollisionLaw):
             for x in {low, high, min(max(vertex, low), high)}:
                 r = value + slope * x
                 left, right = (1.0 + e_n) * (1.0 + a * r * r), 2.0 * (1.0 + x * r)
-                if left - right > _ROUND_OFF * right and (worst is None or left - right > worst.left - worst.right):
+                if left - right > _ROUND_OFF * right and (
+                    worst is None or left - right > worst.left - worst.right
+                ):
                     nearest = min(max(i + (x > 0.5 * (low + high)) - begins, 0), len(self._slip) - 1)
                     worst = _Excess(int(nearest), float(x), float(left), float(right))
         return worst
 
 
 KEYS: Mapping[str, Key] = {
-    "file": Key(str, "CSV file with the columns psi [deg] or slip, |g_t| / g_n, and ratio, P_t / P_n [path]", "law.csv"),
+    "file": Key(
+        str,
+        "CSV file with the columns psi [deg] or slip, |g_t| / g_n, and ratio, P_t / P_n [path]",
+        "law.csv",
+    ),
     "e_n": IFRLaw.keys["e_n"],
 }
 """Keys of the law in cases; without e_n the file has columns g_n and e_n."""
@@ -296,10 +319,14 @@ def _check_points(x: str, at: Array, y: str, values: Array, *, constant: bool = 
     """Refuse points that are not finite, not ascending from 0 or more, too many, or of another number than values."""
     if constant:
         if values.shape != (1,):
-            raise InputError(f"{y}: has {values.size} values: must be one, or as many as {x}, which is not given")
+            raise InputError(
+                f"{y}: has {values.size} values: must be one, or as many as {x}, which is not given"
+            )
         return
     if at.shape != values.shape or at.ndim != 1 or not len(at):
-        raise InputError(f"{x}, {y} have shapes {at.shape} and {values.shape}: must be one or more points of both")
+        raise InputError(
+            f"{x}, {y} have shapes {at.shape} and {values.shape}: must be one or more points of both"
+        )
     if len(at) > MOST_POINTS:
         raise PointRefused(x, MOST_POINTS, f"{x} has {len(at)} points: must be {MOST_POINTS} at most")
     for name, each in ((x, at), (y, values)):
