@@ -205,7 +205,9 @@ def _values(case: CaseSections, key: str, law: CollisionLaw) -> dict[str, Any]:
         section = getattr(case, found[1])[int(found[2])]
         named = LAWS.get(section.law)
         if named is None or named.make is not named.kind:  # from a file, or another name for a law
-            return {"law": section.law} | section.model_dump(exclude={"name", "materials", "law"})
+            return {"law": section.law} | section.model_dump(
+                exclude={"name", "materials", "law"}, exclude_none=True
+            )
     return to_record(law)
 
 

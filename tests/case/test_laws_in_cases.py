@@ -73,7 +73,10 @@ def test_a_checkpoint_holds_laws_by_name(toml: Path) -> None:
         ('material[0].law="waltn"', "material[0].law = \"waltn\": must be one of 'ifr', 'walton',"),
         ("material[0].law=3", "material[0].law = 3: must be one of 'ifr'"),
         ("material[0].beta_0=2.0", "material[0].beta_0 = 2.0: must be a number from -1 to 1"),
-        ('material[0].law="smooth"', "material[0].beta_0 = 0.4: requires law = 'walton', not with 'smooth'"),
+        (
+            'material[0].law="smooth"',
+            "material[0].beta_0 = 0.4: requires law = 'walton' or 'viscoelastic', not with 'smooth'",
+        ),
         ("material[0].e_n=", "material[0].e_n: missing: normal restitution"),
     ],
 )

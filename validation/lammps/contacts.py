@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...model.laws.collision import impulses
+from ...model.laws.collision import collide, impulses
 from ...model.laws.ifr import IFRLaw
 from ...model.laws.law import OF_PAIR, CollisionLaw
 from ...model.laws.table import TableLaw
@@ -79,6 +79,14 @@ def impacts_of_gas(contact: Contact, number: int = 400, seed: int = 1) -> Impact
     g_t = rng.normal(0.0, np.sqrt(2.0), number) + spins
     some = g_n > 0.05
     return world.impacts(contact, g_n[some], g_t[some], (spins / g_t)[some])
+
+
+def slip_after(law: CollisionLaw, g_n: Array, g_t: Array) -> Array:
+    """g_t after impacts of two disks that do not spin, by `ifrdem.collide`."""
+    first = np.stack((g_n, g_t), axis=-1)
+    velocity = np.stack((first, np.zeros_like(first)), axis=-2)
+    after = collide(law, [1.0, 0.0], [1.0, 1.0], [0.5, 0.5], [2.0, 2.0], velocity, [0.0, 0.0])
+    return np.asarray(after.velocity[..., 0, 1] - after.velocity[..., 1, 1] + 0.5 * after.spin.sum(axis=-1))
 
 
 def tangential(law: CollisionLaw, row: Array, g_n: Array, g_t: Array) -> Array:
