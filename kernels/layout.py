@@ -107,6 +107,7 @@ class CompiledLaw(NamedTuple):
     impulses: Any
     names: tuple[str, ...]  # one or more
     parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that divide P_t
+    has_table: bool = False  # numbers of a table follow the coefficients in a row, which `parts` gets too
 
 
 class CompiledForce:

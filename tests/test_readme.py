@@ -241,6 +241,7 @@ USES = {
     "export": "--to gsd",
     "movie": r"ifrdem movie(?!.*\.webp)",
     "mpi": "mpiexec",
+    "peers": "validate lammps",
     "readers": r"\.universe\(|MDAnalysis",
 }
 """Words of code that needs an extra."""

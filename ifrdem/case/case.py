@@ -729,7 +729,8 @@ class CaseSections(Section):
     @property
     def files(self) -> tuple[str, ...]:
         """Paths of all files that the case reads, as it has them."""
-        given = (self.start.file, self.start.trajectory, *(getattr(each, "file", None) for each in self.wall))
+        sections = (*self.wall, *self.material, *self.pair)
+        given = (self.start.file, self.start.trajectory, *(getattr(each, "file", None) for each in sections))
         return tuple(dict.fromkeys((*filter(None, given), *self.law_files)))
 
     @property

@@ -9,6 +9,7 @@ import functools
 import itertools
 import operator
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -22,6 +23,8 @@ from ..model.laws.coin_table import coins
 from ..model.laws.ifr import REQUIRED_COEFFICIENTS, IFRLaw
 from ..model.laws.law import CollisionLaw, Key
 from ..model.laws.records import LAWS
+from ..model.laws.table import KEYS as TABLE_KEYS
+from ..model.laws.table import TableLaw
 from ..tools.values import Number, Positive
 from .section import Name, Section, exclusive_with, field, refusal
 
@@ -32,7 +35,9 @@ def _field(key: Key, default: Any = ...) -> Any:
 
 
 def _type(key: Key) -> Any:
-    """The type of a key: a number within its range, or one of its choices."""
+    """The type of a key: a number within its range, one of its choices, or any text."""
+    if isinstance(key.allowed, type):
+        return key.allowed
     return Annotated[float, key.allowed] if isinstance(key.allowed, Number) else Literal[key.allowed]
 
 
@@ -189,6 +194,20 @@ class FileKeys(Section):
         return dict(self.__pydantic_extra__ or {})
 
 
+class TableKeys(Section):
+    """A law by a table in a file, with its path from the case file."""
+
+    kind_name: ClassVar[str] = TableLaw.name_in_cases
+
+    law: Literal["table"] = field("table", description=LAW)
+    file: str = _field(TABLE_KEYS["file"])
+    e_n: NormalRestitution | None = None
+
+    def read(self, folder: Path, k: float) -> TableLaw:
+        """The law of disks whose mean shape number is k; InputError with the line if the file is wrong."""
+        return TableLaw.read(folder / self.file, e_n=self.e_n, k=k)
+
+
 class IFRMaterial(MaterialSection):
     """The IFR law, independent friction-restitution, by its coefficients or the name of one of its coins."""
 
@@ -221,6 +240,14 @@ class IFRMaterial(MaterialSection):
 
 class FileMaterial(MaterialSection, FileKeys):
     """A custom law in a file of Python, with its coefficients as further keys."""
+
+
+class TableMaterial(MaterialSection, TableKeys):
+    """A law by a table of P_t / P_n against the slip, in a file; e_n may depend on the speed."""
+
+
+class TablePair(PairSection, TableKeys):
+    """A law by a table of P_t / P_n against the slip, in a file; e_n may depend on the speed."""
 
 
 class FilePair(PairSection, FileKeys):
@@ -265,7 +292,7 @@ else:
             Discriminator(law),
         ]
         for kinds in (
-            _sections(MaterialSection, IFRMaterial, FileMaterial).items(),
-            _sections(PairSection, FilePair).items(),
+            _sections(MaterialSection, IFRMaterial, TableMaterial, FileMaterial).items(),
+            _sections(PairSection, TablePair, FilePair).items(),
         )
     )

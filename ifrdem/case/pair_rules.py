@@ -15,7 +15,7 @@ from ..model.laws.coin_table import coins
 from ..model.laws.ifr import EnergyWarning, IFRLaw
 from ..model.laws.law import CollisionLaw
 from .case import CaseSections
-from .laws_section import FileKeys, IFRMaterial, Material, PairOfMaterials
+from .laws_section import FileKeys, IFRMaterial, Material, PairOfMaterials, TableKeys
 from .species import Species
 
 
@@ -42,7 +42,7 @@ def _of_coin(key: str, law: IFRLaw) -> Coefficients:
 
 
 def _of_section(key: str, section: Material | PairOfMaterials, from_files: FromFiles) -> Coefficients | None:
-    if not isinstance(section, FileKeys):
+    if not isinstance(section, FileKeys | TableKeys):
         return key, section.made
     law = from_files.get(key)
     return None if law is None else (key, lambda _k: law)

@@ -15,7 +15,7 @@ from ..kernels.columns import most_disks
 from ..model.box import describe_sides
 from ..model.density import packing_fraction
 from ..model.laws.law import CollisionLaw
-from ..model.laws.records import ARGUMENTS, to_record
+from ..model.laws.records import LAWS, to_record
 from ..model.laws.sampling import PAIRS, is_sampled
 from ..model.walls.wall import Wall
 from ..mpi.distribution import GATHERED
@@ -211,9 +211,11 @@ def _section(case: CaseSections, key: str) -> LawSection | None:
 
 def _values(section: LawSection | None, law: CollisionLaw) -> dict[str, Any]:
     """Name and arguments of a law, as the section that gives it has them."""
-    if section is not None and section.law not in ARGUMENTS:  # from a file, or another name for a law
+    named = None if section is None else LAWS.get(section.law)
+    if section is not None and (named is None or named.make is not named.kind):
+        # From a file, or another name for a law.
         others = {*MaterialSection.model_fields, *PairSection.model_fields, "law"}
-        return {"law": section.law} | section.model_dump(exclude=others)
+        return {"law": section.law} | section.model_dump(exclude=others, exclude_none=True)
     return to_record(law)
 
 

@@ -37,7 +37,7 @@ from ..simulation.steps.schedule import first_after, time_of
 from ..simulation.windows.tiling import tiles_on_ranks
 from . import exclusions
 from .case import GROWN, IMPACT_SCAN, CaseSections, SteppedForce
-from .laws_section import FileKeys
+from .laws_section import FileKeys, TableKeys
 from .pair_rules import PairVerdict
 from .species import Species
 
@@ -110,11 +110,23 @@ def check_one_law(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
 
 
 def laws_from_files(case: CaseSections, folder: Path) -> tuple[dict[str, CollisionLaw], list[Problem]]:
-    """The custom laws of a case by their sections, "material[0]", whose code is executed; and all that is wrong."""
-    laws, problems = {}, []
+    """The laws of a case that are in files, by their sections, "material[0]"; and all that is wrong.
+
+    The code of custom ones is executed.
+    """
+    laws: dict[str, CollisionLaw] = {}
+    problems: list[Problem] = []
+    # Of a table, which is examined here; pairs of disks are by `pair_rules`.
+    k = min((each.k for each in case.species), default=2.0)
     for name in ("material", "pair"):
         for i, section in enumerate(getattr(case, name)):
             key = f"{name}[{i}]"
+            if isinstance(section, TableKeys):
+                try:
+                    laws[key] = section.read(folder, k)
+                except InputError as error:
+                    problems.append(problem_at(case, f"{key}.file", str(error)))
+                continue
             if not isinstance(section, FileKeys):
                 continue
             try:

@@ -145,7 +145,7 @@ class FitOptions:
         ),
     ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
-    """ifr-percussion, ifr-contact, ifr-viscoelastic, walton, brach, smooth, all; repeatable (default: the first two)"""
+    """ifr-percussion, ifr-contact, ifr-viscoelastic, walton, walton-viscoelastic, brach, smooth, all; repeatable (default: the first two)"""
     law: Annotated[str | None, Parameter(metavar="FILE.py:CLASS")] = None
     """a custom law in addition, see own-law in the manual"""
     range: Annotated[list[str] | None, Parameter(metavar="NAME=LOW:HIGH")] = None

@@ -30,8 +30,8 @@ from .options import (
 DENSEST = 0.9068  # packing fraction, nearly that of equal disks that touch on a hexagonal lattice
 THINNEST = 1e-5  # thinner gases hardly ever collide
 MANUAL = Path(__file__).parents[1] / "docs"
-NAMES = "cases or groups to run: paper (default), bullet, gas, device, or see --list"
-JOBS = "cases at a time, each in a process of its own (default: gas as many as there are cores, others 1)"
+NAMES = "cases or groups to run: paper (default), bullet, lammps, gas, device, or see --list"
+JOBS = "cases at a time, each in a process of its own (default: gas and lammps as many as there are cores, others 1)"
 
 
 def validate(
@@ -52,7 +52,7 @@ def validate(
     """Reproduce the paper through the kernels.
 
     Collides disks as the paper does, and compares with its equations, tables and figures; `validate bullet` compares
-    with PyBullet and pymunk instead, `validate gas` holds gases of many disks against the literature, `validate device`
+    with PyBullet and pymunk instead, `validate lammps` with LAMMPS, `validate gas` holds gases of many disks against the literature, `validate device`
     a GPU against the CPU. Writes results.json, report.html and the figures. Exit status 0 only if every row passed.
     """
     choose_runtime(runtime, "--runtime")

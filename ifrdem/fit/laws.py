@@ -119,7 +119,7 @@ class Law:
     @property
     def depends_on_speed(self) -> bool:
         """True if e_n is 1 - A g_n^(1/5), the first terms of that of viscoelastic spheres."""
-        return "A" in self.ranges and self.sticking is not None
+        return "A" in self.ranges and "A" not in self.kind.coefficients
 
     def e_n(self, of: Mapping[str, Array], g_n: Array | float) -> Array:
         """Normal restitution (..., n) of impacts with normal velocities g_n [length/time]."""
@@ -147,6 +147,7 @@ class Law:
         g_n, g_t, m_n, m_t = law.relative_motion(*motion)
         _, _, im_i, R_i, k_i, _, _, w_i, im_j, R_j, k_j, _, _, w_j = motion
         pair = (g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j, law.reduced_radius(R_i, R_j))
+        of = {**of, "e_n": self.e_n(of, g_n)} if self.depends_on_speed else of
         P_n, P_t, T = impulses(self.kind, pair, [of[name] for name in self.kind.coefficients])
         none = np.zeros(np.shape(P_n))
         return (*law.after_impulses(P_n, P_t, T, *motion), P_n, P_t, none, none)
@@ -207,9 +208,15 @@ def _ifr(name: str, about: str, sticking: str, **fixed: float) -> Law:
     return Law(name, about, IFRLaw, ranges, {"rho": 0.0, **fixed}, dict(_START_RANGES), sticking)
 
 
-def _viscoelastic() -> Law:
-    law = _ifr("ifr-viscoelastic", "IFR, percussion centre, e_n = 1 - A g_n^(1/5)", STICKING[0])
-    return replace(law, ranges={"A": (0.0, 5.0), **{k: v for k, v in law.ranges.items() if k != "e_n"}})
+def _walton() -> Law:
+    ranges = {name: RANGES[name] for name in Walton.coefficients}
+    about = "Walton: constant restitution of the slip"
+    return Law("walton", about, Walton, ranges, start_ranges=dict(_START_RANGES))
+
+
+def _viscoelastic(law: Law, name: str, about: str) -> Law:
+    ranges = {"A": (0.0, 5.0), **{k: v for k, v in law.ranges.items() if k != "e_n"}}
+    return replace(law, name=name, about=f"{about}, e_n = 1 - A g_n^(1/5)", ranges=ranges)
 
 
 LAWS: Mapping[str, Law] = MappingProxyType(
@@ -218,13 +225,19 @@ LAWS: Mapping[str, Law] = MappingProxyType(
         for law in (
             _ifr("ifr-percussion", "IFR, percussion centre (Eq. 15)", STICKING[0]),
             _ifr("ifr-contact", "IFR, contact point (Eq. 12)", STICKING[1]),
-            Law("walton", "Walton: constant restitution of the slip", Walton, {k: RANGES[k] for k in Walton.coefficients}, start_ranges=dict(_START_RANGES)),
-            _ifr("brach", "Brach: sliding until the slip stops (IFR, contact point, e_t = -1)", STICKING[1], e_t=-1.0),
+            _walton(),
+            _ifr(
+                "brach",
+                "Brach: sliding until the slip stops (IFR, contact point, e_t = -1)",
+                STICKING[1],
+                e_t=-1.0,
+            ),
             _ifr("smooth", "smooth disks (IFR, e_t = -1, mu = 0)", STICKING[1], e_t=-1.0, mu=0.0),
-            _viscoelastic(),
+            _viscoelastic(_ifr("", "", STICKING[0]), "ifr-viscoelastic", "IFR, percussion centre"),
+            _viscoelastic(_walton(), "walton-viscoelastic", "Walton"),
         )
     }
-)  # fmt: skip
+)
 """The laws of `--model`, by name."""
 
 IFR = ("ifr-percussion", "ifr-contact")

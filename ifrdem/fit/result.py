@@ -387,7 +387,8 @@ def _trends(fitted: Fitted) -> list[str]:
     found = []
     for each in fitted.trends.each:
         if each.probability < _CLEAR:
-            model = option_name("--model ifr-viscoelastic", "model = ['ifr-viscoelastic']")
+            name = f"{fitted.law.kind.name_in_cases or 'ifr'}-viscoelastic"
+            model = option_name(f"--model {name}", f"model = ['{name}']")
             fits = f"; {model} fits e_n = 1 - A g_n^(1/5)" * (each.coefficient == "e_n" and each.change < 0.0)
             found.append(
                 f"{each.coefficient} depends on {each.against}: it changes by {each.change:+.3g} +- {each.error:.2g} "

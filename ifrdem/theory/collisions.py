@@ -154,7 +154,8 @@ def _averages(
 
     both = 1.0 + law.restitutions(speed[..., None] * _Y, m_n[..., None], R)
     h, c = slip_coefficients(law, inverse_a)
-    a = law.mu * both * _Y / (c * np.sqrt(S))[..., None]
+    # Where c = 0 no slip is stopped: the averages of the limit, which it multiplies.
+    a = law.mu * both * _Y / (np.maximum(c, 1e-30) * np.sqrt(S))[..., None]
     first, tail = erf(a / math.sqrt(2.0)), erfc(a / math.sqrt(2.0))
     second = first - a * math.sqrt(2.0 / math.pi) * np.exp(-0.5 * a**2) + a**2 * tail
     J_1, J_2 = first @ _Y_WEIGHTS, second @ _Y_WEIGHTS

@@ -86,9 +86,12 @@ def impulses_between(
         if g_n < gas.scale.resting_speed:
             pair.g_n = ti.max(g_n, LEAST_REBOUND * gas.scale.resting_speed)
             law.e_n, law.e_t, law.contact_point = g_n / pair.g_n, -1.0, 1.0
-    # One of the two, so that a law is compiled once.
+    # One of these, so that a law is compiled once.
     impulses = ti.Vector([0.0 * g_n] * 6)
-    if ti.static(gas.uses.ledger and gas.uses.collision_law.parts):
+    if ti.static(gas.uses.collision_law.has_table):
+        P_n, P_t, T, P_et, sticking, rolling = gas.uses.collision_law.parts(pair, law, gas.law[p, q])
+        impulses = ti.Vector([P_n, P_t, T, P_et, sticking, rolling])
+    elif ti.static(gas.uses.ledger and gas.uses.collision_law.parts):
         P_n, P_t, T, P_et, sticking, rolling = gas.uses.collision_law.parts(pair, law)
         impulses = ti.Vector([P_n, P_t, T, P_et, sticking, rolling])
     else:

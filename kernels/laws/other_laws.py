@@ -12,24 +12,30 @@ C_1, B_1, B_2, B_3, B_4 = 0.501086, 0.501086, 1.15345, 0.577977, 0.532178
 
 
 @ti.pyfunc
-def walton(pair, law):
-    """Walton's law: P_n, P_t and no rolling friction.
+def walton_friction(P_n, beta_0, mu, g_t, m_t):
+    """P_t of Walton's law, and 1.0 if it sticks, else 0.0.
 
     |P_t| is the smaller of mu P_n, while the contact slides, and (1 + beta_0) m_t |g_t|, which reverses the slip by
     beta_0. O. R. Walton, in Particulate Two-Phase Flow (1993), chapter 25.
     """
-    P_n = (1.0 + law.e_n) * pair.m_n * pair.g_n
-    P_stick = (1.0 + law.beta_0) * pair.m_t * ti.abs(pair.g_t)
-    direction = 1.0 * (pair.g_t > 0.0) - 1.0 * (pair.g_t < 0.0)
-    return P_n, direction * ti.min(law.mu * P_n, P_stick), 0.0 * P_n
+    P_stick = (1.0 + beta_0) * m_t * ti.abs(g_t)
+    direction = 1.0 * (g_t > 0.0) - 1.0 * (g_t < 0.0)
+    return direction * ti.min(mu * P_n, P_stick), 1.0 * (P_stick <= mu * P_n)
 
 
 @ti.pyfunc
 def walton_parts(pair, law):
     """Walton's law with a ledger: as `law.ifr_parts`. A collision that sticks has restitution only, else friction."""
-    P_n, P_t, T = walton(pair, law)
-    sticking = 1.0 * ((1.0 + law.beta_0) * pair.m_t * ti.abs(pair.g_t) <= law.mu * P_n)
-    return P_n, P_t, T, sticking * P_t, sticking, 0.0 * P_n
+    P_n = (1.0 + law.e_n) * pair.m_n * pair.g_n
+    P_t, sticking = walton_friction(P_n, law.beta_0, law.mu, pair.g_t, pair.m_t)
+    return P_n, P_t, 0.0 * P_n, sticking * P_t, sticking, 0.0 * P_n
+
+
+@ti.pyfunc
+def walton(pair, law):
+    """Walton's law: P_n, P_t and no rolling friction."""
+    P_n, P_t, T, _, _, _ = walton_parts(pair, law)
+    return P_n, P_t, T
 
 
 @ti.pyfunc
@@ -62,14 +68,22 @@ def restitution(x, b):
 
 @ti.pyfunc
 def viscoelastic_parts(pair, law):
-    """Normal restitution of viscoelastic spheres with the tangential impulses of the IFR law, as `law.ifr_parts`."""
+    """Normal restitution of viscoelastic spheres, friction of the IFR law or of Walton's, as `law.ifr_parts`.
+
+    With `law.walton` = 1.0 the row of the IFR law is that of no restitution and no rolling friction.
+    """
     stiffness = 2.0 * law.Y * ti.sqrt(pair.reduced_radius) / (3.0 * pair.m_n)
     b = 1.5 * law.A * fifth_root(stiffness * stiffness * pair.g_n)
     e_n = restitution(ti.sqrt(b), b)
-    P_n, P_t, T, sticking, rolling, P_et = ifr_impulses(
+    P_n, P_t_ifr, T, sticks_ifr, rolling, P_et = ifr_impulses(
         e_n, law.e_t, law.mu, law.contact_point, law.rho,
         pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
     )  # fmt: skip
+    P_t_walton, sticks_walton = walton_friction(P_n, law.beta_0, law.mu, pair.g_t, pair.m_t)
+    ifr = 1.0 - law.walton
+    P_t = law.walton * P_t_walton + ifr * P_t_ifr
+    P_et = law.walton * sticks_walton * P_t_walton + ifr * P_et
+    sticking = law.walton * sticks_walton + ifr * sticks_ifr
     return P_n, P_t, T, P_et, sticking, rolling * (law.rho > 0.0)
 
 

@@ -310,6 +310,34 @@ def test_errors_of_errors_are_those_of_the_scale_of_a_student_distribution(nu: f
     np.testing.assert_allclose(_Scoring(problem, points).errors, expected, rtol=1e-12)
 
 
+def test_walton_viscoelastic_is_walton_at_the_e_n_of_each_speed() -> None:
+    """e_n = 1 - A g_n^(1/5) of disks of mass 1 at rest that one hits along x with g_n and the slip g_t."""
+    g_n, g_t, zero, one = np.array([0.1, 1.0, 3.0]), np.array([0.02, 2.0, -1.0]), np.zeros(3), np.ones(3)
+    motion = [
+        one,
+        zero,
+        one,
+        0.5 * one,
+        2.0 * one,
+        g_n,
+        g_t,
+        zero,
+        one,
+        0.5 * one,
+        2.0 * one,
+        zero,
+        zero,
+        zero,
+    ]
+    law = LAWS["walton-viscoelastic"]
+    assert law.free == ("A", "beta_0", "mu")
+    found = law.collide(np.array([0.12, 0.3, 0.2]), motion)
+    for i, speed in enumerate(g_n):
+        values = np.array([1.0 - 0.12 * speed**0.2, 0.3, 0.2])
+        expected = LAWS["walton"].collide(values, [each[i : i + 1] for each in motion])
+        np.testing.assert_allclose([each[i] for each in found[:8]], np.ravel(expected[:8]), rtol=1e-14)
+
+
 @pytest.mark.parametrize(("mu", "psi_transit"), [(0.21, np.pi / 2.0), (0.0, 0.0)])
 @pytest.mark.filterwarnings("error")
 def test_a_slip_that_is_kept_sticks_at_all_angles_or_at_none(mu: float, psi_transit: float) -> None:

@@ -25,15 +25,16 @@ from ifrdem import IFRLaw, InputError, Simulation, State
 from ifrdem.kernels.compiler import runtime
 from ifrdem.model.observables import measure
 from ifrdem.tools.arguments import script
+from ifrdem.validation.lammps import library
 from ifrdem.validation.speed import peers, serial_events, soft_disks, spheres
 from ifrdem.validation.speed.serial_events import SerialEvents
 from ifrdem.validation.speed.soft_disks import SoftDisks, SoftDisksError, spring_and_damping
 
 ROOT = Path(__file__).parents[2]
-ABSENT = soft_disks.absence()
+ABSENT = library.absence()
 needs_lammps = pytest.mark.skipif(ABSENT is not None, reason=str(ABSENT))
 needs_numba = pytest.mark.skipif(
-    not serial_events.COMPILED, reason=f"Numba is not installed: {soft_disks.INSTALL}"
+    not serial_events.COMPILED, reason=f"Numba is not installed: {library.INSTALL}"
 )
 
 
@@ -336,7 +337,7 @@ def test_spheres_are_timed_in_turn_and_held_against_the_gas(
     e_n: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(serial_events, "COMPILED", False)  # not needed here
-    monkeypatch.setattr(soft_disks, "absence", lambda: "not here")
+    monkeypatch.setattr(library, "absence", lambda: "not here")
     options = ["--edmd", str(edmd(tmp_path / "edmd")), "--dynamo", str(dynamo(tmp_path / "dynarun"))]
     assert script(peers.peers, [*SMALL, "--e-n", e_n, *options, "--json"]) == 0
     out, err = capsys.readouterr()
@@ -415,7 +416,7 @@ def test_another_gas_is_detected(monkeypatch: pytest.MonkeyPatch, capsys: pytest
 def test_absent_peers_are_not_measured_and_no_failure(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(soft_disks.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(library.importlib.util, "find_spec", lambda name: None)
     monkeypatch.setattr(serial_events, "COMPILED", False)
     assert script(peers.peers, SMALL) == 0
     out, err = capsys.readouterr()

@@ -1,12 +1,12 @@
 """Validation cases: their list, what one returns, and its end.
 
-A case is a module of `ifrdem.validation.paper`, `.engines`, `.gas` or `.devices` with three things:
+A case is a module of `ifrdem.validation.paper`, `.engines`, `.lammps`, `.gas` or `.devices` with three things:
 
 - `QUESTION`, one line: what it asks;
 - `REFERENCE`, one line: where the expected values come from;
 - `run(quick)`, which returns a `Result`, or raises `Skip` where it cannot run; of a gas, `run(quick, seed)`.
 
-To add one, write the module and put its name into `PAPER`, `BULLET`, `GAS` or `DEVICE`.
+To add one, write the module and put its name into `PAPER`, `BULLET`, `LAMMPS`, `GAS` or `DEVICE`.
 """
 
 from __future__ import annotations
@@ -29,6 +29,12 @@ PAPER = ("angles", "velocities", "restitution", "stopping", "rolling", "reductio
 BULLET = ("bullet_pair", "bullet_anomaly", "bullet_flight", "bullet_box", "bullet_ifr", "bullet_defaults")
 """Cases that compare them with independent code; they need PyBullet."""
 
+LAMMPS = ("lammps_law", "lammps_impacts", "lammps_cooling", "lammps_driven")
+"""Cases that compare them with LAMMPS, which can end its process: each runs in one of its own."""
+
+LONG = ("lammps_cooling", "lammps_driven")
+"""Cases without a shorter form: `--quick` leaves them out of their group."""
+
 GAS = (
     "gas_state", "gas_stress", "gas_profiles", "gas_equilibrium", "gas_elastic", "gas_haff", "gas_rough",
     "gas_cooling", "gas_species", "gas_driven", "gas_piston", "gas_collapse", "gas_clusters", "gas_shaken",
@@ -39,9 +45,11 @@ GAS = (
 DEVICE = ("device_bits", "device_races", "device_speed")
 """Cases for a GPU that is new: against the CPU, races of threads, and its speed; ten minutes."""
 
-CASES = PAPER + BULLET + GAS + DEVICE  # in the order in which they run
-GROUPS: dict[str, tuple[str, ...]] = {"paper": PAPER, "bullet": BULLET, "gas": GAS, "device": DEVICE}
-ROOMS = {"paper": "paper", "bullet": "engines", "gas": "gas", "device": "devices"}
+CASES = PAPER + BULLET + LAMMPS + GAS + DEVICE  # in the order in which they run
+GROUPS: dict[str, tuple[str, ...]] = {
+    "paper": PAPER, "bullet": BULLET, "lammps": LAMMPS, "gas": GAS, "device": DEVICE,
+}  # fmt: skip
+ROOMS = {"paper": "paper", "bullet": "engines", "lammps": "lammps", "gas": "gas", "device": "devices"}
 """Folder of each group: case `gas_haff` is the module `ifrdem.validation.gas.haff`."""
 
 EXACT = 1e-10
@@ -57,6 +65,7 @@ SECONDS = {
     "gas_rough": (124.0, 21.0),
     "gas_driven": (150.0, 56.0), "gas_piston": (180.0, 26.0), "gas_collapse": (5.0, 5.0), "gas_clusters": (180.0, 13.0),
     "gas_shaken": (250.0, 45.0), "gas_hopper": (300.0, 90.0), "gas_laws": (115.0, 40.0),
+    "lammps_law": (10.0, 5.0), "lammps_impacts": (5.0, 5.0), "lammps_cooling": (60.0, 60.0), "lammps_driven": (60.0, 60.0),
     "gas_species": (60.0, 15.0), "gas_studies": (200.0, 60.0), "gas_cases": (500.0, 20.0),
 }  # fmt: skip
 """Processor time of cases, in full and quick, with compiled kernels [s]; of others a second or so."""
@@ -257,8 +266,14 @@ def seconds(name: str, quick: bool) -> float:
     return SECONDS.get(name, (1.0, 1.0))[quick]
 
 
-def chosen(names: list[str]) -> list[str]:
-    """The cases that names of cases and groups stand for, each once; of none those of the paper."""
+def chosen(names: list[str], quick: bool = False) -> list[str]:
+    """The cases that names of cases and groups stand for, each once; of none those of the paper.
+
+    A group has none of `LONG` if it is to be `quick`.
+    """
     if not names:
-        return [name for name in CASES if name not in BULLET + GAS + DEVICE]
-    return list(dict.fromkeys(case for name in names for case in GROUPS.get(name, (name,))))
+        return [*PAPER]
+    groups = {
+        name: tuple(case for case in has if not (quick and case in LONG)) for name, has in GROUPS.items()
+    }
+    return list(dict.fromkeys(case for name in names for case in groups.get(name, (name,))))

@@ -26,6 +26,7 @@ from ...tools.files import write_text
 from ...tools.processes import ProcessDied, Worker
 from ...tools.progress import Compilation, quiet
 from ...tools.versions import __version__, revision
+from ..lammps import library
 from . import page, registry, style
 from .registry import Row, Skip, Verdict
 from .terminal import Log, Pace, closing
@@ -57,14 +58,15 @@ def validate(
     folder : str
         Where results.json, report.html and the figures go; it is made.
     quick : bool
-        Fewer samples.
+        Fewer samples; groups are without `registry.LONG`.
     force : bool
         Replace a report that is there; figures of cases that do not run again stay.
     seed : int, optional
         Of the random gases of the group `gas`, 0 to a million; 1 without it. Another one shares no random number.
     jobs : int, optional
         Cases at a time, each in a process of its own; results do not depend on it. By default as many as there are
-        cores, but no more than cases of the group `gas`; other cases take seconds, and run in this process.
+        cores, but no more than cases of the groups `gas` and `lammps`; others take seconds, and run in this process.
+        Those of `lammps` never do, because LAMMPS ends its process on some errors.
 
     Returns 0 if every row passed, 1 otherwise: a case that cannot run here counts as failed if it was named itself
     or group, and is left out in a run without names. InputError if a name is wrong, no case takes the seed, the folder
@@ -72,7 +74,7 @@ def validate(
     """
     names = list(names)
     registry.check_names(names)
-    chosen = registry.chosen(names)
+    chosen = registry.chosen(names, quick)
     gases = [name for name in chosen if name in registry.GAS]
     if seed is not None and not gases:
         takers = ", ".join(registry.GAS)
@@ -83,6 +85,8 @@ def validate(
     seed = 1 if seed is None else seed
     place = _folder(folder, force)
     began = time.perf_counter()
+    if left := [name for name in registry.chosen(names) if name not in chosen]:
+        log(f"left out by --quick: {', '.join(left)}")
     outcomes = _run_all(chosen, quick, seed, jobs, log)
     record = environment(quick=quick, seconds=time.perf_counter() - began)
     if gases:
@@ -96,7 +100,10 @@ def validate(
     status = exit_status(outcomes, named=bool(names))
     log(closing(outcomes, place, time.perf_counter() - began, status))
     if not names:
-        outside = f"the cases against code from outside; `ifrdem validate bullet` does ({bullet.describe()})"
+        outside = (
+            f"the cases against code from outside; `ifrdem validate bullet` does ({bullet.describe()}), and "
+            f"`ifrdem validate lammps` ({library.describe()})"
+        )
         log(f"not run: {outside}; and gases against the literature: `ifrdem validate gas`")
     return status
 
@@ -120,7 +127,7 @@ def _folder(folder: str, force: bool) -> Path:
 def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:
     """Number of cases that run at a time."""
     if jobs is None:
-        jobs = min(backend.cores(), sum(name in registry.GAS for name in chosen))
+        jobs = min(backend.cores(), sum(name in registry.GAS + registry.LAMMPS for name in chosen))
     return max(1, min(jobs, len(chosen)))
 
 
@@ -140,7 +147,7 @@ def _run_all(chosen: Sequence[str], quick: bool, seed: int, jobs: int, log: Log)
         pace.ended(outcome)
 
     work = partial(run_case, quick=quick, seed=seed, is_quiet=quiet())
-    if jobs > 1:
+    if jobs > 1 or {*order} & {*registry.LAMMPS}:
         in_workers(work, order, jobs, begun=pace.begun, ended=ended, waiting=lambda _: pace.waiting())
     else:
         for name in order:
@@ -276,7 +283,7 @@ def _finite(value: float | None) -> float | None:
 def environment(*, quick: bool, seconds: float) -> dict[str, str]:
     """Versions, machine and date, for the report."""
     packages = ("numpy", "scipy", runtime.chosen(), "h5py", "matplotlib")
-    outside = {name: _version(name) for name in ("pybullet", "pymunk")}
+    outside = {name: _version(name) for name in ("pybullet", "pymunk", "lammps")}
     return {
         "ifrdem": f"{__version__} ({revision()})",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -74,6 +74,7 @@ from ...simulation.simulation import Simulation
 from ...tools.arguments import script
 from ...tools.checked import Integer, Number
 from ...tools.versions import __version__
+from ..lammps import library
 from . import serial_events, soft_disks, spheres
 from .serial_events import SerialEvents
 from .soft_disks import SoftDisks, SoftDisksError
@@ -305,8 +306,8 @@ def compare(options: Options, log: Callable[[str], None]) -> list[Timing]:
             job = partial(spheres.dynamo, dynamo, Path(folder), gas.box, options.e_n, gas.state, collisions)
             codes["DynamO"] = row, partial(_spheres, row, job, options, ours)
         if not serial_events.COMPILED:
-            serial.not_measured = f"Numba is not installed: {soft_disks.INSTALL}"
-        soft.not_measured = soft_disks.absence()
+            serial.not_measured = f"Numba is not installed: {library.INSTALL}"
+        soft.not_measured = library.absence()
         ready = {}
         for name, (row, make) in codes.items():
             if row.not_measured is not None:

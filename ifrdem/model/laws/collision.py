@@ -193,9 +193,10 @@ def impulses(
     """
     names = kind.coefficients
     if isinstance(inspect.getattr_static(kind, "collide"), FromKernels):  # takes arrays
-        named = SimpleNamespace(**dict(zip(names, row, strict=True)))
+        named = SimpleNamespace(**dict(zip(names, row, strict=not kind.has_table)))
         of_pair = SimpleNamespace(**dict(zip(OF_PAIR, pair, strict=True)))
-        found: tuple[Array, ...] = (function or kind.collide)(of_pair, named)
+        table = [np.array(row)] if kind.has_table else []
+        found: tuple[Array, ...] = (function or kind.collide)(of_pair, named, *table)
         return found
     plain = inspect.unwrap(function or kind.collide)  # that of Python, also of a function of Taichi
 

@@ -47,8 +47,8 @@ class Admissibility(NamedTuple):
 class Key(NamedTuple):
     """A key of a law in cases, which is also an argument of the law."""
 
-    allowed: Number | tuple[str, ...]
-    """The range of a number, or the choices of a text."""
+    allowed: Number | tuple[str, ...] | type[str]
+    """The range of a number, or the choices of a text; any text is the path of a file."""
     text: str
     """Description of the quantity, with the unit in brackets, for the list of keys (`ifrdem docs case`)."""
     example: float | str
@@ -86,6 +86,9 @@ class CollisionLaw(ReadOnlyAttributes):
     is_passive : bool
         True if it is proved that no collision adds energy, of disks that `check` takes. Simulations try a custom law on
         random pairs all the same, and refuse it if one of them gains.
+    has_table : bool
+        True if the numbers of a table follow the coefficients in `table_row`, which `collide` and `parts`, that there
+        must be, then get as a third argument.
     has_averages : bool
         True if the impulses have the form that `slip_coefficients` gives, whose averages kinetic theory knows.
     depends_on_speed : bool
@@ -129,6 +132,7 @@ class CollisionLaw(ReadOnlyAttributes):
     has_averages: ClassVar[bool] = False
     has_ifr_symbols: ClassVar[bool] = False
     depends_on_speed: ClassVar[bool] = False
+    has_table: ClassVar[bool] = False
     _source: ClassVar[Any]  # `law_files.LawSource` of a class from a file
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -307,4 +311,4 @@ def compiled(kind: type[CollisionLaw]) -> Any:
         check_signature(f"law {kind.__name__}", kind.collide, ("pair", "law"))
     parts = parts_of(kind)
     names = tuple(kind.coefficients) or ("none",)
-    return CompiledLaw(declared(kind.collide), names, parts and declared(parts))
+    return CompiledLaw(declared(kind.collide), names, parts and declared(parts), kind.has_table)

@@ -19,6 +19,7 @@ from . import files as law_files
 from .files import LawSource
 from .ifr import EnergyWarning, IFRLaw, rough_disks, smooth_disks
 from .law import CollisionLaw, Key
+from .table import KEYS, TableLaw
 from .viscoelastic import Viscoelastic
 from .walton import Walton
 
@@ -36,8 +37,9 @@ class NamedLaw:
 
     @property
     def about(self) -> str:
-        """The first line of the docstring of what makes it."""
-        return (self.make.__doc__ or "").strip().splitlines()[0]
+        """The first line of the docstring of what makes it: of a class, if that is a method of it."""
+        made_by = self.kind if hasattr(self.make, "__self__") else self.make
+        return (made_by.__doc__ or "").strip().splitlines()[0]
 
     @property
     def defaults(self) -> dict[str, Any]:
@@ -53,6 +55,7 @@ LAWS: Mapping[str, NamedLaw] = {
     law.name: law
     for law in (
         *(NamedLaw(kind.name_in_cases, kind, kind, kind.keys) for kind in (IFRLaw, Walton, Viscoelastic)),
+        NamedLaw(TableLaw.name_in_cases, TableLaw, TableLaw.read, KEYS),
         NamedLaw("rough", IFRLaw, rough_disks, {"e_n": _RESTITUTION, "beta": _BETA}),
         NamedLaw("smooth", IFRLaw, smooth_disks, {"e_n": _RESTITUTION}),
     )
@@ -62,7 +65,7 @@ ARGUMENTS: Mapping[str, tuple[type[CollisionLaw], tuple[str, ...]]] = {
     name: (law.kind, (*law.keys, *["k"] * law.kind.takes_k))
     for name, law in LAWS.items()
     if law.make is law.kind
-}
+} | {TableLaw.name_in_cases: (TableLaw, ("slip", "ratio", "e_n", "g_n", "k"))}
 """Classes and names of arguments of laws by the names that records have."""
 
 
@@ -92,7 +95,10 @@ def to_record(law: CollisionLaw) -> dict[str, Any]:
         return {"law": source.law, "path": source.path, "sha256": source.sha256, "coefficients": values}
     for name, (kind, arguments) in ARGUMENTS.items():
         if type(law) is kind:
-            return {"law": name} | {key: getattr(law, key) for key in arguments}
+            values = {key: getattr(law, key) for key in arguments}
+            return {"law": name} | {
+                key: getattr(each, "tolist", lambda each=each: each)() for key, each in values.items()
+            }
     raise InputError(
         f"law = {shortened(law)}: must be one of {', '.join(ARGUMENTS)}, or from a file, to be stored"
     )
@@ -114,7 +120,9 @@ def from_record(record: Mapping[str, Any], folder: Path | str = ".") -> Collisio
         raise InputError(f"law = {shortened(name)}: must be one of {', '.join(ARGUMENTS)}")
     kind, arguments = ARGUMENTS[name]
     given = {key: value for key, value in record.items() if key != "law"}
-    if set(given) != set(arguments):
+    # Records of earlier versions lack arguments that a law has got since, of which the default is what it was.
+    missing = {*arguments} - {*given} - {*LAWS[name].defaults}
+    if missing or not {*given} <= {*arguments}:
         raise InputError(f"law {name}: has {', '.join(given)}: must have {', '.join(arguments)}")
     with warnings.catch_warnings(action="ignore", category=EnergyWarning):  # the run has said so
         return kind(**given)

@@ -16,13 +16,15 @@ from ...tools.checked import Array, Number, Positive, validated
 from ..custom_code import FromKernels
 from .ifr import STICKING, IFRLaw
 from .law import CollisionLaw, Key
+from .walton import Walton
 
+FRICTION = ("ifr", "walton")
 LEAST_E_N = 0.05
 """Least e_n of typical impacts: the approximant is 15 % too high there, and more further down."""
 
 
 class Viscoelastic(CollisionLaw):
-    """Viscoelastic spheres: a restitution e_n that depends on the speed, with the friction of the IFR law.
+    """Viscoelastic spheres: a restitution e_n that depends on the speed; friction of the IFR law or of Walton's.
 
     e_n falls with the speed of approach g_n as 1 - 1.15345 b + 0.79826 b^2 - ..., with b = (3/2) A (k / m_n)^(2/5)
     g_n^(1/5), k = 2 Y sqrt(R) / 3, effective mass m_n and radius R = R_i R_j / (R_i + R_j). It is computed by a Pade
@@ -38,13 +40,17 @@ class Viscoelastic(CollisionLaw):
         Young's modulus over 1 - nu^2 [mass/(length time^2)], positive.
     e_t, mu, sticking, rho
         Tangential restitution and friction, as of `IFRLaw`; smooth disks by default.
+    friction : {"ifr", "walton"}
+        The law of tangential impulses: that of `IFRLaw`, or that of `Walton`, which takes mu and beta_0 only.
+    beta_0 : float
+        With Walton's friction, the tangential restitution of impacts that stick; 0 stops the slip.
     k : float
         Shape number of the disks for which the law is examined, as of `IFRLaw`.
 
     Notes
     -----
     That no collision adds energy is known if the IFR law with e_n = 1, the restitution of slow impacts, adds none
-    (`IFRLaw`): each of its conditions is met the better the smaller e_n is. At a wall m_n is the mass of the disk, and
+    (`IFRLaw`): each of its conditions is met the better the smaller e_n is. Walton's friction never does. At a wall m_n is the mass of the disk, and
     R is that of Hertz's contact: R_i at a flat wall, R_i r / (r + R_i) outside a circle of radius r, and
     R_i r / (r - R_i) inside. Ends of segments and arcs count as flat. The modulus of a pair of unlike materials is
     twice that of their contact, Y = 2 / (1 / Y_i + 1 / Y_j).
@@ -59,14 +65,31 @@ class Viscoelastic(CollisionLaw):
     >>> law = laws.Viscoelastic.of_restitution(0.9, g_n=1.0, mass=1.0, radius=0.5)
     >>> [round(law.restitution(g_n, mass=1.0, radius=0.5), 4) for g_n in (1.0, 1e-3)]
     [0.9, 0.9735]
+
+    Contacts of LAMMPS, `hertz/material E eta nu tangential mindlin NULL 1.0 mu damping viscoelastic limit_damping`,
+    between disks of mass 1 (`ifrdem docs coming-from`):
+
+    >>> E, eta, nu, mu, m_n = 1e6, 100.0, 0.33, 0.2, 0.5
+    >>> Y = E / (1.0 - nu**2)
+    >>> law = laws.Viscoelastic(A=eta * m_n / Y, Y=Y, friction="walton", beta_0=0.26, mu=mu)
+    >>> law.friction
+    'walton'
     """
 
-    coefficients: ClassVar[tuple[str, ...]] = ("A", "Y", "e_t", "mu", "contact_point", "rho")
+    coefficients: ClassVar[tuple[str, ...]] = (
+        "A", "Y", "e_t", "mu", "contact_point", "rho", "beta_0", "walton",
+    )  # fmt: skip
     name_in_cases: ClassVar[str] = "viscoelastic"
     keys: ClassVar[Mapping[str, Key]] = MappingProxyType({
         "A": Key(checked.NON_NEGATIVE, "dissipative time of the material [s]", 1e-5),
         "Y": Key(checked.POSITIVE, "Young's modulus over 1 - nu^2 [Pa]", 1e9),
         **{name: key for name, key in IFRLaw.keys.items() if name != "e_n"},
+        "friction": Key(
+            FRICTION,
+            'tangential impulses: "ifr", of the IFR law, or "walton", of Walton\'s, which takes mu and beta_0 only',
+            FRICTION[0],
+        ),
+        "beta_0": Walton.keys["beta_0"]._replace(example=0.0),
     })  # fmt: skip
     takes_k: ClassVar[bool] = True
     is_passive: ClassVar[bool] = True
@@ -79,11 +102,22 @@ class Viscoelastic(CollisionLaw):
     def __init__(
         self, *, A: float, Y: float, e_t: float = -1.0, mu: float = 0.0,
         sticking: Literal["percussion_center", "contact_point"] = "percussion_center", rho: float = 0.0,
-        k: float = 2.0,
+        friction: Literal["ifr", "walton"] = "ifr", beta_0: float = 0.0, k: float = 2.0,
     ) -> None:  # fmt: skip
         checked.choice("sticking", sticking, STICKING)
-        contact_point = float(sticking == "contact_point")
-        super().__init__(A=A, Y=Y, e_t=e_t, mu=mu, contact_point=contact_point, rho=rho)
+        checked.choice("friction", friction, FRICTION)
+        contact_point, walton = float(sticking == "contact_point"), float(friction == "walton")
+        super().__init__(
+            A=A, Y=Y, e_t=e_t, mu=mu, contact_point=contact_point, rho=rho, beta_0=beta_0, walton=walton
+        )
+        if walton:
+            other = {"e_t": (e_t, -1.0), "sticking": (sticking, STICKING[0]), "rho": (rho, 0.0)}
+        else:
+            other = {"beta_0": (beta_0, 0.0)}
+        for name, (value, default) in other.items():
+            if value != default:
+                needed = FRICTION[not walton]
+                raise InputError(f"{name} = {value!r}: requires friction = '{needed}', not with '{friction}'")
         self._k = k
         self._slow(k)
 
@@ -93,17 +127,27 @@ class Viscoelastic(CollisionLaw):
         return "contact_point" if self.contact_point else "percussion_center"
 
     @property
+    def friction(self) -> Literal["ifr", "walton"]:
+        """The law of tangential impulses."""
+        return "walton" if self.walton else "ifr"
+
+    @property
     def k(self) -> float:
         """Shape number of the disks for which the law was examined."""
         return self._k
 
     def __repr__(self) -> str:
         """The law as it is made."""
-        numbers = ", ".join(f"{name}={getattr(self, name):g}" for name in ("A", "Y", "e_t", "mu"))
+        names = ("A", "Y", "mu", "beta_0") if self.walton else ("A", "Y", "e_t", "mu")
+        numbers = ", ".join(f"{name}={getattr(self, name):g}" for name in names)
+        if self.walton:
+            return f"Viscoelastic({numbers}, friction='walton')"
         return f"Viscoelastic({numbers}, sticking={self.sticking!r}, rho={self.rho:g})"
 
-    def _slow(self, k: float) -> IFRLaw:
-        """The IFR law of its slowest impacts, which are elastic."""
+    def _slow(self, k: float) -> IFRLaw | Walton:
+        """The law of its slowest impacts, which are elastic."""
+        if self.walton:
+            return Walton(e_n=1.0, beta_0=self.beta_0, mu=self.mu)
         return IFRLaw(e_n=1.0, e_t=self.e_t, mu=self.mu, sticking=self.sticking, rho=self.rho, k=k)
 
     def check(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> None:
@@ -125,7 +169,7 @@ class Viscoelastic(CollisionLaw):
         return self.A > 0.0
 
     def slip_coefficients(self, inverse_a: Array) -> tuple[Array, Array]:
-        """As of `IFRLaw`."""
+        """As of `IFRLaw` or `Walton`."""
         return self._slow(self.k).slip_coefficients(inverse_a)
 
     def restitutions(self, g_n: ArrayLike, m_n: ArrayLike, R: float) -> Array:
@@ -161,7 +205,7 @@ class Viscoelastic(CollisionLaw):
         Y : float
             Modulus [mass/(length time^2)].
         **friction
-            e_t, mu, sticking, rho, k, as for the law.
+            e_t, mu, sticking, rho, friction, beta_0, k, as for the law.
         """
         from scipy.optimize import brentq
 

@@ -18,19 +18,31 @@ from ifrdem.theory import collisions
 
 VISCOELASTIC = laws.Viscoelastic.of_restitution(0.9, g_n=1.0, mass=1.0, radius=0.5, e_t=-0.9, mu=0.2)
 WALTON = laws.Walton(e_n=0.9, beta_0=0.4, mu=0.2)
+VISCOELASTIC_WALTON = laws.Viscoelastic(
+    A=VISCOELASTIC.A, Y=VISCOELASTIC.Y, mu=0.2, friction="walton", beta_0=0.4
+)  # of the kernels of VISCOELASTIC
+TABLE = laws.TableLaw(slip=[0.2, 0.5, 0.9], ratio=[0.06, 0.15, 0.2], e_n=[0.95, 0.85], g_n=[0.1, 3.0])
 RECORDED: Any = {
     "record": ["ledger"],
     "histories": [0],
 }  # what all gases without walls record: they share kernels
-EACH = pytest.mark.parametrize("law", [WALTON, VISCOELASTIC], ids=lambda law: type(law).__name__)
+EACH = pytest.mark.parametrize(
+    "law",
+    [WALTON, VISCOELASTIC, VISCOELASTIC_WALTON, TABLE],
+    ids=["Walton", "Viscoelastic", "Viscoelastic, Walton's friction", "table"],
+)
+WITH_THEORY = pytest.mark.parametrize(
+    "law", [WALTON, VISCOELASTIC, VISCOELASTIC_WALTON], ids=["Walton", "Viscoelastic", "Walton's friction"]
+)
 
 
 def impulses(law: laws.CollisionLaw, **pair: float) -> Any:
-    named = SimpleNamespace(**dict(zip(law.coefficients, law.table_row(), strict=True)))
+    named = SimpleNamespace(**dict(zip(law.coefficients, law.table_row(), strict=not law.has_table)))
     given = {"g_n": 1.0, "g_t": 0.0, "m_n": 0.5, "m_t": 0.5 / 3.0, "radius_i": 0.5, "radius_j": 0.5}
     given |= pair
     given["reduced_radius"] = given["radius_i"] * given["radius_j"] / (given["radius_i"] + given["radius_j"])
-    return law.collide(SimpleNamespace(**given), named)
+    table = [np.array(law.table_row())] if law.has_table else []
+    return law.collide(SimpleNamespace(**given), named, *table)  # type: ignore[call-arg]
 
 
 def test_walton_reverses_the_slip_up_to_coulomb_s_limit() -> None:
@@ -269,7 +281,7 @@ def test_ledger_closes_and_no_collision_adds_energy(law: laws.CollisionLaw) -> N
 
 
 @pytest.mark.full(keep=1)
-@EACH
+@WITH_THEORY
 def test_cooling_by_theory_is_that_of_the_monte_carlo_of_its_equation(law: laws.CollisionLaw) -> None:
     """Velocities are Gaussian until disks have collided: changes agree within the noise of 400,000 disks, about 1 %."""
     n = 400_000
@@ -304,6 +316,30 @@ def test_walton_that_stops_the_slip_is_ifr_with_its_contact_point() -> None:
         np.testing.assert_allclose(a, b, rtol=1e-12)
 
 
+def test_walton_s_friction_of_viscoelastic_disks_is_walton_s() -> None:
+    """At the e_n of the speed: |P_t| = min(mu P_n, (1 + beta_0) m_t |g_t|); theory likewise, at A = 0 with e_n = 1."""
+    for g_n, g_t in ((1.0, 0.3), (0.2, -0.1), (2.0, 3.0), (0.7, -5.0)):
+        e_n = VISCOELASTIC_WALTON.restitution(g_n, mass=1.0, radius=0.5)
+        walton = laws.Walton(e_n=e_n, beta_0=0.4, mu=0.2)
+        expected = impulses(walton, g_n=g_n, g_t=g_t)
+        assert impulses(VISCOELASTIC_WALTON, g_n=g_n, g_t=g_t) == pytest.approx(expected, rel=1e-12)
+    elastic = laws.Viscoelastic(A=0.0, Y=1.0, friction="walton", beta_0=0.4, mu=0.2)
+    disks, t = ifrdem.Disks(2, mass=1.0, radius=0.5), [1.0, 10.0]
+    one, other = (
+        theory.prediction(disks, law, 0.1, 1.0, 0.5, t).temperature
+        for law in (elastic, laws.Walton(e_n=1.0, beta_0=0.4, mu=0.2))
+    )
+    np.testing.assert_allclose(one, other, rtol=1e-6)  # of sums over speeds
+    kept, smooth = (
+        theory.prediction(disks, law, 0.1, 1.0, 0.5, t).temperature
+        for law in (
+            laws.Viscoelastic(A=0.1, Y=1.0, friction="walton", beta_0=-1.0, mu=0.2),
+            laws.Viscoelastic(A=0.1, Y=1.0),
+        )
+    )
+    np.testing.assert_allclose(kept, smooth, rtol=1e-9)
+
+
 def test_viscoelastic_gas_cools_with_the_power_five_thirds() -> None:
     """dT/dt ~ -T^(3/2) (1 - e_n^2) with 1 - e_n ~ T^(1/10): T ~ t^(-5/3)."""
     law = laws.Viscoelastic.of_restitution(0.95, g_n=1.0, mass=1.0, radius=0.5)
@@ -332,6 +368,12 @@ def test_small_dissipation_cools_at_the_first_order_in_b() -> None:
         (lambda: laws.Walton(e_n=0.9, beta_0=1.1, mu=0.1), r"beta_0 = 1\.1: must be"),
         (lambda: laws.Walton(e_n=0.9, beta=0.1, mu=0.1), r"'beta' \(did you mean 'beta_0'"),
         (lambda: laws.Viscoelastic(A=-1.0, Y=1.0), r"A = -1\.0: must be"),
+        (lambda: laws.Viscoelastic(A=0.1, Y=1.0, friction="waltn"), "friction.*'waltn'.*'walton'"),
+        (lambda: laws.Viscoelastic(A=0.1, Y=1.0, beta_0=0.3), r"beta_0 = 0\.3: requires friction = 'walton'"),
+        (
+            lambda: laws.Viscoelastic(A=0.1, Y=1.0, e_t=-0.9, friction="walton"),
+            r"e_t = -0\.9: requires friction = 'ifr'",
+        ),
         (lambda: laws.Viscoelastic(A=0.1, Y=1.0, e_t=0.5, mu=0.3), "would add energy"),
         (lambda: theory.cooling_ratio(VISCOELASTIC, 2.0, 0.0), "must be a law whose e_n is a constant"),
     ],
