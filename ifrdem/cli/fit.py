@@ -692,8 +692,9 @@ def _summary(found: Any) -> list[str]:
 
 def _tray(text: str, problems: OptionProblems) -> Any:
     """A law of flight by its name, or one whose constants are known."""
-    from ..fit.flight import FRICTION, GRAVITY, Tray
+    from ..fit.flight import FRICTION, Tray
     from ..fit.impacts import FRICTIONS
+    from ..model.gravity import EARTH
 
     if text in FRICTIONS:
         return text
@@ -704,7 +705,7 @@ def _tray(text: str, problems: OptionProblems) -> Any:
         values = []
     if all(math.isfinite(each) and each >= 0.0 for each in values):
         if equals and law in FRICTION and len(values) == 1 and values[0] > 0.0:
-            return Tray(law=law, a0=GRAVITY * values[0])
+            return Tray(law=law, a0=EARTH * values[0])
         if not equals and 1 <= len(values) <= 4:
             return Tray().changed(dict(zip(("a0", "a1", "b0", "b1"), values, strict=False)))
     given = ", ".join(f"{name}=MU" for name in FRICTION)
