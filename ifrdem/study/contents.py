@@ -40,7 +40,7 @@ from .results import (
 TO = " to "
 FIRST = ("temperature", "rotational_temperature", "theta")
 """Quantities of the whole gas that follow the numbers of analyses in the table."""
-PARTS = (*AXES, "species")
+PARTS = (*AXES, "species", "region")
 """Dimensions of a quantity that several numbers make up."""
 
 

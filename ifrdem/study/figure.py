@@ -87,7 +87,7 @@ SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
 Ends = tuple[float | None, float | None] | None
 FILE = "file"
-PARTS = ("species", "component", "mechanism", "regime", "axis")
+PARTS = ("species", "component", "mechanism", "regime", "axis", "region")
 """Dimensions of a quantity that several numbers make up: curves or panels, as swept keys are."""
 
 

@@ -71,7 +71,7 @@ TEXTS = {
     SEED: "seed of the random numbers", AT: "where frames are analysed", "time": "time",
     "collisions_per_disk": "collisions per disk so far, mean over all disks", "run": "name of the file of the run",
     "theta": "rotational over translational temperature", "failure": "message of a run that failed",
-    "runs": "number of finished runs", "axis": "axes of vectors", "species": "names of the species",
+    "runs": "number of finished runs", "axis": "axes of vectors", "species": "names of the species", "region": "names of the regions",
     "component": "components of the pressure tensor", "mechanism": "mechanisms of dissipation",
     "regime": "regimes of collisions", VARIANT: "variants of the case", START: "where averages over time begin",
     SERIES_FROM: "where means over rows begin",
@@ -224,6 +224,7 @@ def collect(
             variables[name] = Variable((axis.names[0],), _coordinate(values), unit)
     variables[SEED] = Variable((SEED,), np.array(plan.seeds))
     names = AXES | ({"species": tuple(each.name for each in case.species)} if len(case.species) > 1 else {})
+    names |= {"region": tuple(case.output.regions)} if case.output.regions else {}
     for name, parts in names.items():
         variables[name] = Variable((name,), np.array(parts))
     if plan.output.analyses_at:
