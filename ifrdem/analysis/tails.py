@@ -124,6 +124,8 @@ def speed_tail(
     """
     speeds: list[Array] = []
     for v in velocity:
+        if len(v) < 2:
+            raise InputError(f"velocity has {len(v)} disks: must have 2 or more")
         weight = rows("mass", mass, len(v))
         own = v - weight @ v / weight.sum()
         squares = weight * np.sum(own**2, axis=1)

@@ -7,7 +7,7 @@ Of a flux J of the whole gas (a component of the pressure tensor, or of the heat
 
 with f = A / T for eta, from P_xy and (P_xx - P_yy) / 2, and f = A / T^2 for kappa, from q_x and q_y (units of T are
 energies). D is the same of velocities and displacements of disks, with f = 1. M. S. Green, J. Chem. Phys. 22, 398
-(1954), doi:10.1063/1.1740082; R. Kubo, J. Phys. Soc. Jpn. 12, 570 (1957), doi:10.1143/JPSJ.12.570; E. Helfand, Phys.
+(1954), doi:10.1063/1.1740082; R. Kubo, J. Phys. Soc. Jpn. 12, 570 (1957); E. Helfand, Phys.
 Rev. 119, 1 (1960), doi:10.1103/PhysRev.119.1; of hard disks R. Garcia-Rojo, S. Luding, J. J. Brey, Phys. Rev. E 74,
 061305 (2006), doi:10.1103/PhysRevE.74.061305.
 

@@ -187,7 +187,7 @@ def measure(
     with SERIAL:
         totals = sums(disks, state, gravity)
         of_species = species_sums(disks, state) if disks.species else None
-    energy_terms = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
+    energy_terms: Any = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
     wall_collisions = int(np.sum(state.wall_collisions, dtype=np.int64))
     return measure_of_totals(

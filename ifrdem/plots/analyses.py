@@ -357,8 +357,10 @@ def _sequence(axes: Sequence[Axes], trajectory: Trajectory | None, found: analys
         (f"heat_flux{part}", (normal,), f"heat flux $q_{name}${words}", "energy/(length time)"),
         ("theta", (), r"$\theta = T_\mathrm{rot} / T$", ""),
     ]
-    if len(axes) == 3:  # of strips without an end
-        panels = [panels[i] for i in (1, 2, 5)]
+    if len(axes) == 3:  # of strips without an end, which have no density
+        panels = [*panels[1:3], panels[5]]
+    elif len(axes) == 2:
+        panels = [panels[0 if np.isfinite(first.mean.packing_fraction).any() else 1], panels[2]]
     for one, (quantity, at, text, dimension) in zip(axes, panels, strict=True):
         for i, (place, each) in enumerate(zip(found.places, found.profiles, strict=True)):
             value = getattr(each.mean, quantity)[(..., *at)]
@@ -374,7 +376,7 @@ def _sequence(axes: Sequence[Axes], trajectory: Trajectory | None, found: analys
             one.plot(each.middles[0], value, lw=1.3, label=text_of, **style)
         one.set_ylabel(label(trajectory, text, dimension) if dimension else text)
         one.set_xlabel(label(trajectory, f"${first.axes[0]}$", "length"))
-    if not any(np.any(np.nan_to_num(each.mean.theta)) for each in found.profiles):
+    if len(axes) > 2 and not any(np.any(np.nan_to_num(each.mean.theta)) for each in found.profiles):
         axes[-1].set_visible(False)  # nothing spins
     legend_above(axes[0], 3)
     grid(*axes)
@@ -801,6 +803,13 @@ def distribution(
         axes.set(xscale="log", yscale="log")
 
 
+def _coefficient_alone(axes: Axes, found: analysis.TransportCoefficient) -> None:
+    """A transport coefficient of rows."""
+    coefficient(axes, found)
+    axes.set(xlabel="lag $t$", ylabel="transport coefficient")
+    grid(axes)
+
+
 def _cycle_alone(axes: Axes, found: analysis.Cycle) -> None:
     """Means of a series at phases."""
     half = student_t(found.n_eff) * found.error
@@ -866,10 +875,10 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.Pressure: Panels(_pressure),
     analysis.MeanStress: Panels(lambda left, right, found: stress(left, right, None, _alone(found)), TWO),
     analysis.ProfileSequence: Panels(
-        lambda *given: _sequence(given[:-1], None, given[-1]), {"nrows": 2, "ncols": 3, "sharex": True}
+        lambda *given: _sequence(given[:-1], None, given[-1]), TWO
     ),
     analysis.Cycle: Panels(lambda axes, found: _cycle_alone(axes, found)),
-    analysis.TransportCoefficient: Panels(lambda axes, found: coefficient(axes, found)),
+    analysis.TransportCoefficient: Panels(_coefficient_alone),
     analysis.CollisionDistribution: Panels(
         lambda axes, found: distribution(axes, None, found, f"{found.count} collisions", **POINTS)
     ),

@@ -330,7 +330,7 @@ def frame_axes(
     xlim: tuple[float | None, float | None] | None,
     ylim: tuple[float | None, float | None] | None,
 ) -> None:
-    """Give panels ends of their axes, None for those that stay.
+    """Give panels ends of their axes, None for those that stay; markers on the frame are drawn whole.
 
     Raises InputError if an end is not above 0 on a logarithmic axis.
     """
@@ -349,6 +349,19 @@ def frame_axes(
         for name, ends in (("x", xlim), ("y", ylim)):
             if ends is not None and getattr(axes, f"get_{name}scale")() == "log":
                 few_labels(axes, name)  # type: ignore[arg-type]
+        _whole_markers(axes)
+
+
+def _whole_markers(axes: Axes) -> None:
+    """Do not cut the markers of curves whose points all lie within the frame or on it."""
+    low, high = np.sort([axes.get_xlim(), axes.get_ylim()], axis=1).T
+    slack = 1e-9 * (high - low)
+    for line in axes.lines:
+        points = np.asarray(line.get_xydata(), dtype=float)
+        points = points[np.isfinite(points).all(axis=1)]
+        inside = (points >= low - slack) & (points <= high + slack)
+        if line.get_marker() not in ("None", "", None) and inside.all():
+            line.set_clip_on(False)
 
 
 def chosen_panels(count: int, numbers: Sequence[int] | None) -> list[int]:

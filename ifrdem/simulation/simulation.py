@@ -236,7 +236,7 @@ class Simulation(NotCopied, ReadOnlyAttributes, DisksRepr):
 
         given: dict[str, Any] = {
             "box": box, "law": laws.table, "walls": walls, "gravity": gravity, "forces": forces, "collapse": collapse,
-            "device": device, "record": record, "regions": regions or {}, "seed": seed,
+            "device": device, "record": record, "regions": {} if regions is None else regions, "seed": seed,
         }  # fmt: skip
         setup = comm.run_on_all(lambda: Setup(**given))
 

@@ -602,8 +602,14 @@ def _quantity(name: str, text: str | None = None) -> str:
         ("T", "$T$"),
         ("theta", r"$\theta$"),
         ("psi6", r"$\psi_6$"),
+        ("eta", r"$\eta$"),
+        ("kappa", r"$\kappa$"),
+        ("nu", r"$\nu$"),
+        ("D", "$D$"),
     ):
         text = re.sub(rf"(?<![\w$]){words}(?!\w)", symbol.replace("\\", r"\\"), text)
+    # a20, P_xy, N_1
+    text = re.sub(r"(?<![\w$])([aPN])_?(\d+|[xyrt]{2})(?!\w)", r"$\1_{\2}$", text)
     return text.removeprefix("species ") if "$" in text else text
 
 

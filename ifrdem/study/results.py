@@ -53,7 +53,7 @@ ENDING, RUNS = ".nc", ".runs"
 """Endings of the file of results, and of the folder of runs next to it."""
 THEORY = ("temperature", "rotational_temperature", "theta")
 """Predictions of kinetic theory for a gas."""
-PARTS = (*AXES, "species")
+PARTS = (*AXES, "species", "region")
 """Dimensions of a quantity that several numbers make up: curves or panels, as swept keys are."""
 START, N_EFF, RUN_ERROR = "analyses_from", "_n_eff", "_run_error"
 """Variable with the start of averages over time of each point; endings of numbers of independent values, and of
@@ -78,7 +78,7 @@ TEXTS = {
     SEED: "seed of the random numbers", AT: "where frames are analysed", "time": "time",
     "collisions_per_disk": "collisions per disk so far, mean over all disks", "run": "name of the file of the run",
     "theta": "rotational over translational temperature", "failure": "message of a run that failed",
-    "runs": "number of finished runs", "axis": "axes of vectors", "species": "names of the species",
+    "runs": "number of finished runs", "axis": "axes of vectors", "species": "names of the species", "region": "names of the regions",
     "component": "components of the pressure tensor", "mechanism": "mechanisms of dissipation",
     "regime": "regimes of collisions", VARIANT: "variants of the case",
     COEFFICIENTS: "drawn sets of coefficients", START: "where averages over time begin",
@@ -234,6 +234,7 @@ def collect(
             variables[name] = Variable((axis.names[0],), _coordinate(values), unit)
     variables[SEED] = Variable((SEED,), np.array(plan.seeds))
     names = AXES | ({"species": tuple(each.name for each in case.species)} if len(case.species) > 1 else {})
+    names |= {"region": tuple(case.output.regions)} if case.output.regions else {}
     for name, parts in names.items():
         variables[name] = Variable((name,), np.array(parts))
     if plan.output.analyses_at:

@@ -90,11 +90,12 @@ def test_means_over_a_period_and_their_errors() -> None:
     found = analysis.phase_average(t, x, period=1.0, begin=5.0)
     assert (len(found.phase), found.periods) == (8, 400)
     np.testing.assert_allclose(found.mean, 3.0 * np.cos(2.0 * np.pi * found.phase), atol=0.12)
-    np.testing.assert_allclose(found.error, 0.5 / 20.0, rtol=0.25)
+    # The larger of two estimates, of which that of 20 blocks scatters by a sixth.
+    assert 0.85 * 0.5 / 20.0 < found.error.min() <= np.median(found.error) < 1.4 * 0.5 / 20.0
     # The first harmonic of 8 phases has the noise sqrt(2 / 8) 0.5 in a period; the mean sqrt(1 / 8) 0.5.
     assert found.amplitude.mean == pytest.approx(3.0, abs=5.0 * found.amplitude.error)
-    assert found.amplitude.error == pytest.approx(0.25 / 20.0, rel=0.2)
-    assert found.whole.error == pytest.approx(0.177 / 20.0, rel=0.2)
+    assert 0.85 < found.amplitude.error / (0.25 / 20.0) < 1.8
+    assert 0.85 < found.whole.error / (0.177 / 20.0) < 1.8
     assert min(found.maximum, 1.0 - found.maximum) < 0.005
     assert cycle.default_phases(np.sort(np.random.default_rng(2).uniform(0.0, 50.0, 1000))) == cycle.PHASES
     with pytest.raises(InputError, match="0 periods have a row at each of 4 phases"):

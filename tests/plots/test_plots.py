@@ -316,6 +316,19 @@ def test_missing_trajectory_is_refused(tmp_path: Path) -> None:
         run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
 
 
+def test_markers_on_the_frame_are_whole_and_points_beyond_it_are_not_drawn() -> None:
+    axes = Figure().subplots()
+    (on,) = axes.plot([0.0, 1.0, 2.0], [0.0, 1.0, 1.0], "o-")
+    (beyond,) = axes.plot([0.0, 1.0, 3.0], [0.0, 1.0, 1.0], "s")
+    (line,) = axes.plot([0.0, 2.0], [0.0, 1.0], "-")
+    style.frame_axes([axes], (0.0, 2.0), (0.0, 1.0))
+    assert [each.get_clip_on() for each in (on, beyond, line)] == [False, True, True]
+    (low,) = axes.plot([0.0, 2.0], [0.0, np.nan], "o")
+    axes.set_yscale("log")
+    style.frame_axes([axes], None, (0.1, None))
+    assert low.get_clip_on()
+
+
 def test_markers_of_a_nearly_constant_theta_are_whole() -> None:
     figure = Figure(figsize=(6.0, 1.5))
     axes = figure.add_subplot()

@@ -70,20 +70,30 @@ def engine_of(gas: Gas, device: Literal["cpu", "cuda"], **options: Any) -> Engin
         gravity=(0.0, -0.1),
         # Two in the same steps, and one at random times.
         forces=[Drag(0.08, rate=0.1), RandomKicks(0.08, power=0.2), PoissonKicks(1.0, power=0.1)],
-        record=["free_times"],
+        record=["free_times", "heat_flux"],
+        regions={"left": (0.0, 0.0, middle[0], box.lengths[1])},
         **options,
     )
 
 
-def looked_at(engine: Engine, points: Sequence[RunPoint]) -> list[tuple[State, Any, Any, Any, Any]]:
-    """States, dissipated energies, what forces gave and histograms, at points of a run in the order in which it comes to them."""
+def looked_at(engine: Engine, points: Sequence[RunPoint]) -> list[tuple[State, Any, Any, Any, Any, Any, Any]]:
+    """States, dissipated energies, gains by forces, histograms, transferred energy, regions, at points of a run in the order in which it comes to them."""
     due, found = list(points), []
     while due:
         stop = functools.reduce(RunPoint.earlier, due)
         engine.advance(t_end=stop.time, collisions=stop.collisions, next_points=functools.partial(list, due))
         if stop.reached(engine.time, engine.collisions):
             given = engine.force_steps.energy_inputs.copy()
-            found.append((engine.state(), *engine.dissipated(), given, engine.histograms))
+            found.append(
+                (
+                    engine.state(),
+                    *engine.dissipated(),
+                    given,
+                    engine.histograms,
+                    engine.energy_transfer,
+                    engine.region_totals(),
+                )
+            )
         due = [each for each in due if not each.reached(engine.time, engine.collisions)]
     return found
 
@@ -117,6 +127,12 @@ def main() -> None:
             "least energy input": float(np.abs(on_cpu[-1][3]).min()),
             "histograms": all(np.array_equal(a[4], b[4]) for a, b in pairs),
             "counts": int(on_cpu[-1][4].sum()),
+            "regions": all(
+                np.allclose(a[6], b[6], rtol=1e-12) and a[6][0, 0] == b[6][0, 0] for a, b in pairs
+            ),
+            "disks in the region": int(on_cpu[-1][6][0, 0]),
+            "energy transfer": all(np.allclose(a[5], b[5], rtol=1e-10, atol=1e-10) for a, b in pairs),
+            "largest energy transfer": float(np.abs(on_cpu[-1][5]).max()),
             # Sums of some hundred terms in another order.
             "losses": all(np.allclose(a[1], b[1], rtol=1e-11, atol=1e-12) for a, b in pairs),
         }

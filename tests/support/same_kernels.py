@@ -195,7 +195,7 @@ GASES: dict[str, Callable[..., Engine]] = {
         ROLLING,
         order="tiled",
         tile_disks=60,
-        record=[*ALL_SUMS["record"], "stress"],
+        record=[*ALL_SUMS["record"], "heat_flux"],
         **o,
     ),
     "two sizes": two_sizes,

@@ -67,4 +67,8 @@ def test_blocks_have_the_bits_of_the_cpu(
     assert found["histograms"]
     assert found["counts"] > 3 * found["collisions"]
     assert found["regimes"]
+    assert found["regions"]
+    assert found["disks in the region"] > 20
+    assert found["energy transfer"]
+    assert found["largest energy transfer"] > 10.0
     assert found["losses"]

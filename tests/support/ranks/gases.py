@@ -61,7 +61,14 @@ def walled() -> Gas:
         Wall.line((0.0, 129.0), (0.0, -1.0), temperature=2.0),
         Wall.post((30.0, 100.0), 3.0),
     ]
-    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "record": ["ledger", "stress"]}
+    regions = {"left": (0.0, 0.0, 37.0, 130.0), "low": (0.0, 0.0, 75.0, 30.0)}
+    more = {
+        "walls": walls,
+        "gravity": (0.0, -0.05),
+        "seed": 4,
+        "record": ["ledger", "heat_flux"],
+        "regions": regions,
+    }
     return disks, box, state, (0.98, *COIN[1:]), 10.0, more
 
 
@@ -145,6 +152,8 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     }
     past = engine.comm.gather_rows(N, [engine.past["angle"]]) or [None]
     found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": past[0]}
+    if engine.setup.regions:
+        found["regions"] = engine.region_totals()
     found["inputs"] = engine.force_steps.energy_inputs
     engine.keep_collisions = True
     engine.advance(collisions=2 * half + 500)
