@@ -32,6 +32,7 @@ from ifrdem.study.results import (
     theory_of,
     warnings_of,
 )
+from ifrdem.study.study import START_SECONDS
 from ifrdem.study.task import Task, Variable
 from ifrdem.study.windows import SAME_RUN, window_of
 from ifrdem.tools import versions
@@ -431,12 +432,13 @@ def test_stresses_of_a_flow_stand_beside_those_of_theory(sheared: ifrdem.Study) 
     [
         ("rough_cooling", 43.4),
         ("viscoelastic_cooling", 36.2),
-        ("mixture_cooling", 80.0),
+        ("mixture_cooling", 161.0),
         ("shear_stress", 140.0),
     ],
 )
 def test_the_time_of_shipped_studies_is_within_a_factor_of_2(
     name: str, seconds: float, tmp_path: Path
 ) -> None:
-    """Processor time of the runs of one process, kernels compiled (2026-11-29, a busy machine)."""
-    assert 0.5 * seconds < ifrdem.Study(name, output=tmp_path / "none.nc").seconds < 2.0 * seconds
+    """Processor time of the command with one process, kernels compiled (2026-11-29, a busy machine)."""
+    expected = START_SECONDS + ifrdem.Study(name, output=tmp_path / "none.nc").seconds
+    assert 0.5 * seconds < expected < 2.0 * seconds
