@@ -200,7 +200,7 @@ STUDIES: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "mixture_cooling": (
         ("species_T_ratio_light --over e_n --by mass",),
-        "Bars: 95 % intervals of the mean over 10 seeds. Ticks: kinetic theory.",
+        "Bars: 95 % intervals of the mean over 12 seeds. Ticks: kinetic theory.",
     ),
     "shear_stress": (
         ("stress_N_1 --over e_n", "stress_T_x_over_T_y --over e_n", "stress_friction --over e_n"),

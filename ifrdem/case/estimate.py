@@ -196,8 +196,6 @@ def start_seconds(n: int, positions: str, threads: int) -> float:
 
 BYTE_SECONDS, FILE_SECONDS = 8e-9, 0.05
 """Time to write a byte of a trajectory without compression, and to create and close its file."""
-ROW_SECONDS = 2e-3
-"""Time of a row of series: it ends a window, as a frame does, without its disks."""
 
 
 def output_seconds(frames: float, file_bytes: float) -> float:
@@ -334,7 +332,7 @@ class RunEstimate:
         return self.collisions + (self.frames * 0.5 * n * IN_A_WINDOW if n > columns.SINGLE_TILE else 0.0)
 
     def seconds(self, gas: CaseGas, threads: int) -> float:
-        """Time [s] of a run: start, collisions, windows, force steps, rows, frames, output; nan if the end is not known."""
+        """Time [s] of a run: start, collisions, windows, force steps, frames and output; nan if the end is not known."""
         n, ending = gas.n, sum(self.force_steps.get(ENDS_WINDOW, {}).values())
         windows = self.collisions / (WINDOW_COLLISIONS * n) if self.collisions > 0.0 else 0.0
         if gas.box.shear_rate:
@@ -352,7 +350,6 @@ class RunEstimate:
             start_seconds(n, placed, threads)
             + collisions
             + others
-            + self.rows * ROW_SECONDS
             + output_seconds(self.frames, self.file_bytes)
         )
 

@@ -385,7 +385,7 @@ def _cpu_time(gas: CaseGas, estimate: RunEstimate, threads: int) -> Iterator[Rep
         known = not math.isnan(seconds)
         collisions = not math.isnan(estimate.collisions)
         includes = ["start"] + ["collisions"] * collisions + ["force steps"] * forces
-        includes += ["windows", "rows", "frames", "output"]
+        includes += ["windows", "frames", "output"]
         name = f"run time ({', '.join(includes[:-1])} and {includes[-1]})"
         most = "at most " if forces and all(each.kind == RESTING for each in gas.case.force) else ""
         if known and (collisions or forces):

@@ -38,9 +38,9 @@ from .workers import check_jobs
 if TYPE_CHECKING:
     import xarray
 
-RATE, RUN_SECONDS, FILE_SECONDS, ANALYSIS_SECONDS, START_SECONDS = 2e5, 0.1, 0.4, 0.3, 8.0
-"""Collisions a second and core, where theory gives no estimate of a run; seconds of a further gas beside its run, of
-one with a trajectory, of an analysis of it, and of processes that start and load kernels: before any run is done."""
+RATE, ROW_SECONDS, RUN_SECONDS, FILE_SECONDS, ANALYSIS_SECONDS, START_SECONDS = 2e5, 2e-3, 0.1, 0.4, 0.3, 8.0
+"""Collisions a second and core, where theory gives no estimate of a run; seconds of a row of series, of a further gas
+beside its run, of one with a trajectory, of an analysis of it, and of processes that start and load kernels: before any run is done."""
 MOST_ESTIMATED = 20
 """Points whose runs are estimated, evenly among all; the others take as long for their work."""
 RUN_BYTES, RESULTS_BYTES = 10_000, 60_000
@@ -239,7 +239,7 @@ class Study:
         estimate = RunEstimate.of(gas)
         if not frames:
             estimate = dataclasses.replace(estimate, frames=0, file_bytes=0)
-        seconds = estimate.seconds(gas, 1)
+        seconds = estimate.seconds(gas, 1) + estimate.rows * ROW_SECONDS
         return seconds / weight(case) if math.isfinite(seconds) else 0.5 / RATE
 
     def _state(self, tasks: Sequence[Task]) -> tuple[list[tuple[Task, float]], list[Task], list[str]]:

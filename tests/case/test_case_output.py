@@ -293,7 +293,7 @@ force = [{ kind = "rescale", step = 1e-3, temperature = 0.5 }, { kind = "drag", 
     estimate = RunEstimate.of(gas)
     assert estimate.force_steps == {kind: pytest.approx(given) for kind, given in steps.items()}
     rows = {row.quantity: row.value for row in report.report(gas, estimate).rows}
-    assert rows["run time (start, force steps, windows, rows, frames and output)"].startswith(
+    assert rows["run time (start, force steps, windows, frames and output)"].startswith(
         "about 2."
     )  # no theory gives the collisions
 
@@ -352,7 +352,7 @@ def test_check_names_the_parts(toml, capsys):
 def test_the_estimated_time_names_the_compilation_separately(toml, capsys):
     assert cli.main(["check", str(toml)]) == 0
     shown = capsys.readouterr().out
-    assert "  run time (start, collisions, windows, rows, frames and output) " in shown
+    assert "  run time (start, collisions, windows, frames and output) " in shown
     assert re.search("compilation of kernels, before the run +a second or two if ", shown)
 
 

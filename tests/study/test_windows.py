@@ -22,7 +22,17 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.study.contents import _window, describe
 from ifrdem.study.figure import WINDOW_START, draw
-from ifrdem.study.results import Results, averaged, half_interval, warnings_of
+from ifrdem.study.results import (
+    THEORY,
+    Predicted,
+    Results,
+    _at,
+    averaged,
+    half_interval,
+    theory_of,
+    warnings_of,
+)
+from ifrdem.study.study import START_SECONDS
 from ifrdem.study.task import Task, Variable
 from ifrdem.study.windows import SAME_RUN, window_of
 from ifrdem.tools import versions
@@ -389,3 +399,46 @@ def test_the_range_of_starts_is_no_interval_of_time() -> None:
     (line,) = _window(Results(variables))
     text = "average to the end of each run; where they begin differs between points: time = 0.75 to 1.5 s"
     assert text in line
+
+
+def test_theory_of_theta_between_points_is_a_mean_of_ratios_as_that_of_the_rows() -> None:
+    """Rows at 1 and 2 with T = 1, 2 and T_rot = 1, 1: the mean of ratios is 3/4, the ratio of means 2/3."""
+    places = np.array([0.0, 1.0, 2.0])
+    curves = Predicted(places, places, np.array([9.0, 1.0, 2.0]), np.array([9.0, 1.0, 1.0]), "Gaussian")
+    weights = np.array([0.0, 1.0, 1.0])
+    found = [_at(curves, name, "time", places, weights) for name in THEORY]
+    assert found == [1.5, 1.0, 0.75]
+    assert np.isnan(_at(curves, "theta", "time", places + 1.0, weights))  # beyond the curves
+
+
+def test_stresses_of_a_flow_stand_beside_those_of_theory(sheared: ifrdem.Study) -> None:
+    """The theory of an analysis is a column of the table, not a quantity of its own, and has a chi2."""
+    found = sheared.results()
+    theory = theory_of(found, "stress_N_1")
+    assert theory is not None
+    assert theory.dims == found.variables["stress_N_1_mean"].dims
+    assert 0.0 < theory.values.ravel()[0] < 2.0
+    lines = describe(sheared.output, what=["stress_N_1", "stress_T_x_over_T_y"]).splitlines()
+    (head,) = (line for line in lines if line.startswith("  quantity"))
+    (row,) = (line for line in lines if line.startswith("  stress_N_1 "))
+    place = head.index("theory")
+    assert float(row[place:].split()[0]) == pytest.approx(theory.values.ravel()[0], rel=1e-5)
+    assert any(line.startswith("  stress_T_x_over_T_y against kinetic theory: chi2 = ") for line in lines)
+    assert "stress_N_1_theory" not in describe(sheared.output)
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [
+        ("rough_cooling", 43.4),
+        ("viscoelastic_cooling", 36.2),
+        ("mixture_cooling", 161.0),
+        ("shear_stress", 140.0),
+    ],
+)
+def test_the_time_of_shipped_studies_is_within_a_factor_of_2(
+    name: str, seconds: float, tmp_path: Path
+) -> None:
+    """Processor time of the command with one process, kernels compiled (2026-11-29, a busy machine)."""
+    expected = START_SECONDS + ifrdem.Study(name, output=tmp_path / "none.nc").seconds
+    assert 0.5 * seconds < expected < 2.0 * seconds

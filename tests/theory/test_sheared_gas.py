@@ -201,18 +201,19 @@ def test_the_steady_state_is_where_temperatures_go_and_scales_with_the_square_of
     np.testing.assert_allclose(steady_state(COIN, *GAS, 0.1, -0.8), (4.0 * T, 4.0 * T_rot), rtol=1e-9)
 
 
-@pytest.mark.parametrize("rate", [0.4, -0.4])
-def test_stresses_of_the_steady_flow_are_those_of_its_balances(rate: float) -> None:
-    """Collisions lose -rate P_xy, the losses of an isotropic gas being no more than 5 % off; spins get P_xy - P_yx."""
-    flow = theory.steady_flow(COIN, *GAS, 0.3, rate)
+@pytest.mark.parametrize(("phi", "rate", "off"), [(0.01, 0.4, 0.08), (0.3, -0.4, 0.2)])
+def test_stresses_of_the_steady_flow_are_those_of_its_balances(phi: float, rate: float, off: float) -> None:
+    """Collisions lose -rate P_xy: more than in an isotropic gas, by the anisotropy, and by the flow of a dense gas over a
+    diameter (13 % at phi = 0.3). Spins that are steady get nothing: P_xy = P_yx. The pressure is nearly that at rest."""
+    flow = theory.steady_flow(COIN, *GAS, phi, rate)
     assert flow is not None
-    stress, n, T = flow.stress, 0.3 / (math.pi / 4.0), flow.temperature
+    stress, n, T = flow.stress, phi / (math.pi / 4.0), flow.temperature
     theta = flow.rotational_temperature / T
     lost = -np.dot((1.0, 0.5), theory.changes_per_collision(theta, COIN, 2.0)) * flow.collision_rate * n * T
-    assert -rate * stress.total[0, 1] == pytest.approx(lost, rel=0.1)
-    assert stress.collisional[0, 1] == pytest.approx(stress.collisional[1, 0], rel=1e-10)  # W is steady
+    assert -rate * stress.total[0, 1] == pytest.approx(lost, rel=off)
+    assert stress.collisional[0, 1] == pytest.approx(stress.collisional[1, 0], rel=1e-8)
     assert 0.5 * np.trace(stress.kinetic) == pytest.approx(n * T, rel=1e-12)
-    assert stress.pressure == pytest.approx(n * T * theory.compressibility(0.3), rel=0.15)  # e_n < 1: less
+    assert stress.pressure == pytest.approx(n * T * theory.compressibility(phi), rel=0.03)
 
 
 @pytest.mark.parametrize("p", [(1.3, 0.7, -0.5), (0.4, 2.0, 0.3)])
@@ -224,7 +225,7 @@ def test_what_rough_elastic_disks_get_of_the_flow_is_what_they_transfer(
     law, turn, tau, g = IFRLaw(e_n=1.0, e_t=0.0, mu=1e9, sticking="contact_point"), -0.4, 0.6, 0.9
     _, xx, yy, _, turned, spinning, *transfer = collisional_changes(*p, turn, tau, g, law, 2.0)
     xy, yx = transfer[1:3]
-    assert abs(xy) > 0.05
+    assert abs(xy) > 0.02
     assert 0.5 * (xx + yy) + 0.5 * spinning == pytest.approx(-g * xy, abs=1e-6)
     assert turned / 8.0 == pytest.approx(xy - yx, rel=1e-9)
 
