@@ -50,12 +50,21 @@ def test_commands_from_a_film_to_a_gas(
     for line in block("film to gas").splitlines():
         _, *arguments = shlex.split(line)
         if arguments[0] == "study":
-            arguments += ["--workers", "0", "--set", "species[0].number=50", "--set", "run.collisions_per_disk=2"]
+            arguments += [
+                "--workers",
+                "0",
+                "--set",
+                "species[0].number=50",
+                "--set",
+                "run.collisions_per_disk=2",
+            ]
         assert main(arguments) == 0, line
     shown = capsys.readouterr().out
     assert "20 sets of coefficients, Gaussian with the errors of the case" in shown
     assert Path("gas_T.png").exists()
     # The study of the block has other cases, of which no run is done: that of the test has its results.
-    code = block("film to gas figure").replace("seeds=5", "seeds=5, set=['species[0].number=50', 'run.collisions_per_disk=2']")
+    code = block("film to gas figure").replace(
+        "seeds=10", "seeds=5, set=['species[0].number=50', 'run.collisions_per_disk=2']"
+    )
     exec(compile(code, "film-to-gas.md", "exec"), {})
     assert Path("band.png").exists()
