@@ -36,6 +36,17 @@ Line = tuple[tuple[float, float], tuple[float, float]]
 LawOfPair = Callable[[int, int], Any]
 
 
+def _in_place(name: str, value: Any) -> Any:
+    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or not value.flags.writeable:
+        raise must_be(name, value, "an array of float64, which is changed in place")
+    if not np.isfinite(value).all():
+        raise must_be(name, value, "finite numbers")
+    return value
+
+
+InPlace = Annotated[Array, _in_place]
+
+
 def _law(name: str, value: Any) -> Any:
     return value if callable(value) else any_law(name, value)
 
@@ -61,9 +72,9 @@ class Hit(NamedTuple):
 
 @validated
 def collide_step(
-    position: Array,
-    velocity: Array,
-    spin: Array,
+    position: InPlace,
+    velocity: InPlace,
+    spin: InPlace,
     dt: Positive,
     law: LawOrFunction,
     *,
@@ -72,7 +83,7 @@ def collide_step(
     k: PositivePerDisk = 2.0,
     lengths: Sides | None = None,
     walls: Sequence[Line] = (),
-    angle: Array | None = None,
+    angle: InPlace | None = None,
 ) -> list[Hit]:
     """Let disks collide that have flown freely for a time `dt`; the arrays get their state after the collisions.
 
@@ -125,14 +136,11 @@ def collide_step(
     >>> hits[0].time, round(hits[0].P_n, 9), v[:, 0].tolist()  # P_n = (1 + e_n) m_n g_n
     (0.25, 0.75, [0.25, 0.75])
     """
-    n = len(spin) if isinstance(spin, np.ndarray) and spin.ndim == 1 else 0
+    n = len(np.ravel(spin))
     arrays = {"spin": (spin, (n,)), "position": (position, (n, 2)), "velocity": (velocity, (n, 2))}
-    arrays |= {} if angle is None else {"angle": (angle, (n,))}
-    for name, (each, shape) in arrays.items():
-        if not isinstance(each, np.ndarray) or each.dtype != np.float64 or each.shape != shape:
-            raise must_be(name, each, f"an array of float64 of shape {shape}, which is changed in place")
-        if not np.isfinite(each).all():
-            raise must_be(name, each, "finite numbers")
+    for name, (each, shape) in (arrays | ({} if angle is None else {"angle": (angle, (n,))})).items():
+        if each.shape != shape:
+            raise must_be(name, each, f"of shape {shape}")
     try:
         lines = np.array([[point, normal] for point, normal in walls], dtype=float).reshape(-1, 2, 2)
     except (TypeError, ValueError):

@@ -19,7 +19,7 @@ from ..fit.result import Fit, Fitted
 from ..model.laws.law import CollisionLaw
 from . import file as case_file
 
-NUMBER, PACKING_FRACTION, COLLISIONS_PER_DISK = 1000, 0.2, 20.0
+NUMBER, PACKING_FRACTION, COLLISIONS_PER_DISK = 4000, 0.2, 20.0
 """Disks, packing fraction and length of the run that is written: nothing measured says what they are."""
 OTHERS = r"[^\w.+-]"
 """Characters that the name of a run cannot have."""

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 MODULES = (
     "ifrdem", "ifrdem.initial", "ifrdem.initial.radii", "ifrdem.forces", "ifrdem.laws", "ifrdem.observables",
-    "ifrdem.theory", "ifrdem.analysis", "ifrdem.fit", "ifrdem.plots", "ifrdem.bullet",
+    "ifrdem.theory", "ifrdem.analysis", "ifrdem.fit", "ifrdem.plots", "ifrdem.engines", "ifrdem.bullet",
 )  # fmt: skip
 """Public modules, in the order of the manual."""
 

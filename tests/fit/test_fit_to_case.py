@@ -133,7 +133,7 @@ def test_disks_without_names_have_that_of_the_file(folder: Path, capsys: pytest.
         [each["name"] for each in case["material"]] == [each["name"] for each in case["species"]] == ["coins"]
     )
     assert "periodic" not in case["box"]
-    assert case["species"][0]["number"] == 1000
+    assert case["species"][0]["number"] == 4000
 
 
 @pytest.mark.parametrize(

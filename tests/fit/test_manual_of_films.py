@@ -64,7 +64,7 @@ def test_commands_from_a_film_to_a_gas(
     assert Path("gas_T.png").exists()
     # The study of the block has other cases, of which no run is done: that of the test has its results.
     code = block("film to gas figure").replace(
-        "seeds=5", "seeds=5, set=['species[0].number=50', 'run.collisions_per_disk=2']"
+        "seeds=10", "seeds=5, set=['species[0].number=50', 'run.collisions_per_disk=2']"
     )
     exec(compile(code, "film-to-gas.md", "exec"), {})
     assert Path("band.png").exists()
