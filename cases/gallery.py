@@ -202,6 +202,19 @@ ifrdem validate gas_laws -o laws-report
 """
 
 
+CONTACTS = """### Laws for Hertz-Mindlin contacts
+
+![T and theta under four laws of impacts relative to LAMMPS, in cooling gases](gallery/lammps-cooling.png)
+
+Cooling gases under laws of impacts, relative to the same gases of Hertz-Mindlin contacts in LAMMPS. Bands: standard
+errors over six starts. [Which law for Hertz-Mindlin contacts](hertz-mindlin.md) has the numbers.
+
+```sh
+ifrdem validate lammps -o lammps-report
+```
+"""
+
+
 def page() -> str:
     """Markdown of the gallery."""
     head = f"""# Gallery
@@ -239,7 +252,7 @@ ifrdem movie {MOVIE} -o clusters.webp
 `ifrdem run CASE` draws this picture of each: temperatures against time (energies, where friction stops the disks) with
 kinetic theory where it holds, profiles of a gas between walls, and the disks at the end, coloured by spin or species.
 """
-    return "\n".join((head, *wall, cases, *(section(name) for name in ORDER), STUDY, MIXTURE, LAWS))
+    return "\n".join((head, *wall, cases, *(section(name) for name in ORDER), STUDY, MIXTURE, LAWS, CONTACTS))
 
 
 def ifrdem(*words: str, cwd: Path) -> None:
@@ -293,6 +306,16 @@ def laws(runs: Path) -> None:
     shrink(picture, DOCS / "gallery" / "laws.png", 1200, 192, Image.Quantize.FASTOCTREE)
 
 
+def contacts(runs: Path) -> None:
+    """Run the comparison with LAMMPS and copy its pictures."""
+    names = ("lammps-impacts", "lammps-cooling", "lammps-driven")
+    if not all((runs / "lammps-report" / f"{name}.png").exists() for name in names):
+        ifrdem("validate", "lammps", "-o", "lammps-report", "--force", cwd=runs)
+    for name in names:
+        picture = runs / "lammps-report" / f"{name}.png"
+        shrink(picture, DOCS / "gallery" / f"{name}.png", 1200, 192, Image.Quantize.FASTOCTREE)
+
+
 def hero(runs: Path) -> None:
     """Run a million disks and copy their picture."""
     if not (runs / "million.h5").exists():
@@ -324,6 +347,7 @@ def main(runs: Path) -> None:
     study(runs)
     mixture_study(runs)
     laws(runs)
+    contacts(runs)
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8", newline="\n")
 
 
