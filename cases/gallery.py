@@ -243,6 +243,19 @@ ifrdem validate gas_laws -o laws-report
 """
 
 
+CONTACTS = """### Laws for Hertz-Mindlin contacts
+
+![T and theta under four laws of impacts relative to LAMMPS, in cooling gases](gallery/lammps-cooling.png)
+
+Cooling gases under laws of impacts, relative to the same gases of Hertz-Mindlin contacts in LAMMPS. Bands: standard
+errors over six starts. [Which law for Hertz-Mindlin contacts](hertz-mindlin.md) has the numbers.
+
+```sh
+ifrdem validate lammps -o lammps-report
+```
+"""
+
+
 def page() -> str:
     """Markdown of the gallery."""
     head = f"""# Gallery
@@ -285,7 +298,7 @@ kinetic theory where it holds, profiles of a gas between walls, and the disks at
 Studies that come with the package: each repeats a published result in a minute or less. `ifrdem validate gas_studies`
 runs them and compares them with the formulas of the papers.
 """
-    sections = (*(section(name) for name in ORDER), STUDY, MIXTURE, LAWS)
+    sections = (*(section(name) for name in ORDER), STUDY, MIXTURE, LAWS, CONTACTS)
     return "\n".join((head, *wall, cases, *sections, studies, *(of_study(name) for name in STUDIES)))
 
 
@@ -357,6 +370,16 @@ def laws(runs: Path) -> None:
     shrink(picture, DOCS / "gallery" / "laws.png", 1200, 192, Image.Quantize.FASTOCTREE)
 
 
+def contacts(runs: Path) -> None:
+    """Run the comparison with LAMMPS and copy its pictures."""
+    names = ("lammps-impacts", "lammps-cooling", "lammps-driven")
+    if not all((runs / "lammps-report" / f"{name}.png").exists() for name in names):
+        ifrdem("validate", "lammps", "-o", "lammps-report", "--force", cwd=runs)
+    for name in names:
+        picture = runs / "lammps-report" / f"{name}.png"
+        shrink(picture, DOCS / "gallery" / f"{name}.png", 1200, 192, Image.Quantize.FASTOCTREE)
+
+
 def hero(runs: Path) -> None:
     """Run a million disks and copy their picture."""
     if not (runs / "million.h5").exists():
@@ -389,6 +412,7 @@ def main(runs: Path) -> None:
     mixture_study(runs)
     shipped_studies(runs)
     laws(runs)
+    contacts(runs)
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8", newline="\n")
 
 

@@ -276,7 +276,7 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
         raise InputError(
             f"kind = {shortened(kind)}: must be a class derived from ifrdem.CollisionLaw with a method collide"
         )
-    if not kind.coefficients:
+    if not kind.coefficients or kind.has_table:
         raise InputError(f"{kind.__name__}: has no coefficients to fit")
     given = dict(ranges or {})
     problems = [

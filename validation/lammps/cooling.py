@@ -34,8 +34,9 @@ def run(quick: bool) -> Result:
     table, fitted = contacts.tabulated(1e-3), contacts.fitted(contacts.hertz_mindlin(1e-3))
     laws: Laws = {TABLE: table, **fitted}
     constant, tau = cooling(laws, contacts.hertz_mindlin(OVERLAP), DISKS, SEEDS, END * TIMES)
-    text = f"T of the table over that of LAMMPS, less 1, after {tau[-1]:.0f} collisions per disk"
-    near(result, text, over(constant, 1)[:, -1, 0], 0.0, 0.02, SOFTNESS, LAMMPS)
+    for at, systematic in ((1, 0.01), (-1, 0.02)):
+        text = f"T of the table over that of LAMMPS, less 1, after {tau[at]:.0f} collisions per disk"
+        near(result, text, over(constant, 1)[:, at, 0], 0.0, systematic, SOFTNESS, LAMMPS)
 
     contact = contacts.viscoelastic(OVERLAP)
     law = contacts.law_of(contact)

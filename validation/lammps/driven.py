@@ -22,7 +22,7 @@ QUESTION = "Which laws give the spins of a driven gas of Hertz-Mindlin contacts?
 REFERENCE = "LAMMPS from the same starts"
 
 SEEDS = range(11, 17)
-DISKS, END, SKIPPED = 500, 120.0, 30.0
+DISKS, END, SKIPPED = 500, 100.0, 30.0
 POWER, INTERVAL = 0.15, 0.5
 
 
@@ -46,7 +46,7 @@ def run(quick: bool) -> Result:
     )
     text = "theta of Walton's law over that of LAMMPS, less 1"
     near(result, text, each[WALTON][:, 1], 0.0, 0.02, "one beta_0 for all angles", source)
-    for name, expected in ((PERCUSSION, 0.10), (CONTACT_POINT, -0.12)):
+    for name, expected in ((PERCUSSION, 0.12), (CONTACT_POINT, -0.13)):
         text = f"theta of the {name} over that of LAMMPS, less 1"
         differs(result, text, each[name][:, 1], expected, 0.05, "LAMMPS; docs/results/lammps.md")
     lines: list[tuple[str | float, ...]] = [
@@ -93,14 +93,14 @@ def driven(laws: Laws, contact: Contact, disks: int, seeds: Sequence[int]) -> Ar
 
 
 def _figure(names: list[str], each: dict[str, Array]) -> Picture:
-    figure, panels = style.panels(2, width=3.4)
+    figure, panels = style.panels(2, width=3.4, height=3.1)
     for axes, at, label in zip(panels, (0, 1), ("$T$", r"$\theta = T_\mathrm{rot} / T$"), strict=True):
         for i, name in enumerate(names):
             value = 100.0 * each[name][:, at]
             error = value.std(ddof=1) / np.sqrt(len(value))
             axes.errorbar([i], value.mean(), error, capsize=3, **marks(COLOURS[name]))
         axes.axhline(0.0, color=style.BLACK, lw=0.7)
-        axes.set_xticks(range(len(names)), [name.replace(", ", ",\n") for name in names], fontsize=8)
+        axes.set_xticks(range(len(names)), [name.replace(" ", "\n") for name in names], fontsize=8)
         axes.set(ylabel=f"{label} over that of LAMMPS $-$ 1 (%)", xlim=(-0.5, len(names) - 0.5))
     style.letters(*panels)
     caption = (

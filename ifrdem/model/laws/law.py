@@ -54,7 +54,7 @@ class Key(NamedTuple):
     example: float | str
 
 
-_OF_COLLIDE = ("is_passive", "has_averages", "has_ifr_symbols", "depends_on_speed")
+_OF_COLLIDE = ("is_passive", "has_averages", "has_ifr_symbols", "depends_on_speed", "has_table")
 """Attributes that say something of the `collide` of a class."""
 
 

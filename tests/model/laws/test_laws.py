@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 import ifrdem
 from ifrdem import InputError, laws, theory
 from ifrdem.model.custom_code import FromKernels
+from ifrdem.model.laws import records
 from ifrdem.theory import collisions
 
 VISCOELASTIC = laws.Viscoelastic.of_restitution(0.9, g_n=1.0, mass=1.0, radius=0.5, e_t=-0.9, mu=0.2)
@@ -338,6 +339,23 @@ def test_walton_s_friction_of_viscoelastic_disks_is_walton_s() -> None:
         )
     )
     np.testing.assert_allclose(kept, smooth, rtol=1e-9)
+
+
+def test_records_of_viscoelastic_laws_without_friction_are_those_of_earlier_versions() -> None:
+    old = {
+        "law": "viscoelastic",
+        "A": 0.1,
+        "Y": 1.0,
+        "e_t": -0.9,
+        "mu": 0.2,
+        "sticking": "contact_point",
+        "rho": 0.0,
+        "k": 2.0,
+    }
+    given = {key: value for key, value in old.items() if key != "law"}
+    assert records.from_record(old) == laws.Viscoelastic(**given)
+    with pytest.raises(InputError, match="must have A, Y"):
+        records.from_record({key: value for key, value in old.items() if key != "A"})
 
 
 def test_viscoelastic_gas_cools_with_the_power_five_thirds() -> None:

@@ -165,9 +165,7 @@ def test_a_case_runs_by_the_table_of_a_file(tmp_path: Path, capsys: pytest.Captu
     (tmp_path / "law.csv").write_text(FILE, encoding="utf-8")
     assert cli.main(["check", str(path)]) == 0
     assert "(law = table, file = law.csv" in capsys.readouterr().out
-    assert (
-        cli.main(["run", str(path), "-o", str(tmp_path / "gas.h5"), "--set", 'output.record=["ledger"]']) == 0
-    )
+    assert cli.main(["run", str(path), "-o", str(tmp_path / "gas.h5")]) == 0
     (tmp_path / "law.csv").unlink()
     with ifrdem.Trajectory(tmp_path / "gas.h5") as run:
         assert run.laws == [[TABLE]]
