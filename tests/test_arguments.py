@@ -350,7 +350,7 @@ MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
 OTHERS: dict[ModuleType, set[str]] = {
     theory: {"CoolingRatio", "RoughCooling", "RoughSonine", "MixtureTemperatures", "Prediction", "ShearModes", "SteadyFlow"},
     analysis: {"BinAverages", "Clusters", "CollisionDistribution", "ContactValue", "Correlation", "Cycle", "Diffusion", "Fields", "HaffFit", "Hexatic",
-               "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "ProfileSequence", "RatioFit",
+               "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit",
                "SonineCoefficients", "SpeedTail", "StructureFactor", "TransportCoefficient", "VelocityCorrelation", "VelocityDistribution", "VelocitySpectrum", "mean_fields",
                "profiles"},
     ifrdem.forces: {"normals", "uniforms"},

@@ -1,6 +1,5 @@
 from .averages import BinAverages as BinAverages
 from .averages import Local as Local
-from .averages import ProfileSequence as ProfileSequence
 from .averages import mean_fields as mean_fields
 from .averages import profiles as profiles
 from .common import correlation_time as correlation_time

@@ -35,7 +35,17 @@ ALIKE = 1e-3
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Cycle(Brief, ResultPlot):
-    """Means of a series at phases of a periodic motion."""
+    """Means of a series at phases of a periodic motion.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> t = np.arange(80) / 8.0
+    >>> found = analysis.phase_average(t, 3.0 + 2.0 * np.cos(2.0 * np.pi * t), period=1.0)
+    >>> round(found.whole.mean, 6), round(found.amplitude.mean, 6)
+    (3.0, 2.0)
+    """
 
     phase: Array
     """Middles of the phases, from 0 to 1, shape (p,)."""
@@ -86,7 +96,7 @@ def phase_average(
     >>> from ifrdem import analysis
     >>> t = np.arange(80) / 8.0
     >>> found = analysis.phase_average(t, np.sin(2.0 * np.pi * t), period=1.0)
-    >>> found.phase[:3].tolist(), found.mean[:3].round(3).tolist(), found.periods
+    >>> found.phase[:3].tolist(), (found.mean[:3].round(3) + 0.0).tolist(), found.periods
     ([0.0, 0.125, 0.25], [0.0, 0.707, 1.0], 10)
     """
     t, x = np.asarray(time, dtype=float), np.asarray(series, dtype=float)
@@ -132,7 +142,7 @@ def motion_of(trajectory: Trajectory) -> tuple[float, float]:
 
     InputError if there are none, or several frequencies.
     """
-    found = {}
+    found: dict[float, float] = {}
     for wall in trajectory.walls:
         for each in (wall.motion, wall.turn):
             if getattr(each, "frequency", 0.0) > 0.0 and each.kind in ("sine", "sawtooth"):
@@ -221,7 +231,8 @@ _UNITS = {"energy": "energy", "length": "length", "mass": "mass", "1": "1"}
 
 def _quantities(trajectory: Trajectory, inside: NDArray[np.bool_]) -> dict[str, Array]:
     """Columns of the series by name, NAME/COLUMN of those with several, that change."""
-    series, found = trajectory.series, {}
+    series = trajectory.series
+    found: dict[str, Array] = {}
     for name in SHOWN:
         if name not in series:
             continue

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..quantities import COMPONENTS, HEAT_SERIES, STRESS_SERIES
@@ -67,7 +67,17 @@ gas, by Enskog's theory, so that h^2 / (12 s^2) is 2 %."""
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TransportCoefficient(Brief, ResultPlot):
-    """A transport coefficient by both formulas, and how they approach it."""
+    """A transport coefficient by both formulas, and how they approach it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> noise = np.random.default_rng(1).normal(size=(1000, 2))
+    >>> found = analysis.transport_coefficient(np.arange(1001.0), noise, lag=5.0)
+    >>> found.lags[:2].tolist(), found.square_lags[:2].tolist()  # the integral ends between rows
+    ([0.5, 1.5], [1.0, 2.0])
+    """
 
     green_kubo: MeanValue
     """The integral up to `lag`, its standard error by the spread over blocks and components, and their number."""
@@ -288,7 +298,7 @@ def _check_gas(trajectory: Trajectory) -> None:
 
 
 def _fluxes(
-    trajectory: Trajectory, inside: Array, T: float, area: float, notes: list[str]
+    trajectory: Trajectory, inside: NDArray[np.bool_], T: float, area: float, notes: list[str]
 ) -> dict[str, tuple[Array, float]]:
     """Fluxes (rows, components) and factors f, by the names of coefficients; notes say which the file does not give."""
     series, found = trajectory.series, {}
@@ -314,7 +324,7 @@ def _not_zero(name: str, flux: Array) -> list[str]:
     return [f"{name}: the mean of its flux is not 0: {text}"] if beyond.any() else []
 
 
-def _coarse(trajectory: Trajectory, inside: Array) -> list[str]:
+def _coarse(trajectory: Trajectory, inside: NDArray[np.bool_]) -> list[str]:
     """Warning if many collisions lie between two rows."""
     if "collisions" not in trajectory.series:
         return []

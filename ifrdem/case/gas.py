@@ -271,11 +271,12 @@ class CaseGas:
     def setup(self) -> Setup:
         """The setup of this gas. Imports the runtime if there are forces."""
         case = self.case
+        regions: Any = case.output.regions
         return Setup(
             box=self.box, law=tuple(map(tuple, self.law_table)), walls=self._walls_at_start,
             gravity=case.box.made_gravity(), forces=tuple(each.made() for each in case.force),
             collapse=case.run.made_collapse(), device=case.run.made_device(),
-            record=frozenset(case.output.record()), regions=case.output.regions, seed=case.run.seed,
+            record=frozenset(case.output.record()), regions=regions, seed=case.run.seed,
         )  # fmt: skip
 
     @property

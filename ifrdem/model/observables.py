@@ -474,6 +474,13 @@ class HeatFlux:
     ----------
     kinetic, collisional : array (2,)
         What disks carry and what collisions transfer.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> import numpy as np
+    >>> ifrdem.observables.HeatFlux(np.array([1.0, 0.0]), np.array([0.5, 0.0])).total.tolist()
+    [1.5, 0.0]
     """
 
     kinetic: Array

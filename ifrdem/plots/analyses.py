@@ -10,7 +10,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 
 from .. import analysis
-from ..analysis.averages import OF_DISKS
+from ..analysis.averages import OF_DISKS, ProfileSequence
 from ..analysis.histograms import TITLES
 from ..analysis.motion import Displacement
 from ..analysis.result import NOT_STATIONARY, Evaluation
@@ -307,7 +307,7 @@ def profiles(*axes_and_rest: Any) -> None:
     """Packing fraction, flow, temperatures; stress, heat flux, and theta or the temperatures of species."""
     *axes, trajectory, evaluation = axes_and_rest
     found = evaluation.result
-    if isinstance(found, analysis.ProfileSequence):
+    if isinstance(found, ProfileSequence):
         _sequence(axes, trajectory, found)
         return
     part = "" if found.has_collisions else "_kinetic"
@@ -343,7 +343,7 @@ def profiles(*axes_and_rest: Any) -> None:
     grid(*axes)
 
 
-def _sequence(axes: Sequence[Axes], trajectory: Trajectory | None, found: analysis.ProfileSequence) -> None:
+def _sequence(axes: Sequence[Axes], trajectory: Trajectory | None, found: ProfileSequence) -> None:
     """Profiles over time, or at phases: one component of each quantity, from dark (first) to light (last)."""
     first = found.profiles[0]
     normal = 1 if first.axes[0] == "y" else 0
@@ -724,16 +724,17 @@ def coefficient(axes: Axes, found: analysis.TransportCoefficient, enskog: float 
     ):
         if not len(t):
             continue
-        half = student_t(found.helfand.n_eff) * error
-        hatch = {"hatch": HATCH} if color == ROTATION else {}
-        axes.fill_between(t, value - half, value + half, alpha=0.25, lw=0.0, color=color, **hatch)
+        band = student_t(found.helfand.n_eff) * error
+        hatch: Any = {"hatch": HATCH} if color == ROTATION else {}
+        axes.fill_between(t, value - band, value + band, alpha=0.25, lw=0.0, color=color, **hatch)
         axes.plot(t, value, lw=1.5, label=f"{text}, band: {PERCENT}", **dashes(color))
     if enskog is not None:
         axes.axhline(enskog, color=RATIO, ls=":", lw=1.5, label="Enskog")
-    ends = (found.green_kubo, found.lag) if len(found.lags) else (found.helfand, float(found.square_lags[-1]))
-    value, place = ends
-    half = float(student_t(value.n_eff)) * value.error
-    axes.errorbar([place], [value.mean], [half], ms=6, capsize=3.0, label="result", **marks(KINDS[2]))
+    result, place = found.green_kubo, found.lag
+    if not len(found.lags):
+        result, place = found.helfand, float(found.square_lags[-1])
+    half = float(student_t(result.n_eff)) * result.error
+    axes.errorbar([place], [result.mean], [half], ms=6, capsize=3.0, label="result", **marks(KINDS[2]))
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     legend(axes, "lower right")
@@ -874,7 +875,7 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.RatioFit: Panels(_ratio),
     analysis.Pressure: Panels(_pressure),
     analysis.MeanStress: Panels(lambda left, right, found: stress(left, right, None, _alone(found)), TWO),
-    analysis.ProfileSequence: Panels(
+    ProfileSequence: Panels(
         lambda *given: _sequence(given[:-1], None, given[-1]), TWO
     ),
     analysis.Cycle: Panels(lambda axes, found: _cycle_alone(axes, found)),
