@@ -573,6 +573,7 @@ def _quantity(name: str, text: str | None = None) -> str:
         ("psi6", r"$\psi_6$"),
     ):
         text = re.sub(rf"(?<![\w$]){words}(?!\w)", symbol.replace("\\", r"\\"), text)
+    text = re.sub(r"(?<![\w$])([NPT])_(1|[xy]{1,2})(?!\w)", r"$\1_{\2}$", text)
     return text.removeprefix("species ") if "$" in text else text
 
 
