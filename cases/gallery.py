@@ -204,7 +204,7 @@ STUDIES: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "shear_stress": (
         ("stress_N_1 --over e_n", "stress_T_x_over_T_y --over e_n", "stress_friction --over e_n"),
-        "Bars: 95 % intervals of the mean over 10 seeds. Ticks: kinetic theory of the steady flow.",
+        "Bars: 95 % intervals of the mean over 8 seeds. Ticks: kinetic theory of the steady flow.",
     ),
 }
 """Shipped studies: words of `ifrdem plot` for each picture, and what bars and lines are."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, TheoryWarning, cut
 from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw
-from ..model.state import Disks, unlike
+from ..model.state import Disks, kinds_of
 from ..theory.choose import PREDICT, Prediction, is_closed
 from ..theory.driven_gas import Driving
 from ..theory.mixtures import Mixture
@@ -142,7 +142,7 @@ def gas_of(trajectory: Trajectory) -> TheoryGas | str:
     if trajectory.missing:
         return "a part is missing: no kinetic theory here"
     disks = trajectory.disks
-    kinds = len(unlike([disks.mass, disks.radius, disks.k, disks.material])[0])
+    kinds = int(kinds_of(disks).max(initial=-1)) + 1
     for invalid, text in (
         (trajectory.free_area.all_walls, "walls"),
         (trajectory.parameters.get("collapse", "none") != "none", "elastic exceptions against collapse"),
@@ -160,12 +160,13 @@ def gas_of(trajectory: Trajectory) -> TheoryGas | str:
             laws = [[one for one in line if one is not None] for line in trajectory.laws]
             if any(len(line) < len(laws) for line in laws):
                 return "materials that never meet: no kinetic theory here"
+            which = kinds_of(disks)
             if is_closed():
                 if any(getattr(one, "rho", 0.0) > 0.0 for line in laws for one in line):
                     return "rolling friction: no kinetic theory here"
                 if not all(one.has_averages for line in laws for one in line):
                     return "a law without averages: no kinetic theory here"
-            _, which = Mixture.of(disks, laws, phi)
+                Mixture.of(disks, laws, phi)  # which refuses what it cannot describe
         except InputError as error:
             return f"no kinetic theory here: {cut(error.reason)}"
     forces = trajectory.record("forces", _forces, "[]")

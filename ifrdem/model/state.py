@@ -226,6 +226,11 @@ def unlike(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     return [column[first] for column in columns]
 
 
+def kinds_of(disks: Disks) -> NDArray[np.int64]:
+    """Kind of each disk, shape (n,), from 0 on: disks of one kind agree in mass, radius, k and material."""
+    return codes([disks.mass, disks.radius, disks.k, disks.material])
+
+
 def extremes(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     """Those rows of `COLUMNS` that have the smallest or the largest m, R, m R or m R^2, ascending, each once.
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..model.state import Disks
+from ..model.state import Disks, kinds_of
 from ..theory.choose import PREDICT, Prediction, prediction
 from ..theory.contact import PackingFraction
 from ..theory.driven_gas import Driving
-from ..theory.mixtures import LawTable, Mixture, MixtureTemperatures
+from ..theory.mixtures import LawTable, MixtureTemperatures
 from ..tools.checked import NonNegativeColumn, Real
 from .dsmc import DSMC
 
@@ -41,10 +41,10 @@ def dsmc_prediction(
     It takes rolling friction and laws without averages, too; `velocities` are those that the law makes. InputError
     for forces that are not linear, if nothing moves, or as `DSMC`.
     """
-    mixture, which = Mixture.of(disks, law, packing_fraction)
-    s, forces = mixture.species, list(forces)
-    inertia = mixture.mass * mixture.radius**2 / mixture.k
-    driving = [Driving.of(forces, float(m), float(i)) for m, i in zip(mixture.mass, inertia, strict=True)]
+    which, forces = kinds_of(disks), list(forces)
+    first = np.unique(which, return_index=True)[1]
+    mass, inertia, s = disks.mass[first], disks.inertia[first], len(first)
+    driving = [Driving.of(forces, float(m), float(i)) for m, i in zip(mass, inertia, strict=True)]
     known = [each for each in driving if each is not None]
     if len(known) < s:
         raise InputError("forces: DSMC knows linear ones only")
@@ -61,11 +61,11 @@ def dsmc_prediction(
     for each in range(s):  # exactly the given temperatures
         own = kind == each
         v2, w2 = np.mean(np.sum(velocity[own] ** 2, axis=1)), np.mean(spin[own] ** 2)
-        velocity[own] *= math.sqrt(2.0 * T[each] / mixture.mass[each] / v2)
+        velocity[own] *= math.sqrt(2.0 * T[each] / mass[each] / v2)
         spin[own] *= math.sqrt(T_rot[each] / inertia[each] / w2)
     if not velocity.any():
         raise InputError("T0 = 0: nothing moves at first: not by DSMC")
-    laws: Any = law  # a table without gaps, or `Mixture.of` had refused it
+    laws: Any = law  # a table without gaps, which DSMC refuses
     when = np.asarray(times, dtype=np.float64)
     gas = DSMC(
         many, laws, packing_fraction, velocity, spin, seed=seed, species=kind,

@@ -608,8 +608,8 @@ def _quantity(name: str, text: str | None = None) -> str:
         ("D", "$D$"),
     ):
         text = re.sub(rf"(?<![\w$]){words}(?!\w)", symbol.replace("\\", r"\\"), text)
-    # a20, P_xy, N_1
-    text = re.sub(r"(?<![\w$])([aPN])_?(\d+|[xyrt]{2})(?!\w)", r"$\1_{\2}$", text)
+    # a20, P_xy, N_1, T_x
+    text = re.sub(r"(?<![\w$])([aPNT])_?(\d+|[xyrt]{1,2})(?!\w)", r"$\1_{\2}$", text)
     return text.removeprefix("species ") if "$" in text else text
 
 

@@ -26,9 +26,9 @@ from ..case.gas import CaseGas
 from ..case.keys import about
 from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, counted, there_are
 from ..model.laws.ifr import EnergyWarning
+from ..model.state import kinds_of
 from ..quantities import AXES, NUMBER, SERIES, SPECIES_SERIES
 from ..theory.choose import PREDICT, is_closed
-from ..theory.mixtures import Mixture
 from ..tools import files
 from ..tools.checked import is_number
 from ..tools.files import NO_VALUES
@@ -565,14 +565,14 @@ def predicted(
             warnings.catch_warnings(action="ignore", category=EnergyWarning),
             warnings.catch_warnings(action="ignore", category=TheoryWarning),
         ):
-            mixture, which = Mixture.of(disks, laws, phi)
-            if mixture.species > MOST_KINDS:
+            which = kinds_of(disks)
+            if (kinds := int(which.max()) + 1) > MOST_KINDS:
                 return None
             energies = [0.5 * disks.mass * speed**2, disks.inertia * spin**2]
             if start is not None:
                 energies = [np.repeat(each, numbers) for each in start]
             T0, T_rot0 = (
-                np.array([each[which == kind].mean() for kind in range(mixture.species)]) for each in energies
+                np.array([each[which == kind].mean() for kind in range(kinds)]) for each in energies
             )
             found = PREDICT.get()(
                 disks, laws, phi, T0, T_rot0, steps, shear_rate=gas.box.shear_rate,

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.laws.law import CollisionLaw
 from ..model.laws.pairs import check_symmetric
-from ..model.state import Disks, codes, unlike
+from ..model.state import Disks, kinds_of, unlike
 from ..tools.checked import (
     Array,
     NonNegative,
@@ -134,7 +134,7 @@ class Mixture:
         if disks.n == 0 or not disks.movable.all():
             raise InputError("mixture: must have one disk of finite mass or more")
         columns: list[NDArray[Any]] = [disks.mass, disks.radius, disks.k, disks.material]
-        which = codes(columns)
+        which = kinds_of(disks)
         number = np.bincount(which)
         mass, radius, k, material = unlike(columns)
         table = law

@@ -59,7 +59,7 @@ def test_a_shipped_study_is_copied_and_is_no_case(
     error = capsys.readouterr().err
     assert "rough_cooling: is a shipped study, not a case: `ifrdem study rough_cooling` runs it" in error
     assert cli.main(["new", "studies/rough_cooling.toml"]) == 0
-    assert "ifrdem study rough_cooling.toml" in capsys.readouterr().err
+    assert "run it with `ifrdem study rough_cooling.toml`" in capsys.readouterr().out
     assert (tmp_path / "rough_cooling.toml").read_bytes() == (
         CASES / "studies/rough_cooling.toml"
     ).read_bytes()

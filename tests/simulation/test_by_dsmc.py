@@ -41,7 +41,7 @@ def test_a_young_mixture_cools_as_theory_says() -> None:
     disks = Disks(40, np.repeat([1.0, 4.0], 20), np.repeat([0.5, 1.0], 20))
     by = [of(disks, COIN, 0.2, [1.0, 3.0], [0.0, 0.5], TIMES) for of in (dsmc_prediction, prediction)]
     assert by[0].velocities == "dsmc"
-    assert by[0].temperature[0] == pytest.approx(2.0, rel=1e-12)
+    assert by[0].temperature[0] == pytest.approx(2.0, rel=1e-6)  # less that of its mean velocity
     assert by[0].species is not None
     assert by[1].species is not None
     np.testing.assert_allclose(by[0].species.temperature, by[1].species.temperature, rtol=0.04)

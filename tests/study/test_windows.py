@@ -420,7 +420,7 @@ def test_stresses_of_a_flow_stand_beside_those_of_theory(sheared: ifrdem.Study) 
     assert 0.0 < theory.values.ravel()[0] < 2.0
     lines = describe(sheared.output, what=["stress_N_1", "stress_T_x_over_T_y"]).splitlines()
     (head,) = (line for line in lines if line.startswith("  quantity"))
-    (row,) = (line for line in lines if line.startswith("  stress_N_1 "))
+    (row,) = (line for line in lines if line.startswith("  stress_N_1 ") and "against" not in line)
     place = head.index("theory")
     assert float(row[place:].split()[0]) == pytest.approx(theory.values.ravel()[0], rel=1e-5)
     assert any(line.startswith("  stress_T_x_over_T_y against kinetic theory: chi2 = ") for line in lines)
@@ -433,7 +433,7 @@ def test_stresses_of_a_flow_stand_beside_those_of_theory(sheared: ifrdem.Study) 
         ("rough_cooling", 43.4),
         ("viscoelastic_cooling", 36.2),
         ("mixture_cooling", 161.0),
-        ("shear_stress", 140.0),
+        ("shear_stress", 262.0),
     ],
 )
 def test_the_time_of_shipped_studies_is_within_a_factor_of_2(

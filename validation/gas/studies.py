@@ -156,7 +156,12 @@ def viscoelastic(result: Result, found: Results, seeds: range) -> None:
             events=_after(float(tau[-1])),
         )  # fmt: skip
         by_tau = solve_ivp(
-            lambda _, y, rate=rate: [-rate(y[0])], (0.0, float(tau[late])), (1.0,), method="LSODA", rtol=1e-9, atol=1e-12
+            lambda _, y, rate=rate: [-rate(y[0])],
+            (0.0, float(tau[late])),
+            (1.0,),
+            method="LSODA",
+            rtol=1e-9,
+            atol=1e-12,
         )
         ends = when[i].mean(axis=0)[[late, -1]]
         right = whole.sol(np.minimum(ends, whole.t[-1]))[0]
