@@ -546,7 +546,8 @@ def _legend(
         )
     label = f"{PERCENT} interval of the mean (Student's $t$, {seeds})"
     if seeds is not None and rows:
-        axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)
+        alpha = 1.0 - 0.75 * (1.0 - WIDE) if both else 0.25  # it lies on the wide one
+        axes.fill_between([], [], [], color="black", alpha=alpha, lw=0, label=label)
     elif seeds is not None:
         axes.errorbar([], [], [], fmt="none", color="black", capsize=2, label=label)
     if theory:
