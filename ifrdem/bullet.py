@@ -385,7 +385,8 @@ def step(
     p.stepSimulation(physicsClientId=client)
     position, velocity, spin, angle = bodies.state(client)
     x = position[:, :2].copy()
-    ids = [one.body for one in (*bodies.disks, *bodies.walls)]
+    members: list[DiskBody | WallBody] = [*bodies.disks, *bodies.walls]
+    ids = [one.body for one in members]
     hits = collide_step(
         x, velocity, spin, float(p.getPhysicsEngineParameters(physicsClientId=client)["fixedTimeStep"]),
         (lambda a, b: law(ids[a], ids[b])) if callable(law) else law,

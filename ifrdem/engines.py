@@ -150,7 +150,12 @@ def collide_step(
         raise must_be(
             "walls", walls, "pairs of a point and of a normal that has a direction, ((x, y), (n_x, n_y))"
         )
-    of_disks = [np.broadcast_to(np.asarray(each, dtype=float), (n,)) for each in (mass, radius, k)]
+    of_disks = []
+    for name, value in (("mass", mass), ("radius", radius), ("k", k)):
+        each = np.asarray(value, dtype=float)
+        if each.shape not in ((), (n,)):
+            raise must_be(name, value, f"a number, or one for each of {n} disks")
+        of_disks.append(np.broadcast_to(each, (n,)))
     return _Step(
         position, velocity, spin, angle, dt, law, of_disks, lengths, lines[:, 0], lines[:, 1] / size[:, None]
     ).run()

@@ -348,6 +348,7 @@ MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
 """Module -> public name, or a class's method, -> arguments of one valid call."""
 
 OTHERS: dict[ModuleType, set[str]] = {
+    ifrdem.engines: {"Hit"},
     theory: {"CoolingRatio", "RoughCooling", "RoughSonine", "MixtureTemperatures", "Prediction", "ShearModes", "SteadyFlow"},
     analysis: {"BinAverages", "Clusters", "CollisionDistribution", "ContactValue", "Correlation", "Cycle", "Diffusion", "Fields", "HaffFit", "Hexatic",
                "Impacts", "Local", "MeanStress", "PairCorrelation", "Pressure", "RatioFit",

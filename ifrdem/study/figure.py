@@ -549,7 +549,8 @@ def _legend(
         )
     label = f"{PERCENT} interval of the mean (Student's $t$, {seeds})"
     if seeds is not None and rows:
-        axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)
+        alpha = 1.0 - 0.75 * (1.0 - WIDE) if both else 0.25  # it lies on the wide one
+        axes.fill_between([], [], [], color="black", alpha=alpha, lw=0, label=label)
     elif seeds is not None:
         axes.errorbar([], [], [], fmt="none", color="black", capsize=2, label=label)
     if theory:
@@ -609,7 +610,7 @@ def _quantity(name: str, text: str | None = None) -> str:
     ):
         text = re.sub(rf"(?<![\w$]){words}(?!\w)", symbol.replace("\\", r"\\"), text)
     # a20, P_xy, N_1, T_x
-    text = re.sub(r"(?<![\w$])([aPNT])_?(\d+|[xyrt]{1,2})(?!\w)", r"$\1_{\2}$", text)
+    text = re.sub(r"(?<![\w$])(?:(a)_?(\d+)|([NPT])_(1|[xyrt]{1,2}))(?!\w)", r"$\1\3_{\2\4}$", text)
     return text.removeprefix("species ") if "$" in text else text
 
 
