@@ -22,7 +22,7 @@ QUESTION = "Which laws give the spins of a driven gas of Hertz-Mindlin contacts?
 REFERENCE = "LAMMPS from the same starts"
 
 SEEDS = range(11, 17)
-DISKS, END, SKIPPED = 500, 100.0, 30.0
+DISKS, END, SKIPPED = 500, 120.0, 30.0
 POWER, INTERVAL = 0.15, 0.5
 
 

@@ -65,7 +65,7 @@ SECONDS = {
     "gas_rough": (124.0, 21.0),
     "gas_driven": (150.0, 56.0), "gas_piston": (180.0, 26.0), "gas_collapse": (5.0, 5.0), "gas_clusters": (180.0, 13.0),
     "gas_shaken": (250.0, 45.0), "gas_hopper": (300.0, 90.0), "gas_laws": (115.0, 40.0),
-    "lammps_law": (10.0, 5.0), "lammps_impacts": (5.0, 5.0), "lammps_cooling": (60.0, 60.0), "lammps_driven": (90.0, 90.0),
+    "lammps_law": (10.0, 5.0), "lammps_impacts": (5.0, 5.0), "lammps_cooling": (60.0, 60.0), "lammps_driven": (100.0, 100.0),
     "gas_species": (60.0, 15.0), "gas_studies": (200.0, 60.0), "gas_cases": (500.0, 20.0),
 }  # fmt: skip
 """Processor time of cases, in full and quick, with compiled kernels [s]; of others a second or so."""
