@@ -242,11 +242,11 @@ class FileMaterial(MaterialSection, FileKeys):
     """A custom law in a file of Python, with its coefficients as further keys."""
 
 
-class TableMaterial(MaterialSection, TableKeys):
+class TableMaterial(MaterialSection, TableKeys):  # type: ignore[misc]  # one law of all
     """A law by a table of P_t / P_n against the slip, in a file; e_n may depend on the speed."""
 
 
-class TablePair(PairSection, TableKeys):
+class TablePair(PairSection, TableKeys):  # type: ignore[misc]
     """A law by a table of P_t / P_n against the slip, in a file; e_n may depend on the speed."""
 
 

@@ -94,7 +94,7 @@ def tangential(law: CollisionLaw, row: Array, g_n: Array, g_t: Array) -> Array:
     given = {"g_n": g_n, "g_t": g_t, "m_n": M_N, "m_t": M_T, "reduced_radius": 0.25}
     given |= {f"{name}_{one}": value for one in "ij" for name, value in
               (("inverse_mass", 1.0), ("radius", 0.5), ("k", 2.0), ("spin", 0.0))}  # fmt: skip
-    return impulses(type(law), [np.asarray(given[name]) for name in OF_PAIR], row)[1]
+    return impulses(type(law), [np.asarray(given[name]) for name in OF_PAIR], [*row])[1]
 
 
 def fitted(contact: Contact) -> dict[str, CollisionLaw]:

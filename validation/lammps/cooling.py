@@ -88,7 +88,7 @@ def _table(result: Result, parts: list[Part]) -> None:
 
 def _figure(parts: list[Part]) -> Picture:
     figure, panels = style.panels(3, width=3.2)
-    looks = COLOURS | LOOK
+    looks = {**COLOURS, **LOOK}
     for axes, part, at, label in zip(panels, (0, 0, 1), (0, 1, 0), ("$T$", r"$\theta$", "$T$"), strict=True):
         laws, values, tau = parts[part]
         for i, name in enumerate(laws, 1):

@@ -71,7 +71,7 @@ class World:
     """
 
     def __init__(
-        self, position: Array, velocity: Array, spin: Array, lengths: Array, contact: Contact | None, step: float,
+        self, position: Array, velocity: Array, spin: Array, lengths: ArrayLike, contact: Contact | None, step: float,
         *, skin: float = 0.3,
     ) -> None:  # fmt: skip
         self.n, self.step, self.steps = len(position), float(step), 0

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InputError, option_name, outside_level
 from ...tools import checked, tables
@@ -173,7 +173,7 @@ class TableLaw(CollisionLaw):
                 f"e_n = {e_n:g}: is given, and the file has a column {sorted(of_speed)[0]}: one of both"
             )
         pairs = [(x, "ratio"), *([("g_n", "e_n")] if e_n is None else [])]
-        lines: dict[str, Array] = {}
+        lines: dict[str, NDArray[np.intp]] = {}
         values: dict[str, Array] = {}
         for one, other in pairs if not problems else ():
             a, b = columns[one], columns[other]
