@@ -271,7 +271,7 @@ def test_the_kinetic_heat_flux_is_about_the_mean_velocity_and_that_of_the_device
     assert np.linalg.norm(expected) > 1.0
     np.testing.assert_allclose(measure(disks, state).energy_flux, expected, rtol=1e-12)
     state.velocity[:] += [5.0, 2.0]
-    gas = Simulation(disks, box, ROUGH, state, device=device, record=["heat_flux"])
+    gas = Simulation(disks, box, ROUGH, state, device=device, histories=range(60), record=["heat_flux"])
     first = gas.measure()
     np.testing.assert_allclose(first.energy_flux, expected, rtol=1e-10)
     assert first.mean_velocity == pytest.approx(disks.mass @ state.velocity / disks.mass.sum(), rel=1e-12)
@@ -284,7 +284,7 @@ def test_a_drift_of_the_whole_gas_changes_no_heat_flux():
     found = []
     for drift in ((0.0, 0.0), (3.0, -1.0)):
         moving = State(state.position, state.velocity + drift, state.spin)
-        gas = Simulation(disks, box, ROUGH, moving, record=["heat_flux"])
+        gas = Simulation(disks, box, ROUGH, moving, histories=range(60), record=["heat_flux"])
         first = gas.measure()
         gas.run(t_end=0.5)
         found.append(heat_flux(first, gas.measure(), box.area))
