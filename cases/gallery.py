@@ -248,7 +248,7 @@ CONTACTS = """### Laws for Hertz-Mindlin contacts
 ![T and theta under four laws of impacts relative to LAMMPS, in cooling gases](gallery/lammps-cooling.png)
 
 Cooling gases under laws of impacts, relative to the same gases of Hertz-Mindlin contacts in LAMMPS. Bands: standard
-errors over six starts. [Which law for Hertz-Mindlin contacts](hertz-mindlin.md) has the numbers.
+errors over six starts. [Which law for Hertz-Mindlin contacts](hertz-mindlin.md) has the numbers. It needs the extra `peers`.
 
 ```sh
 ifrdem validate lammps -o lammps-report
