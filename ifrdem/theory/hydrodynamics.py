@@ -68,7 +68,7 @@ ASYMPTOTIC = "asymptotic"
 
 
 def _given_theta(name: str, value: Any) -> Any:
-    if value == ASYMPTOTIC:
+    if isinstance(value, str) and value == ASYMPTOTIC:
         return value
     return Number(0.0, MOST, f'a number of 0 or more, or "{ASYMPTOTIC}"')(name, value)
 
