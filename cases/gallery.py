@@ -295,7 +295,7 @@ kinetic theory where it holds, profiles of a gas between walls, and the disks at
 """
     studies = """## Published results
 
-Studies that come with the package: each repeats a published result in a minute or less. `ifrdem validate gas_studies`
+Studies that come with the package: each repeats a published result in some minutes of processor time. `ifrdem validate gas_studies`
 runs them and compares them with the formulas of the papers.
 """
     sections = (*(section(name) for name in ORDER), STUDY, MIXTURE, LAWS, CONTACTS)

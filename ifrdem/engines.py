@@ -3,7 +3,7 @@
 An engine moves its disks by one of its steps, without contacts of its own. `collide_step` then looks back: for every
 contact within the step, also one that began and ended in it, both disks go back to the time of contact, collide by
 `ifrdem.collide`, and fly on to the end of the step, in the order of the contacts. The result does not depend on the
-length of the step, only its cost does.
+length of the step, only its cost does; steps too long for the periodic sides are refused.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import InelasticCollapse
+from .errors import InelasticCollapse, InputError
 from .model.laws.collision import collide
 from .model.laws.law import CollisionLaw
 from .model.laws.records import any_law
@@ -115,7 +115,9 @@ def collide_step(
     Raises
     ------
     InputError
-        If a shape does not fit, a value is not finite, or the law can add energy for a pair.
+        If a shape does not fit, a value is not finite, or the law can add energy for a pair; if a disk of infinite mass
+        moves; or if two disks move, relative to each other, by more than half a periodic side less their contact
+        distance within the step.
     InelasticCollapse
         If a disk collides again and again in one step.
 
@@ -156,6 +158,8 @@ def collide_step(
         if each.shape not in ((), (n,)):
             raise must_be(name, value, f"a number, or one for each of {n} disks")
         of_disks.append(np.broadcast_to(each, (n,)))
+    if np.any(velocity[np.isinf(of_disks[0])]):
+        raise must_be("velocity", velocity, "0 for disks of infinite mass, which stay where they are")
     return _Step(
         position, velocity, spin, angle, dt, law, of_disks, lengths, lines[:, 0], lines[:, 1] / size[:, None]
     ).run()
@@ -263,6 +267,13 @@ class _Step:
         v = self.v[j] - self.v[i]
         r = self._nearest(self.x[j] - self.x[i]) + v * flight_start[:, None]
         sigma = self.radius[i] + self.radius[j]
+        far = np.abs(v) * -flight_start[:, None] + sigma[:, None] > 0.5 * self.lengths
+        if far.any():  # the image that is nearest at the end of the step need not be the one that was hit
+            at = int(np.flatnonzero(far.any(axis=1))[0])
+            raise InputError(
+                f"dt = {self.dt:g}: disks {i[at]} and {j[at]} move by more than half a periodic side, less their "
+                "contact distance, relative to each other: take shorter steps"
+            )
         b, c, vv = np.sum(r * v, axis=1), np.sum(r * r, axis=1) - sigma**2, np.sum(v * v, axis=1)
         root = b * b - vv * c
         meet = (b < 0.0) & (root >= 0.0)

@@ -146,6 +146,16 @@ def test_what_cannot_be_collided_is_refused() -> None:
         ({"mass": [1.0, -1.0]}, "mass.* must be positive"),
         ({"dt": 0.0}, "dt = 0.0: must be"),
         ({"law": "ifr"}, "law = 'ifr': must be a law"),
+        (
+            {"velocity": v + 1.0, "mass": [math.inf, 1.0]},
+            "velocity = .*: must be 0 for disks of infinite mass",
+        ),
+        # Of disks 2 apart in a box of side 4 that meet at 1/3, the other image is as near at the end of the step.
+        (
+            {"position": np.array([[3.0, 0.0], [2.0, 0.0]]), "velocity": np.array([[3.0, 0.0], [0.0, 0.0]])}
+            | {"lengths": (4.0, math.inf)},
+            "dt = 1: disks 0 and 1 move by more than half a periodic side",
+        ),
     ):
         with pytest.raises(InputError, match=message):
             engines.collide_step(

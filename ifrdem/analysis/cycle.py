@@ -237,6 +237,8 @@ def _quantities(trajectory: Trajectory, inside: NDArray[np.bool_]) -> dict[str, 
         if name not in series:
             continue
         values = np.asarray(series[name], dtype=float)[inside]
+        if name in CENTER_SERIES:  # along periodic sides a mean of wrapped places says nothing
+            values = np.where(trajectory.box.periodic, 0.0, values)
         names = series.columns(name) or (("x", "y") if values.ndim > 1 else ())
         columns = {f"{name}/{one}": values[:, i] for i, one in enumerate(names)} if names else {name: values}
         found |= {label: each for label, each in columns.items() if np.ptp(each) > 0.0}

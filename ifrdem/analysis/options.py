@@ -11,11 +11,11 @@ from .names import OPTIONS
 
 Axis = Literal["x", "y", "r"]
 MOST_BINS, MOST_CELLS = 10_000, 300
+"""Bins of `profiles`, and cells of `fields` along a side, at most."""
 Bins = Annotated[int, Integer(1, MOST_BINS)]
 Groups = Annotated[int, Integer(2, 1000)]
 KINDS = {"axis": Axis, "bins": Bins, "windows": Groups, "phases": Groups, "lag": Positive}
 """Types of the options that are one value."""
-"""Cells of `fields` along a side, at most."""
 CELLS = f"must be two integers from 1 to {MOST_CELLS}, along x and y"
 
 

@@ -674,7 +674,6 @@ def hexatic(
     if not all(box.periodic):
         reach = 2.0 * float(np.ptp(x, axis=0).max())
         reach = min(reach, 0.4 * min([side for side in box.periods if side] or [np.inf]))
-    frame = freud_frame(x, box, reach, time, "psi_6")
     if neighbours == "voronoi":
         frame = freud_frame(x, box, reach, time, "psi_6")
         cells = freud.locality.Voronoi()

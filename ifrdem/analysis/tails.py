@@ -133,8 +133,10 @@ def speed_tail(
     """
     speeds: list[Array] = []
     for v in velocity:
-        if len(v) < 2:
-            raise InputError(f"velocity has {len(v)} disks: must have 2 or more")
+        if len(v) < BLOCKS:
+            raise InputError(
+                f"velocity has {len(v)} disks: must have {BLOCKS} or more, for errors by blocks of them"
+            )
         weight = rows("mass", mass, len(v))
         own = v - weight @ v / weight.sum()
         squares = weight * np.sum(own**2, axis=1)

@@ -602,7 +602,7 @@ class StartSection(Section):
     time: NonNegative | None = field(0.0, None)
     """Time of the run's clock at the start [s], by which walls move and open, gravity turns and forces act. With a
     frame it begins a new clock; by default the clock of the frame continues, with its numbers of collisions. The
-    default for a CSV file is 0."""
+    default for a file is 0."""
     psi: Angles | None = field([0.0, 89.0], None)
     """Of an impact scan: first and last angle of impact from the line of centres [degrees]; 0 and 89 without it."""
     speed: Positive | None = field(1.0, None)
@@ -620,18 +620,22 @@ class StartSection(Section):
     decimal: Literal[".", ","] | None = field(",", None)
     """Decimal point of the CSV file [text]: "." or ","."""
     relax: Positive | None = field(1.0e-4, None)
-    """Largest overlap of disks in the CSV file that is an error of measurement [m]: these disks are separated."""
+    """Largest overlap of disks in the file that is an error of measurement [m]: these disks are separated."""
 
     @classmethod
     def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Mistakes, keys for trajectories or impact scans only included."""
         positions, file = data.get("positions", "random"), data.get("file")
         if isinstance(file, str) and is_trajectory(file):
-            return [f'file = "{file}": a trajectory is named by positions = "{file}"; file is for CSV']
+            return [
+                f'file = "{file}": a trajectory is named by positions = "{file}"; file is for CSV, dumps of LAMMPS and extended XYZ'
+            ]
         given = [key for key in ("frame", "motion", "time") if key in data]
         if given and "file" not in data and isinstance(positions, str) and not is_trajectory(positions):
             also = ', or "time" with a CSV file' if given == ["time"] else ""
-            return [f'{", ".join(given)}: requires positions = "NAME.h5", the frame of a trajectory{also}']
+            return [
+                f'{", ".join(given)}: requires positions = "NAME.h5", the frame of a trajectory, or file, a dump of LAMMPS or extended XYZ{also}'
+            ]
         scan = [key for key in ("psi", "speed") if key in data]
         if positions == IMPACT_SCAN and "speed" not in data:
             return [f'positions = "{IMPACT_SCAN}": speed is missing, that of the disks that hit']

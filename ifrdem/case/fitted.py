@@ -56,7 +56,8 @@ def text_of(fits: Sequence[Fit], name: str, run: str) -> str:
     of_walls = [each for each, (_, other) in zip(fits, pairs, strict=True) if other is None]
     names = _names(kinds, name)
     chosen = _one_class(fits)
-    wall = next((each for fit in of_walls for each in _materials(fit) if each not in names.values()), WALL)
+    disks = {kind.material for kind in kinds}
+    wall = next((each for fit in of_walls for each in _materials(fit) if each not in disks), WALL)
     speed, spin = _rms(fits, ("vx", "vy")) or 1.0, _rms(fits, ("spin",)) or 0.0
     lines = [
         "# A gas with measured coefficients, by `ifrdem fit`. Not measured, to be chosen: [run], [box], number of disks.",

@@ -110,7 +110,8 @@ class LawSection(Section):
             if (a, b) == (d, c)
         ]
         if not wrong and pairs and all(isinstance(value, int | float) for *_, value in pairs):
-            least = float(np.linalg.eigvalsh(_correlation([*errors], tables))[0])
+            nested = {a: each for a, each in tables.items() if isinstance(each, dict)}
+            least = float(np.linalg.eigvalsh(_correlation([*errors], nested))[0])
             if not least > -_ROUNDED:
                 wrong.append("correlations: no covariance matrix has these; they are too large together")
         return found + wrong
@@ -201,7 +202,13 @@ class TableKeys(Section):
 
     law: Literal["table"] = field("table", description=LAW)
     file: str = _field(TABLE_KEYS["file"])
-    e_n: NormalRestitution | None = None
+    e_n: NormalRestitution | None = _field(TABLE_KEYS["e_n"], None)
+
+    @classmethod
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
+        """Mistakes: an error of e_n, which stands in the file."""
+        wrong = isinstance(data.get("errors"), dict) and "e_n" in data["errors"] and "e_n" not in data
+        return super().problems(data) + ["errors.e_n: requires e_n, which is in the file"] * wrong
 
     def read(self, folder: Path, k: float) -> TableLaw:
         """The law of disks whose mean shape number is k; InputError with the line if the file is wrong."""

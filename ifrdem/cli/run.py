@@ -181,7 +181,9 @@ def _part(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
 def study(
     file: Annotated[
         str,
-        Parameter(name="STUDY", help="a study file (`ifrdem new study`), a case file, or a shipped case"),
+        Parameter(
+            name="STUDY", help="a study file (`ifrdem new study`), a case file, or a shipped study or case"
+        ),
     ],
     /,
     *,
@@ -304,7 +306,9 @@ def check(case: Case, /, *, set: Set = None) -> None:
     comm.run_on_root(report)
 
 
-KIND = "kind of file, or a shipped case as cases/NAME.toml (default: list the kinds)"
+KIND = (
+    "kind of file, or a shipped case or study as cases/NAME.toml, studies/NAME.toml (default: list the kinds)"
+)
 
 
 def new(

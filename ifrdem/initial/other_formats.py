@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -78,10 +79,16 @@ def read(
 
     Raises InputError if the frame has other disks, another box, other units, or wrong values.
     """
-    frames = [*(_dumped(path, most) if kind == "LAMMPS" else _extended(path, most))]
-    if not -len(frames) <= frame < len(frames):
-        raise InputError(f"frame = {frame}: the file has {counted(len(frames), 'frame')}")
-    found = frames[frame]
+    # Frames before the wanted one are forgotten: a file may have many.
+    latest: deque[_Frame] = deque(maxlen=-frame if frame < 0 else 1)
+    count = 0
+    for each in _dumped(path, most) if kind == "LAMMPS" else _extended(path, most):
+        if count <= frame or frame < 0:
+            latest.append(each)
+        count += 1
+    if not -count <= frame < count:
+        raise InputError(f"frame = {frame}: the file has {counted(count, 'frame')}")
+    found = latest[0]
     wanted = _wanted(found.names, form, kind)
     _check_units(found.units, units, form, wanted)
     number = {name: i for i, name in enumerate(found.names)}

@@ -560,12 +560,14 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         if not self.driving and not self.shear_rate:
             self._collide(duration, rate)
             return
-        self._act(0.5 * duration)
+        self._drive(0.5 * duration)
+        self._strain(0.5 * duration)
         left = duration
         while left > 1e-12 * duration:
             rate = self._rate()
             left -= self._collide(min(left, self._batch / rate), rate)
-        self._act(0.5 * duration)
+        self._strain(0.5 * duration)  # in the other order: noise and flow do not commute
+        self._drive(0.5 * duration)
 
     def _rate(self) -> float:
         """Candidates per time [1/time] that are enough for the present speeds; keeps the present state."""
@@ -643,11 +645,8 @@ class DSMC(NotCopied, ReadOnlyAttributes):
         low = 2**32 - 1
         return np.array([number & low, number >> 32, self._seed & low, self._seed >> 32], dtype=np.uint32)
 
-    def _act(self, duration: float) -> None:
-        """Apply the driving for a time [time], then the flow: dv_x = -shear_rate v_y dt of velocities relative to it.
-
-        The driving is the exact solution of dv = -rate v dt + noise, and of the spins'.
-        """
+    def _drive(self, duration: float) -> None:
+        """Apply the driving for a time [time]: the exact solution of dv = -rate v dt + noise, and of the spins'."""
         for group, driving in enumerate(self.driving):
 
             def given(power: float, rate: float) -> float:
@@ -663,6 +662,9 @@ class DSMC(NotCopied, ReadOnlyAttributes):
             self._launch(self._kernels.kick, group, key=self._key(self._kicks), factors=factors)
             self._set(energy_input=self.energy_input + math.fsum(self._gains))
         self._kicks += len(self.driving) > 0
+
+    def _strain(self, duration: float) -> None:
+        """Apply the flow for a time [time]: dv_x = -shear_rate v_y dt of velocities relative to it."""
         if self.shear_rate:
             factors = np.array([1.0, 1.0, 0.0, 0.0, self.shear_rate * duration])
             self._launch(self._kernels.strain, factors=factors)

@@ -61,7 +61,7 @@ class Study:
     Parameters
     ----------
     path : str or path
-        A study file (`ifrdem new study` writes one), a case file, or the name of a shipped case.
+        A study file (`ifrdem new study` writes one), a case file, or the name of a shipped study or case.
     vary : sequence of str
         Keys to vary: "material[0].e_n=0.7,0.8,0.9", "material[0].mu=0.1:0.5:5" (linear),
         "material[0].mu=0.01:1:5:log"; with ";" between keys that vary together.

@@ -37,7 +37,7 @@ STICKING = ("percussion_center", "contact_point")
 
 # Two sides of an inequality of admissibility that agree to this are equal: what rounding leaves of values
 # that are chosen on the boundary. A collision can gain 1e-12 of its energy by it, no more than rounding does.
-_ROUND_OFF = 1e-12
+ROUND_OFF = 1e-12
 
 
 class Regime(IntEnum):
@@ -236,13 +236,13 @@ class IFRLaw(CollisionLaw):
         broken = "; and ".join(
             f"{words} must hold, but left is {left:.4g} and right {right:.4g} ({right - left:.4g} more)"
             for words, left, right in needed
-            if right - left > _ROUND_OFF * max(1.0, right)
+            if right - left > ROUND_OFF * max(1.0, right)
         )
         with_ = f"with a = 1 + kbar = {a:g}, c = {c:.4g}, e_s = e_t + a c = {e_s:.4g}"
         if broken:
             text = f"{law}: a collision would add energy: {broken} ({with_}). {self._remedy(a, ac)}"
             return Admissibility(False, False, text)
-        if e_s <= 1.0 + _ROUND_OFF:
+        if e_s <= 1.0 + ROUND_OFF:
             text = f"{law}: no collision adds energy, nor do its tangential impulses alone ({with_})"
             return Admissibility(True, True, text)
         bound = "e_t <= 0" if contact_point else f"e_t <= (1 - kbar) / 2 = {0.5 * (1.0 - k_bar):g}"

@@ -16,7 +16,7 @@ from ...errors import InputError, option_name, outside_level
 from ...tools import checked, tables
 from ...tools.checked import Array, Numbers, validated
 from ..custom_code import FromKernels
-from .ifr import IFRLaw, mean_k
+from .ifr import ROUND_OFF, IFRLaw, mean_k
 from .law import Admissibility, CollisionLaw, EnergyWarning, Key
 
 MOST_POINTS = 127
@@ -27,7 +27,6 @@ COLUMNS: Mapping[str, str] = {
     "psi": "angle", "slip": "number", "ratio": "number", "g_n": "velocity", "e_n": "number",
 }  # fmt: skip
 """Columns of the file of a table, and the kinds of their units (`tools/tables.py`)."""
-_ROUND_OFF = 1e-12  # as of `ifr`: what rounding leaves of values that are chosen on the boundary
 
 
 _Restitution = Annotated[ArrayLike, Numbers(None)]
@@ -252,10 +251,18 @@ class TableLaw(CollisionLaw):
             return Admissibility(False, False, f"{about}: {_said(found, largest, a)}")
         # Linear in the slip, so that points decide; at 0 both sides are 0.
         alone = (1.0 + largest) * a * self._r - 2.0 * self._x
-        if np.all(alone <= _ROUND_OFF) and np.all(self._r >= 0.0):
+        if np.all(alone <= ROUND_OFF) and np.all(self._r >= 0.0):
             return Admissibility(
                 True, True, f"{about}: no collision adds energy, nor do its tangential impulses alone"
             )
+        below = int(np.argmin(self._r))
+        if self._r[below] < 0.0:
+            return Admissibility(
+                True, False,
+                f"{about}: P_t / P_n = {self._r[below]:.4g} at slip = {self._x[below]:.4g} is below 0, and speeds the slip "
+                f"up: the tangential impulses alone add energy; only the loss along the line of centres, e_n = {largest:g}, "
+                "outweighs it",
+            )  # fmt: skip
         i = int(np.argmax(alone))
         return Admissibility(
             True, False,
@@ -288,7 +295,7 @@ class TableLaw(CollisionLaw):
             for x in {low, high, min(max(vertex, low), high)}:
                 r = value + slope * x
                 left, right = (1.0 + e_n) * (1.0 + a * r * r), 2.0 * (1.0 + x * r)
-                if left - right > _ROUND_OFF * right and (
+                if left - right > ROUND_OFF * right and (
                     worst is None or left - right > worst.left - worst.right
                 ):
                     nearest = min(max(i + (x > 0.5 * (low + high)) - begins, 0), len(self._slip) - 1)
