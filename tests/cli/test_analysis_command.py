@@ -29,6 +29,8 @@ from ifrdem.quantities import COMPONENTS, EVENT, START, STRESS_SERIES
 
 N, FRAMES, SPAN = 300, 12, 4.0
 BOX = Box((40.0, 30.0))
+NOT_POSSIBLE = {"species", "impact", "histograms", "cycle", "transport", "tail"}
+"""Analyses that the file of `write_cooling` does not allow."""
 
 
 def write_cooling(
@@ -139,7 +141,7 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     shown = capsys.readouterr().out
     record = json.loads(Path("run-analysis/run.json").read_text())
     assert set(record["analyses"]) | set(record["not_possible"]) == set(ANALYSES) == set(catalogue.FUNCTIONS)
-    assert set(record["not_possible"]) == {"species", "impact", "histograms"}
+    assert set(record["not_possible"]) == NOT_POSSIBLE
     assert "impact: not possible: run.h5 holds no histories of collisions" in shown
     assert "output.histories of the case" in shown
     for found in record["analyses"].values():
@@ -198,22 +200,18 @@ def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     assert "cooling: is there already" in shown
     assert "impact: not possible" in shown
     record = json.loads(Path("out/run.json").read_text())
-    assert set(record["analyses"]) == set(ANALYSES) - {"species", "impact", "histograms"}
-    assert set(record["not_possible"]) == {"species", "impact", "histograms"}
+    assert set(record["analyses"]) == set(ANALYSES) - NOT_POSSIBLE
+    assert set(record["not_possible"]) == NOT_POSSIBLE
     assert Path("out/run-cooling.csv").stat().st_mtime_ns == before
     assert cli.main(["analyse", "run.h5", "-o", "out"]) == 2
     assert "holds all that the file allows already" in capsys.readouterr().err
     assert cli.main(["analyse", "run.h5", "cooling", "-o", "out", "--force"]) == 0
     assert Path("out/run-cooling.csv").stat().st_mtime_ns > before
-    assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == set(ANALYSES) - {
-        "species",
-        "impact",
-        "histograms",
-    }
+    assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == set(ANALYSES) - NOT_POSSIBLE
     # What has become possible since is said to be so no more.
     add_histories(tmp_path / "run.h5")
     assert cli.main(["analyse", "run.h5", "impact", "-o", "out"]) == 0
-    assert json.loads(Path("out/run.json").read_text())["not_possible"].keys() == {"species", "histograms"}
+    assert json.loads(Path("out/run.json").read_text())["not_possible"].keys() == NOT_POSSIBLE - {"impact"}
 
 
 def test_analyses_of_another_run_and_foreign_files_in_the_folder_are_not_mixed_or_harmed(
