@@ -125,8 +125,8 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
         (["--quiet", "run", "tiny.toml", "--verbose"], "--quiet: cannot be combined with --verbose"),
         (["run", "tiny.toml", "--sed", "3"], r"unknown option --sed \(did you mean '--seed'\?\)"),
         (["run", "tiny.toml", "more"], "unexpected argument 'more'"),
-        (["new", "coolin"], r"no template or shipped case is called 'coolin' \(did you mean 'cooling'\?\)"),
-        (["new", "nosuch"], r"templates: .*, study, notebook; cases: "),
+        (["new", "coolin"], r"no template or shipped file is called 'coolin' \(did you mean 'cooling'\?\)"),
+        (["new", "nosuch"], r"templates: .*, study, notebook; shipped: "),
         (
             ["new", "cases/mixture.toml", "--short"],
             "--short: goes with a template only, which 'cases/mixture.toml' is",
