@@ -106,7 +106,7 @@ def test_wheel_holds_nothing_else(wheel):
 
 def test_wheel_holds_type_marker_cases_licence_and_command(wheel):
     assert "ifrdem/py.typed" in wheel
-    shipped = {path.name for path in (ROOT / "cases").glob("*.toml")}
+    shipped = {path.name for path in (ROOT / "cases").rglob("*.toml")}
     assert shipped == {Path(n).name for n in wheel if n.startswith("ifrdem/cases/") and n.endswith(".toml")}
     info = {Path(name).name: content for name, content in wheel.items() if ".dist-info/" in name}
     assert info["LICENSE"] == (ROOT / "LICENSE").read_bytes()

@@ -18,11 +18,11 @@ CAPITALS = re.compile(r"\b[A-Z]{3,}(?:_[A-Z]+)*\b")
 OTHERS = {
     "programs, formats and journals": "ASE BTWC DNS EOF FIRE FLOCK ADVISORY GIF GSD HDF HOOMD IMA LLVM MSER OVITO "
     "RFC RGB SFN SIAM VTK XYZ",
-    "words of their own files": "MAXNEIGH maxtime shellsize writeinterval Single Grow mt19937ar e_log k_cos k_sin "
+    "words of their own files": "MAXNEIGH erotate mindlin maxtime shellsize writeinterval Single Grow mt19937ar e_log k_cos k_sin "
     "pair_style atom_types fastcache SplitMix64 validate_call True_ pickle pyi",
     "placeholders of command lines and of names": "BEFORE AFTER FIRST LAST SEED NAME NAME_error NAME_n_eff "
     "species_NAME temperature_error temperature_theory",
-    "pages of the manual": "exactness performance",
+    "pages of the manual": "coming exactness performance",
 }  # fmt: skip
 """Words that are no names of the tree."""
 

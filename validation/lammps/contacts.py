@@ -21,7 +21,7 @@ from ...model.laws.walton import Walton
 from ...plots import style
 from ...tools.checked import Array
 from . import world
-from .world import M_N, M_T, Contact, Impacts
+from .world import M_N, M_T, Contact, SingleImpacts
 
 E_N, MU = 0.9, 0.2
 TABLE, WALTON, PERCUSSION, CONTACT_POINT = "table", "Walton", "IFR, percussion centre", "IFR, contact point"
@@ -71,7 +71,7 @@ def with_speed(table: TableLaw, law: Viscoelastic) -> TableLaw:
     return TableLaw(slip=table.slip, ratio=table.ratio, e_n=e_n, g_n=speed)
 
 
-def impacts_of_gas(contact: Contact, number: int = 400, seed: int = 1) -> Impacts:
+def impacts_of_gas(contact: Contact, number: int = 400, seed: int = 1) -> SingleImpacts:
     """Impacts as in a Maxwellian gas with T = T_rot = 1; those slower than 0.05, which take long, are left out."""
     rng = np.random.default_rng(seed)
     g_n = 2.0 * np.sqrt(rng.exponential(size=number))

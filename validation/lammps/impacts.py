@@ -139,7 +139,7 @@ def _fits(result: Result, found: dict[str, CollisionLaw]) -> None:
     )  # fmt: skip
 
 
-def _by_definition(impacts: world.Impacts, P_t: Array, *, walton: bool) -> float:
+def _by_definition(impacts: world.SingleImpacts, P_t: Array, *, walton: bool) -> float:
     """beta_0 of Walton's law, or e_t of the IFR law with contact-point sticking, by least squares of their impulses.
 
     |P_t| = min(mu P_n, (1 + beta_0) m_t |g_t|), or (1 + e_t) m_t |g_t| + min(mu P_n, m_t |g_t|).

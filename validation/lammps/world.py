@@ -131,7 +131,7 @@ class World:
         return np.asarray(d - self.lengths * np.round(d / self.lengths))
 
 
-class Impacts(NamedTuple):
+class SingleImpacts(NamedTuple):
     """Single impacts, (n,) each: relative velocity of the contact along n and t, before and after."""
 
     g_n: Array
@@ -157,7 +157,7 @@ class Impacts(NamedTuple):
 
 def impacts(
     contact: Contact, g_n: ArrayLike, g_t: ArrayLike, share: ArrayLike = 0.0, *, steps: int = 100
-) -> Impacts:
+) -> SingleImpacts:
     """Isolated impacts, all in one run of LAMMPS, with so many steps in the shortest contact.
 
     `share` of g_t is by equal spins of both disks, the rest by their centres. The contact turns while it lasts, by 1e-3
@@ -193,4 +193,4 @@ def impacts(
     found = []
     for relative, spins in ((2.0 * v, 2.0 * spin), (u[:n] - u[n:], w[:n] + w[n:])):
         found += [(relative * normal).sum(1), (relative * along).sum(1) + 0.5 * spins]
-    return Impacts(*found)
+    return SingleImpacts(*found)
