@@ -362,6 +362,9 @@ def _whole_markers(axes: Axes) -> None:
         inside = (points >= low - slack) & (points <= high + slack)
         if line.get_marker() not in ("None", "", None) and inside.all():
             line.set_clip_on(False)
+            line.set_in_layout(
+                False
+            )  # a curve of which a later limit leaves a part outside would take all the room
 
 
 def chosen_panels(count: int, numbers: Sequence[int] | None) -> list[int]:
