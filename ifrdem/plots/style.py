@@ -362,9 +362,7 @@ def _whole_markers(axes: Axes) -> None:
         inside = (points >= low - slack) & (points <= high + slack)
         if line.get_marker() not in ("None", "", None) and inside.all():
             line.set_clip_on(False)
-            line.set_in_layout(
-                False
-            )  # a curve of which a later limit leaves a part outside would take all the room
+            line.set_in_layout(False)  # the frame holds it; asked for their room, curves left none for panels
 
 
 def chosen_panels(count: int, numbers: Sequence[int] | None) -> list[int]:
