@@ -12,7 +12,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.validation.heaps import drum, heap, soft_grains
-from ifrdem.validation.speed.soft_disks import absence
+from ifrdem.validation.lammps.library import absence
 
 
 def lattice(width: float, height: float) -> np.ndarray:
