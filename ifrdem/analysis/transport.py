@@ -84,7 +84,7 @@ class TransportCoefficient(Brief, ResultPlot):
     helfand: MeanValue
     """Half the slope of the mean square from `lag` to twice of it, with the same."""
     lag: float
-    """Where the integral ends [time]."""
+    """Lag at which the integral ends [time]."""
     lags: Array
     integral: Array
     integral_error: Array

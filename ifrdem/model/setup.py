@@ -60,7 +60,7 @@ RECORDABLE = {
 INCLUDES = {
     "dissipated": "ledger", "free_times": "histograms", "histograms": "ledger", "heat_flux": "stress",
 }  # fmt: skip
-"""What is recorded with something else, too, by the name of that."""
+"""Records that another record includes, by the name of the latter."""
 _COLLAPSES = {each.__name__: each for each in get_args(Collapse)}
 _OF_EACH = ("_step", "_values")
 """Attributes that each force has; a record has them as step and values."""

@@ -125,7 +125,7 @@ def prediction(
 
 
 PREDICT: ContextVar[Callable[..., Prediction]] = ContextVar("predict", default=prediction)
-"""What gives the temperatures of the theory of figures and analyses: `prediction`, or a function of its signature."""
+"""Function that predicts the temperatures drawn in figures and analyses: `prediction`, or one with its signature."""
 
 
 def is_closed() -> bool:

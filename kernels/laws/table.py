@@ -6,11 +6,11 @@ BISECTIONS = 7
 POINTS = 2**BISECTIONS
 """Points of each of the two tables of a row; unused ones lie beyond every slip and speed."""
 OF_SLIP = 2
-"""Where a row, behind two coefficients, has the points of P_t / P_n: slip ratios; VALUES and SLOPES after them, of the
-lines that begin there, the values at 0 and the slopes."""
+"""Column of a row, behind two coefficients, at which the slip ratios of the points of P_t / P_n begin; VALUES and SLOPES
+columns later those of the lines that begin there: their values at 0, and their slopes."""
 VALUES, SLOPES = POINTS, 2 * POINTS
 OF_SPEED = OF_SLIP + 3 * POINTS
-"""Where it has those of e_n: speeds, values, slopes."""
+"""Column at which those of e_n begin: speeds, values, slopes."""
 
 
 @ti.pyfunc

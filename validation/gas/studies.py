@@ -230,4 +230,4 @@ STUDIES: dict[str, tuple[Callable[[Result, Results, range], None], tuple[tuple[s
     "mixture_cooling": (mixtures, (("species_T_ratio_light", "e_n", "mass"),)),
     "shear_stress": (sheared, (("stress_N_1", "e_n"), ("stress_friction", "e_n"))),
 }
-"""What each study is compared with, and its pictures: quantity, axis and curves."""
+"""Formulas that each study is compared with, and its pictures: quantity, axis and curves."""

@@ -22,7 +22,7 @@ from .law import Admissibility, CollisionLaw, EnergyWarning, Key
 MOST_POINTS = 127
 """Of a table; kernels look a number up among one more (`kernels/laws/table.py`)."""
 BEYOND = 1e30
-"""Where the unused points of a table are: a slip ratio or a speed that nothing has."""
+"""Slip ratio or speed of the unused points of a table, beyond all that occur."""
 COLUMNS: Mapping[str, str] = {
     "psi": "angle", "slip": "number", "ratio": "number", "g_n": "velocity", "e_n": "number",
 }  # fmt: skip

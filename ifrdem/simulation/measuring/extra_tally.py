@@ -97,7 +97,7 @@ class ExtraTally:
         return self.first_force + LEVELS * self.n_forces
 
     def transfer(self, tally: NDArray[np.float64]) -> Named:
-        """What collisions transferred, in a tally that has it, with the names of `columns.TRANSFER`."""
+        """Sums of the transfer of momentum and energy by collisions, in a tally, by the names of `columns.TRANSFER`."""
         return Named(tally[TALLY.width : TALLY.width + self.n_transfer], TRANSFER)
 
     def histograms(self, tally: NDArray[np.float64]) -> NDArray[np.float64]:
