@@ -38,7 +38,7 @@ from .workers import check_jobs
 if TYPE_CHECKING:
     import xarray
 
-RATE, ROW_SECONDS, RUN_SECONDS, FILE_SECONDS, ANALYSIS_SECONDS, START_SECONDS = 2e5, 2e-3, 0.1, 0.4, 0.3, 8.0
+RATE, ROW_SECONDS, RUN_SECONDS, FILE_SECONDS, ANALYSIS_SECONDS, START_SECONDS = 2e5, 2e-3, 0.04, 0.2, 0.3, 8.0
 """Collisions a second and core, where theory gives no estimate of a run; seconds of a row of series, of a further gas
 beside its run, of one with a trajectory, of an analysis of it, and of processes that start and load kernels: before any run is done."""
 MOST_ESTIMATED = 20
