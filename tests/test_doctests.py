@@ -33,6 +33,12 @@ OF_TAICHI = {"normals", "uniforms"}
 """Functions for use inside of a force, which only runs in a simulation: the manual's page on forces has an example."""
 
 
+MEASURED = {
+    f"ifrdem.model.{name}" for name in ("observables.heat_flux", "observables.stress", "histograms.histogram")
+}
+"""Examples of what a run measures: each has kernels of its own."""
+
+
 def write_gas(path: Path) -> None:
     """A trajectory that an example draws: disks at two times."""
     disks = ifrdem.Disks(9, mass=1.0, radius=0.5)
@@ -73,7 +79,10 @@ def examples(of: object, name: str) -> doctest.DocTest:
     return parser.get_doctest(inspect.getdoc(of) or "", {"__name__": "example"}, name, None, 0)
 
 
-@pytest.mark.parametrize("name", [*public(), "ifrdem"])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.full] * (name in MEASURED)) for name in [*public(), "ifrdem"]],
+)
 def test_example_in_the_docstring_prints_the_stated_output(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

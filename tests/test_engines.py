@@ -41,6 +41,7 @@ MASS = np.where(np.arange(N) % 3 == 0, 2.0, 1.0)
 BOX = ifrdem.Box((15.0, 9.0))
 
 
+@pytest.mark.full(keep=("ifr",))
 @pytest.mark.parametrize(
     "law",
     [IFR, laws.Walton(e_n=0.9, beta_0=0.3, mu=0.2), laws.Viscoelastic(A=0.05, Y=1.0, e_t=-0.9, mu=0.2)],
@@ -61,6 +62,7 @@ def test_a_periodic_gas_is_that_of_the_simulation_whatever_the_step(law: ifrdem.
         assert np.abs(velocities - gas.state.velocity).max() < 1e-9
 
 
+@pytest.mark.full
 def test_straight_walls_are_those_of_the_simulation() -> None:
     """Four walls with a law of their own, by a function of the pair: those of disks are below N."""
     of_wall = ifrdem.IFRLaw(e_n=0.7, e_t=-0.8, mu=0.1)

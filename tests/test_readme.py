@@ -278,6 +278,7 @@ def test_laws_and_forces_of_a_cell_are_compiled(tmp_path: Path) -> None:
     assert made.count("<pre>") == 3
 
 
+@pytest.mark.full
 def test_examples_for_notebooks_and_other_packages_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from support import tiers
 
 pytest_plugins = ["pytester"]
 
@@ -115,6 +116,14 @@ def test_a_budget_names_what_exceeds_it_and_the_run_fails(
     assert run.ret == pytest.ExitCode.TESTS_FAILED
     lines = [line.partition("(mark it `full`?): ")[2] for line in run.outlines if "above the budget" in line]
     assert lines[0].startswith("all tests: ")
-    assert lines[1:] == ["tests/test_busy.py::test_dear: 0.4 s"]
+    assert [line.rpartition(": ")[0] for line in lines[1:]] == ["tests/test_busy.py::test_dear"]
     seconds, name = (suite.path / "tests/costs.txt").read_text().split()
     assert (seconds, name) == ("0.4", "test_busy.py")
+
+
+def test_a_budget_is_in_seconds_of_the_reference_machine() -> None:
+    speed = tiers.Speed()
+    speed.seconds = [2.0 * speed.REFERENCE, 2.0 * speed.REFERENCE, 90.0]
+    assert speed.at_reference(3.0) == pytest.approx(1.5)
+    speed.measure()
+    assert 0.1 < speed.seconds[-1] / speed.REFERENCE < 10.0

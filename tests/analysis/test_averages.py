@@ -314,6 +314,7 @@ def test_rings_of_a_container_add_up_to_the_recorded_trace(written: Written) -> 
     assert areas @ part / areas.sum() == pytest.approx(np.trace(collisional), rel=1e-9)
 
 
+@pytest.mark.full
 def test_a_gas_that_drifts_carries_no_heat(
     written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

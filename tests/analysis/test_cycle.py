@@ -120,6 +120,7 @@ def test_cycle_of_a_run(run: Path) -> None:
         pictures.figure(file, "cycle").draw_without_rendering()
 
 
+@pytest.mark.full
 def test_profiles_at_phases_and_over_time(run: Path) -> None:
     """Those of a phase are those of its frames; all disks of all frames are in the windows."""
     with ifrdem.Trajectory(run) as file:

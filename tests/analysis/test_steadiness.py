@@ -93,6 +93,7 @@ def test_a_steady_gas_has_no_mark_and_a_changing_one_names_the_quantities(
         assert f"  ! {warning}\n" in shown
 
 
+@pytest.mark.full
 def test_a_stretch_of_a_changing_gas_that_is_steady_has_no_mark_and_one_frame_has_none(
     tmp_path: Path,
 ) -> None:

@@ -235,6 +235,7 @@ def test_collisions_are_estimated_for_drives_that_theory_covers(
     assert estimate.collisions_are == ""
 
 
+@pytest.mark.full
 def test_a_run_keeps_its_ledger(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

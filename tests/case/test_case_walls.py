@@ -561,6 +561,7 @@ def test_dense_starts_of_a_case_keep_off_walls(case: MakeCase, way: str) -> None
     assert np.all(gas.free_area.gap(starts.start(gas).position, gas.disks.radius) >= 0.0)
 
 
+@pytest.mark.full
 def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Density inversion, as its comment says, in a box a quarter as wide and for a second and a half."""
     monkeypatch.chdir(tmp_path)

@@ -208,6 +208,7 @@ def test_errors_in_the_file_are_told_with_their_line(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.full
 @pytest.mark.filterwarnings("always::ifrdem.EnergyWarning")
 def test_a_law_that_adds_energy_is_reported_by_check_and_run(
     toml: Path, capsys: pytest.CaptureFixture[str]

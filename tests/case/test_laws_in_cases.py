@@ -29,6 +29,7 @@ VISCOELASTIC = [
 ]  # fmt: skip
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     ("settings", "law"),
     [

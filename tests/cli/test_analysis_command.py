@@ -550,6 +550,7 @@ def test_plot_writes_a_png_once(
     assert capsys.readouterr().out.count("\n") == len(pictures.PICTURES)
 
 
+@pytest.mark.full
 def test_plots_have_colours_styles_and_an_axis_of_collisions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -467,6 +467,7 @@ def computed(n: int, law: ifrdem.CollisionLaw, seed: int = 1) -> fit.Collisions:
     return fit.Collisions(disk_1=disk, disk_2=disk, measured=measured, errors=errors | {"normal": np.nan})
 
 
+@pytest.mark.full
 def test_a_wrong_law_is_named_and_not_errors_of_measurement() -> None:
     """Walton's law of Hertz-Mindlin spheres, 10 % off IFR in P_t: e_t = -.9998 +- 3e-5 looked perfect, with chi2 = dof.
 

@@ -370,6 +370,7 @@ def test_copied_lines_are_named() -> None:
     )
 
 
+@pytest.mark.full
 def test_one_impact_far_off_costs_no_more_than_others(monkeypatch: pytest.MonkeyPatch) -> None:
     """A typing error, 90 errors off: its loss has many minima, whose profile took some 3,000 evaluations."""
     data = impacts(ALUMINIUM, noise=1, n=18)

@@ -112,6 +112,7 @@ def test_point_on_the_corner_does_not_trap_the_fit() -> None:
     np.testing.assert_allclose([found[name].value for name in ("e_n", "e_t", "mu")], ALUMINIUM, atol=1e-8)
 
 
+@pytest.mark.full
 def test_no_lower_minimum_is_found_by_differential_evolution() -> None:
     """Of eight impacts with large errors, one of which can be taken for a sticking or for a sliding one."""
     likelihood = Likelihood(impacts(noise=4, n=8, error=1.0).problem(Pair(M=1.0)), LAWS["ifr-percussion"])
@@ -148,6 +149,7 @@ def test_intervals_end_where_the_profile_has_risen_by_the_quantile() -> None:
             assert risen - closure.chi2 == pytest.approx(RISE, abs=0.005)
 
 
+@pytest.mark.full
 def test_optimum_and_intervals_are_those_of_iminuit() -> None:
     """An outside witness: MIGRAD's minimum and MINOS's profile, of the same loss."""
     iminuit = pytest.importorskip("iminuit")
@@ -180,6 +182,7 @@ def test_intervals_cover_the_truth() -> None:
     assert max(missed.values()) <= 3
 
 
+@pytest.mark.full
 def test_bootstrap_agrees_with_the_profile_and_repeats_itself() -> None:
     """An end at 16 % of 40 sets has a standard error of 0.24 errors; both kinds differ by bias, too."""
     data = impacts(noise=6, n=8)

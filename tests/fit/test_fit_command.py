@@ -130,6 +130,7 @@ def test_progress_is_shown_from_two_seconds_on(
     assert parts == sorted(parts)
 
 
+@pytest.mark.full
 def test_disks_of_several_kinds_have_one_fit_each(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Head-on impacts on a disk at rest: e_n is the velocity of parting over that of approach, whatever the masses."""
     lines = [

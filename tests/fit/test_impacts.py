@@ -50,6 +50,7 @@ def rows(columns: Mapping[str, NDArray[np.float64]]) -> list[dict[str, float]]:
     return [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]
 
 
+@pytest.mark.full(keep=("240",))
 @pytest.mark.parametrize(
     ("fps", "spoilt"),
     [(120.0, {}), (240.0, {}), (1000.0, {}), (240.0, {"lost": 0.02}), (240.0, {"swaps": 4})],
@@ -76,6 +77,7 @@ def test_impacts_in_a_walled_tray_are_right_within_their_errors(
     assert len(found.exchanges) == spoilt.get("swaps", 0)
 
 
+@pytest.mark.full
 def test_walls_that_are_not_given_are_found_as_change_points(tmp_path: Path) -> None:
     motion = simulator.simulate(240.0, 3.0, seed=2)
     found = impacts.find(loaded(tmp_path, simulator.film(motion, 3), 240.0), DISKS)
@@ -104,6 +106,7 @@ def motion() -> simulator.Motion:
     return simulator.simulate(240.0, 2.0, seed=5)
 
 
+@pytest.mark.full
 def test_mirrored_pictures_are_found_by_the_spins(motion: simulator.Motion, tmp_path: Path) -> None:
     text = simulator.film(motion, 3, y_sign=-1.0)
     with pytest.raises(
@@ -192,6 +195,7 @@ def test_command_writes_tables_that_a_fit_takes(
         assert abs(each.value - true) < 4.0 * each.standard_error
 
 
+@pytest.mark.full
 def test_each_pair_of_materials_has_its_coefficients(tmp_path: Path) -> None:
     motion = simulator.simulate(240.0, 6.0, seed=11)
     found = impacts.find(loaded(tmp_path, simulator.film(motion, 12), 240.0), DISKS, walls=WALLS)

@@ -114,6 +114,7 @@ def test_clips_are_found_where_no_disk_can_have_moved_so(coins: simulator.Motion
     assert len(tracks.read(tmp_path / "c.csv", fps=FPS).clips) == 1  # frames that were lost
 
 
+@pytest.mark.full
 def test_straight_flights_on_such_a_tray_blame_the_tray(film: Path) -> None:
     """They blamed k, the radii and units, which are right."""
     found = impacts.find(tracks.read(film, fps=FPS), DISKS, walls=WALLS, friction="none")
@@ -139,6 +140,7 @@ def test_kinds_of_disks_that_differ_have_their_own_constants(slippery: float, tm
         assert abs(each.tray.a0 - true) < 4.0 * each.error("a0")
 
 
+@pytest.mark.full
 def test_an_air_table_that_is_tilted(tmp_path: Path) -> None:
     true = Tray(a0=0.02, a1=0.03, b0=0.1, b1=0.03, gx=0.05, gy=-0.02)
     tray = simulator.Tray(0.02, 0.03, 0.1, 0.03, (0.05, -0.02))

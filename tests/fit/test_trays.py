@@ -94,6 +94,7 @@ def test_tracks_without_walls_give_none() -> None:
         estimated(tracks.Tracks({0: t}, {0: free}, {}, "free"), {0: 0.02})
 
 
+@pytest.mark.full
 def test_estimated_polygonal_and_given_walls_find_the_same_impacts(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

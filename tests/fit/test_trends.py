@@ -137,6 +137,7 @@ def test_a_law_that_depends_on_speed_needs_speeds_and_gives_no_material(
         found.law()
 
 
+@pytest.mark.full
 def test_a_mixture_is_noticed_and_a_column_of_materials_separates_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -148,6 +148,7 @@ def test_a_collision_soon_after_another_is_elastic(contact_time: float, elastic:
     )
 
 
+@pytest.mark.full
 def test_a_bouncing_ball_ends_with_bounces_shorter_than_the_contact_time() -> None:
     """Dropped from 2.5 above contact with g = 1 it bounces with speeds v_k = sqrt(5) 2^-k, flights of 2 v_k / g.
 

@@ -164,6 +164,7 @@ def test_velocities_of_free_disks_in_a_bath_forget_exponentially() -> None:
     assert later[0, 1] == pytest.approx(expected, abs=5.0 * 1.5 / math.sqrt(n))
 
 
+@pytest.mark.full
 def test_an_elastic_gas_in_a_bath_reaches_its_temperature() -> None:
     """Equilibrium at T whatever the step: 2000 disks that collide, energies of 20 frames two relaxation times apart.
 

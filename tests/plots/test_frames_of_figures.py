@@ -83,6 +83,7 @@ def overlaps(figure) -> list[str]:
     return found
 
 
+@pytest.mark.full
 def test_a_figure_of_seven_inches_has_room_for_its_labels(path: Path) -> None:
     """Text of 10 points made labels of panels touch, and the power of ten touched the legend."""
     with Trajectory(path) as run:

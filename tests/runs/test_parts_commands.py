@@ -65,7 +65,7 @@ def same(
     assert printed["one"] or wrote["one"]
 
 
-@pytest.mark.full(keep=("history FILE --id 7 -o OUT", "export FILE --to csv -o OUT"))
+@pytest.mark.full(keep=("export FILE --to csv -o OUT",))
 @pytest.mark.parametrize(
     "words",
     [

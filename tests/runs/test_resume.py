@@ -139,6 +139,7 @@ def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(whole, tmp_path, s
     assert not (tmp_path / "gas.checkpoint.h5").exists()
 
 
+@pytest.mark.full
 def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monkeypatch, stopping):
     """Killed long after its checkpoint: later committed frames stay, and the resumed run has the same ones."""
     case = whole.parent / "gas.toml"
@@ -347,6 +348,7 @@ def wait_for_checkpoint(folder: Path, process: subprocess.Popen[str]) -> None:
 LONG = CASE.replace("t_end = 2.0", "t_end = 400.0").replace("frames = 12", "frames = 4000")
 
 
+@pytest.mark.full
 def test_ctrl_c_ends_a_run_with_a_checkpoint(tmp_path):
     """All processes of the run get it, as from a terminal."""
     (tmp_path / "gas.toml").write_text(LONG)
@@ -394,6 +396,7 @@ SLOT = case_text({
 })  # fmt: skip
 
 
+@pytest.mark.full
 def test_a_signal_within_a_window_of_a_million_events_ends_the_run_there(tmp_path, monkeypatch, capsys):
     """A disk in a slot 2e-7 wide hits its sides 4.2e6 times in a unit of time: a launch ends within the window.
 

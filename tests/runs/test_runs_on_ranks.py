@@ -224,6 +224,7 @@ def test_many_disks_go_into_one_file_if_the_case_says_so(
     assert _in("gathered", goes_on["files"]) == ["gas.h5", "gas.status.json"]
 
 
+@pytest.mark.full
 @mpi.needed
 def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(toml: Path, plain: Path) -> None:
     folder = toml.parent / "killed"

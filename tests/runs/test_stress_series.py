@@ -95,6 +95,7 @@ def test_between_walls_stresses_refer_to_the_free_area(folder: Path) -> None:
         FUNCTIONS["pressure"](file, None)
 
 
+@pytest.mark.full
 def test_a_study_has_stresses(folder: Path) -> None:
     """A study over e_n, in the columns of the tensor; the first row has none."""
     keys = (

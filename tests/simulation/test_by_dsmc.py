@@ -91,6 +91,7 @@ def test_pictures_take_dsmc_also_of_laws_without_theory(
     assert cli.main(["plot", "rolls.h5", "temperatures", "--theory", "dsmd", "--force"]) == 2
 
 
+@pytest.mark.full
 def test_a_study_takes_dsmc_at_each_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     text = case_text({

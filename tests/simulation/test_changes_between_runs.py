@@ -124,6 +124,7 @@ def test_the_change_of_energy_by_other_velocities_and_gravity_is_its_definition(
     assert gas.gravity == (0.1, -0.1)
 
 
+@pytest.mark.full
 def test_energy_that_former_forces_put_in_still_counts() -> None:
     box, state, _ = setting("periodic")
     gas = made(box, state, forces=[forces.RandomKicks(0.05, power=1.0)])

@@ -258,7 +258,7 @@ def test_counters_that_are_nearly_full_are_looked_at_after_a_checkpoint(tmp_path
         gas.run(t_end=10.0)
 
 
-@pytest.mark.full(keep=("0.0",))
+@pytest.mark.full
 @pytest.mark.parametrize("down", [-1.0, 0.0])
 def test_a_checkpoint_in_single_precision_is_taken_back(tmp_path, down):
     """At the time of a collision two disks touch, to the rounding of their places: some 1e-7 of the box.
@@ -321,6 +321,7 @@ class Uniform(Force):
         return disk.vx + p.acceleration * step.dt, disk.vy, disk.spin
 
 
+@pytest.mark.full
 def test_custom_laws_and_forces_are_given_again(tmp_path):
     path, disks = tmp_path / "a.h5", equal_disks(60)
     box, state = gases.start(disks, 0.3)

@@ -95,6 +95,7 @@ def test_starting_prints_nothing_on_stdout() -> None:
     assert done.stdout == ""
 
 
+@pytest.mark.full
 def test_arrays_of_a_runtime_that_ended_take_none_of_the_next_with_them() -> None:
     # The runtime knows arrays by their addresses: without `free_array` some of the new ones are freed with the old.
     from ifrdem.kernels.compiler.language import ti

@@ -194,6 +194,7 @@ def test_a_cold_gas_in_fast_motion_is_waited_for() -> None:
         Simulation(disks, box, SMOOTH, still).run(collisions_per_disk=1.0)
 
 
+@pytest.mark.full
 def test_where_a_medium_is_at_rest_temperatures_are_in_its_frame() -> None:
     """Disks without collisions slow down as exp(-rate t) in the medium, and T as its square."""
     disks = Disks(4, mass=2.0, radius=0.01)

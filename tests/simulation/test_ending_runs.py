@@ -245,6 +245,7 @@ def test_a_second_thread_is_refused_while_another_one_runs_a_simulation(gas: Mak
     assert one.time == 0.2
 
 
+@pytest.mark.full
 def test_a_gas_that_was_made_in_another_thread_runs_in_this_one_and_the_other_way_round(gas: MakeGas) -> None:
     """Taichi ends its work with an assertion if its first kernel is launched by another thread than started it."""
     made: list[Simulation] = []

@@ -315,7 +315,8 @@ def test_disks_are_listed_anew_in_the_order_of_their_lists(monkeypatch: pytest.M
         np.testing.assert_array_equal(arrays.values(name)[rows], held[name][order])
 
 
-@pytest.mark.parametrize("ledger", [pytest.param(False, marks=pytest.mark.full), True])
+@pytest.mark.full
+@pytest.mark.parametrize("ledger", [False, True])
 def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     """In addition there is the scratch space of the tiles that run at the same time, which does not grow with n."""
     disks = equal_disks(60_000)
@@ -350,6 +351,7 @@ def test_units_that_numbers_cannot_hold_are_refused(
         engine_of(disks, box, state, np.array([[ELASTIC]]), device=Device(precision=precision))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["temperature", "energy"])
 def test_a_thermostat_hotter_than_numbers_can_hold_is_refused(name: str) -> None:
     """v^2 = 2 T / m of 2e39 is beyond 3.4e38, the largest number of single precision."""

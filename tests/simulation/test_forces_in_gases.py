@@ -45,6 +45,7 @@ def test_the_energy_of_an_elastic_gas_is_what_forces_put_in() -> None:
     assert begin + simulation.energy_input == pytest.approx(found, abs=1e-12 * throughput)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mass", [1e-49, 1.0, 1e49])
 def test_sums_over_all_disks_hold_for_the_smallest_and_largest_masses(mass: float) -> None:
     """A temperature of 2 m is a mean square speed of 4; kicks keep the momentum."""

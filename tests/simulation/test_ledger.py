@@ -134,6 +134,7 @@ def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(device, m
     assert max(abs(residual(measures[0], each)) for each in measures) < 1e-12
 
 
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore::ifrdem.model.laws.ifr.EnergyWarning")
 @pytest.mark.parametrize(("part", "speed"), [(3e7, 1.0), (1e16, 1e135)])
 def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(device, part, speed):
@@ -153,6 +154,7 @@ def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(device, 
             simulation.run(t_end=simulation.time + 1.0)
 
 
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore::ifrdem.model.laws.ifr.EnergyWarning")
 def test_the_ledger_closes_where_a_law_drives_spins(device):
     """A negative T gives spins energy: a loss below 0."""

@@ -53,6 +53,7 @@ def test_a_start_takes_little_memory_beside_the_engine(monkeypatch: pytest.Monke
     assert gas.disks.n == N
 
 
+@pytest.mark.full
 def test_a_checkpoint_takes_little_memory_and_has_the_same_rows(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

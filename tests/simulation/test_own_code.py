@@ -306,6 +306,7 @@ class OwnNumber(ifrdem.CollisionLaw):
         return (1.0 + law.e_n) * pair.m_n * pair.g_n, 0.0, 0.0
 
 
+@pytest.mark.full
 def test_a_variable_with_the_name_of_a_coefficient_may_change(monkeypatch: pytest.MonkeyPatch) -> None:
     """Like a script that runs a gas for each value of a loop."""
     for value in (0.9, 0.5):

@@ -77,6 +77,7 @@ def among_all(*given: Force) -> list[Force]:
 # --- statistics ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 def test_times_are_a_poisson_process_of_each_disk() -> None:
     """400 disks, rate 3, 20 time units: numbers of mean and variance 60, free times of density 3 exp(-3 t).
 
@@ -232,6 +233,7 @@ def test_andersens_thermostat_sets_the_temperature_of_a_lossy_gas() -> None:
 # --- exactness ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 def test_collisions_are_those_of_a_run_that_gets_the_same_kicks_from_outside() -> None:
     """Histories tell each kick; another gas without forces is stopped at each and gets the new velocities."""
     n = 40

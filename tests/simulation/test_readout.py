@@ -70,6 +70,7 @@ def test_the_motion_does_not_depend_on_how_often_it_is_read(order: str, until: d
     assert rare.statistics.windows == often.statistics.windows
 
 
+@pytest.mark.full(keep=1)
 def test_series_tracked_disks_and_the_ledger_change_no_bit(order: str) -> None:
     bare = gas_of(mixture(1500), 0.5, COIN)
     bare.run(t_end=0.6)
@@ -161,7 +162,7 @@ def test_threads_do_not_matter() -> None:
         assert np.array_equal(measured_one.momentum, measured_other.momentum)
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 def test_kicks_do_not_move_frames(order: str) -> None:
     def driven() -> Simulation:
         return dense(forces=[RandomKicks(0.07, power=0.5)], seed=5)
@@ -240,6 +241,7 @@ def test_a_run_that_a_callback_ends_can_be_continued() -> None:
     same(stopped.state, whole.state)
 
 
+@pytest.mark.full
 def test_single_precision_looks_back_to_its_rounding() -> None:
     double = dense(device=Device(threads=1))  # as the test before this one: another number restarts Taichi
     exact, box = frames_of(double, t_end=0.3, frames=3), np.array(double.box.lengths)

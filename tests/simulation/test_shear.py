@@ -269,6 +269,7 @@ def test_a_run_continues_from_a_state_with_the_same_collisions() -> None:
 # --- what is kept, and what is counted -----------------------------------------------------------------------
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("order", ORDERS)
 def test_collisions_across_rows_keep_the_momentum(order: str) -> None:
     """Peculiar momentum along x changes by -shear_rate P_y alone, and P_y is 0."""
@@ -298,6 +299,7 @@ def test_the_ledger_closes(law: tuple[float, ...], order: str) -> None:
     assert begin + engine.flow_work - reference.lost == pytest.approx(present, abs=1e-8 * begin)
 
 
+@pytest.mark.full
 def test_the_ledger_closes_for_elastic_disks_and_forces() -> None:
     """Over 1e4 collisions that dissipate nothing, to all but a few digits; kicks and flow are counted apart."""
     disks = equal_disks(500)

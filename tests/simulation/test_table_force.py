@@ -113,6 +113,7 @@ def test_a_pair_that_collides_underway_stops_where_it_should() -> None:
     assert worst[-1] < 0.02 * v0  # of the order of (1 - e) mu g step / 2 times the time to stop
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_a_gas_that_has_come_to_rest_goes_to_the_end_at_no_cost(order: str) -> None:
     """The ledger is complete: friction and collisions have taken all energy."""

@@ -212,6 +212,7 @@ def test_kicks_are_rows_so_that_driven_paths_are_exact_too(device):
     assert kicked == {True, False}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("alone", [True, False])
 @pytest.mark.parametrize("change", ["rest", "forces", "law"])
 def test_a_change_leaves_no_events_of_the_motion_before_it(tmp_path, alone, change, monkeypatch):
@@ -314,6 +315,7 @@ def test_what_cannot_be_tracked_is_refused():
         Simulation(disks, box, COIN, state).take_events()
 
 
+@pytest.mark.full
 def test_the_velocity_of_a_turning_wall_is_that_of_its_contact():
     """A drum of radius 5 that turns at the rate 0.3 about its centre: 0.3 x r, r from there to the contact."""
     center, disks = np.array([6.0, 6.0]), two_kinds(2)

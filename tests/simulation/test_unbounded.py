@@ -145,6 +145,7 @@ def test_few_disks_fly_in_open_space(n: int) -> None:
         np.testing.assert_allclose(gas.state.velocity[:, 0], velocity[::-1, 0], atol=1e-15)
 
 
+@pytest.mark.full
 def test_coins_on_an_open_table_come_to_rest() -> None:
     """Friction in open space: 100 coins from a dense patch; the run reaches its end at no cost."""
     disks, state = blob(100)

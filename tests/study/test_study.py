@@ -737,6 +737,7 @@ def test_a_result_that_would_fill_the_memory_is_damaged(tmp_path: Path) -> None:
         load(tmp_path / "bomb.npz")
 
 
+@pytest.mark.full
 def test_damaged_results_are_named_and_run_again(toml, tmp_path, capsys):
     """An empty, a truncated and a flipped result: before, EOFError, BadZipFile, or another number in silence."""
     words = [

@@ -200,6 +200,7 @@ def test_the_example_of_the_manual_is_in_order(tmp_path, monkeypatch):
     assert len(study.equilibrations) == 2 * 2 * 10
 
 
+@pytest.mark.full
 def test_a_study_is_exported_with_a_line_for_each_run(study, tmp_path, capsys):
     for to in ("csv", "parquet"):
         out = tmp_path / f"s.{to}"

@@ -122,6 +122,7 @@ def test_a_start_that_is_given_wins_and_must_lie_in_the_run(tmp_path):
         ifrdem.Study(tmp_path / "study.toml")
 
 
+@pytest.mark.full
 def test_warnings_of_runs_are_kept_and_counted(tmp_path, capsys):
     """They were dropped, although a single run gives them."""
     short = SHEARED.replace("t_end = 20.0", "t_end = 1.5").replace("speed_rms = 6.0", "speed_rms = 30.0")
@@ -218,6 +219,7 @@ def test_messages_on_a_frame_of_a_sheared_box_do_not_contradict(frame, monkeypat
     check("start.frame=4", "start.time=0.0")
 
 
+@pytest.mark.full
 def test_frames_of_runs_that_end_at_a_time_are_drawn_over_both_clocks(tmp_path):
     """Over tau this was a ValueError: places of frames are no rows of series."""
     short, text = (

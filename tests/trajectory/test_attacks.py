@@ -31,6 +31,7 @@ def test_damaged_files_end_in_answers_or_messages(made, name, cases):
     given(st.data())(examples(cases)(lambda data: attacks.attack(name, made, data)))()
 
 
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore")
 def test_folders_that_cannot_be_written_to_are_named(made):
     if not attacks.can_be_read_only():  # a file system is mounted for it, which takes rights

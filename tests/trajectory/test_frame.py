@@ -260,6 +260,7 @@ def test_refresh_finds_frames_that_a_run_has_added(tmp_path):
             assert np.array_equal(frame.position, some_state(5, 0).position.astype(np.float32))
 
 
+@pytest.mark.full
 def test_refresh_follows_a_run_in_another_process(tmp_path):
     """The run holds a lock, and writes while its file is opened and read."""
     path = tmp_path / "run.h5"

@@ -339,6 +339,7 @@ def test_what_does_not_need_a_missing_part_can_be_read(made, message, capsys, tm
     assert "0002.h5 (disks 20 to 29)" in capsys.readouterr().err
 
 
+@pytest.mark.full
 @pytest.mark.filterwarnings("default")
 def test_temperatures_are_drawn_though_a_part_is_missing(tmp_path, capsys):
     path, disks = tmp_path / "run.h5", some_disks(N)
@@ -603,6 +604,7 @@ def write_many(path: Path) -> None:
     go_on_frames(writer, 0, 200)
 
 
+@pytest.mark.full
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 def test_a_killed_writer_leaves_frames_that_are_whole_in_all_parts(tmp_path):
     """Killed at four moments of writing 200 frames; what counts is whole, and the run can be gone on with."""

@@ -279,6 +279,7 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     summary.refuse_beyond_memory(30_000, "cpu", writer=100)
 
 
+@pytest.mark.full
 def test_interruption_ends_with_a_message_and_its_status() -> None:
     command = [sys.executable, "-m", "ifrdem", "bench", *SMALL, "--runs", "10000", "--seconds", "10"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

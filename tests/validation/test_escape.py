@@ -12,14 +12,13 @@ from ifrdem.tools.arguments import script
 from ifrdem.validation.gas import escape
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     ("where", "order", "hits"),
     [
-        ("kinds", "serial", 15_000),
         ("kinds", "tiled", 3_000),
-        ("corners", "serial", 25_000),
-        pytest.param("kinds", "serial", 60_000, marks=pytest.mark.full),
-        pytest.param("corners", "serial", 100_000, marks=pytest.mark.full),
+        ("kinds", "serial", 60_000),
+        ("corners", "serial", 100_000),
     ],
 )
 def test_no_disk_escapes(where: str, order: str, hits: int) -> None:

@@ -50,6 +50,7 @@ def collected(names: list[str], jobs: int, **more: Any) -> tuple[list[str], dict
     return started, found, observed
 
 
+@pytest.mark.full
 def test_a_worker_that_dies_is_reported_and_the_other_calls_are_made() -> None:
     started, found, _ = collected(["killed 1", "left 1", "a", "b"], 2)
     assert started == ["killed 1", "left 1", "a", "b"]

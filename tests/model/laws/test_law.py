@@ -133,6 +133,7 @@ def test_collide_in_numpy_takes_a_custom_law() -> None:
     assert (found.P_n, found.P_t) == (expected.P_n, expected.P_t)
 
 
+@pytest.mark.full
 def test_a_law_needs_no_coefficients() -> None:
     disks = mixture(100)
     box, state = start(disks, 0.4)

@@ -112,6 +112,7 @@ WALLS = {
 """Walls through the origin, whose normal there is along x, and the radius of contact with a disk of radius 1/4."""
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", WALLS)
 def test_walls_meet_viscoelastic_disks_with_their_own_curvature(name: str) -> None:
     """Hertz: 1 / R = 1 / R_i + 1 / r, r infinite of a flat wall, negative where the disk is inside of a circle.

@@ -171,6 +171,7 @@ def sequence(engine: Engine, t_end: float) -> list[tuple[int, int]]:
     return pairs
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_a_light_disk_flies_on_from_a_heavy_one_at_twice_its_speed(order: str) -> None:
     """And takes all of the box in the rest of the window."""
@@ -182,6 +183,7 @@ def test_a_light_disk_flies_on_from_a_heavy_one_at_twice_its_speed(order: str) -
     np.testing.assert_allclose(engine.state().velocity[:, 0], [0.99 / 1.01, 2.0 / 1.01], rtol=1e-14)
 
 
+@pytest.mark.full
 def test_a_disk_among_thousands_of_small_ones_loses_none() -> None:
     n = 3000
     radius = np.full(n + 1, 0.5)

@@ -166,6 +166,7 @@ def many(**options: Any) -> Engine:
     return gas(mixture(1200), [*two_forces(), *idle_forces()], **(one | options))
 
 
+@pytest.mark.full
 def test_tiles_threads_stops_and_a_restart_change_no_bit() -> None:
     """0.175 is a time at which a force acts, 0.3333 is none; stops by collisions are within windows."""
     reference = bits(many(order="serial"), 0.8)

@@ -156,6 +156,7 @@ def unexpected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Windows, "_nears_count", lambda self: False)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("fault", [little_room, unexpected])
 def test_moments_that_were_not_expected_are_found_by_another_run(
     fault: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
@@ -210,6 +211,7 @@ def test_low_memory_keeps_the_bits_without_room_for_moments(name: str) -> None:
     assert not len(engines[1].windows.pairs()[0])
 
 
+@pytest.mark.full
 def test_low_memory_keeps_the_histories_of_tracked_disks() -> None:
     """Windows are run again for moments in them, but what happened in them is written down once; bits stay the same."""
     disks, box, state, _, _ = made("phi = 0.3")
@@ -245,6 +247,7 @@ def test_low_memory_is_refused_where_bits_depend_on_the_window(more: dict[str, A
         engine_of(disks, *start(disks, 0.1), np.array([[ELASTIC]]), device=Device(low_memory=True), **more)
 
 
+@pytest.mark.full
 def test_low_memory_tells_collisions_apart_that_differ_in_the_last_digits() -> None:
     """Two pairs 3 apart meet head on at t = 1.5 and at 1.5 / (1 - 2^-51): three units in the last place later."""
     slower = 1.0 - 2.0**-51

@@ -168,6 +168,7 @@ def in_tiles() -> tuple[Engine, State]:
     return after(**FAULTY, order="tiled", tile_disks=250)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("part", [NARROW, 0.3])
 def test_narrow_halos_that_are_verified_give_the_same_bits(
     part: float, monkeypatch: pytest.MonkeyPatch

@@ -27,6 +27,7 @@ def channel(n: int) -> tuple[Disks, State]:
     return disks, State(place, rng.normal(size=(n, 2)), rng.normal(size=n))
 
 
+@pytest.mark.full
 def test_disks_in_a_narrow_channel_collide_as_in_a_serial_code() -> None:
     """A channel closed at its ends; the code shares no formula with the engine."""
     disks, state = channel(12)

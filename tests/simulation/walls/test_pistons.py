@@ -88,6 +88,7 @@ def test_the_recoil_of_an_oblique_piston_is_along_its_normal() -> None:
     np.testing.assert_allclose(simulation.state.velocity[0], [-0.3, -0.9] + impulse * n, atol=1e-14)
 
 
+@pytest.mark.full
 def test_momentum_and_energy_hold_over_a_hundred_thousand_hits() -> None:
     simulation = under_pistons(ELASTIC, [piston_wall(mass=3.0, force=6.0)], n=8)
     before = whole_energy(simulation)

@@ -36,6 +36,7 @@ SCENES = {
 }  # fmt: skip
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("name", SCENES)
 def test_hits_of_pistons_are_those_of_the_serial_code(name: str) -> None:
     walls, row, gravity = SCENES[name]

@@ -429,7 +429,7 @@ def two_materials(n: int) -> NDArray[np.intp]:
     return np.arange(n) % 2
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("box", "walls", "law"),
     [

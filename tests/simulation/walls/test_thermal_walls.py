@@ -215,6 +215,7 @@ def test_a_rough_gas_between_walls_of_one_temperature_has_it_everywhere() -> Non
     assert turning.sum() / count.sum() == pytest.approx(T, rel=0.007)
 
 
+@pytest.mark.full
 def test_heat_flows_through_a_gas_without_collisions_as_kinetic_theory_says() -> None:
     """Between walls at T_1 and T_2, a distance L apart, a disk flies to and fro, each way with what it left with.
 
@@ -279,7 +280,7 @@ def column_density(
     return np.interp(y, fine, whole / whole[-1])
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("floor", ["thermal", "elastic"])
 def test_an_elastic_gas_under_gravity_follows_the_barometric_law(floor: str) -> None:
     """Chi-square of 500 disks' heights in 15 strips, 150 frames that are independent, at a level of 0.001.

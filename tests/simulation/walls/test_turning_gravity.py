@@ -78,6 +78,7 @@ def test_the_change_of_potential_energy_is_put_in_and_elastic_disks_lose_nothing
     assert abs(run.dissipated_energy) < 1e-11
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("rate", "others"), [(0.01, 0), (-0.01, 0), (0.01, 1)])
 def test_a_disk_wakes_when_rolling_friction_holds_it_no_longer(rate: float, others: int) -> None:
     """On a floor it is held while tan(angle) < rho / R. Steps of 0.1 degrees; it wakes 0.003 g / cos later at most.

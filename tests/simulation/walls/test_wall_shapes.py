@@ -171,6 +171,7 @@ def test_heat_of_a_thermal_wall_is_among_its_sums() -> None:
     np.testing.assert_array_equal(heat, engine.wall_heats)
 
 
+@pytest.mark.full
 def test_a_rotating_wall_is_equivalent_to_a_rotating_frame() -> None:
     """A free disk near a steadily rotating blade, in the frame of the blade: it meets it where plane geometry says.
 
@@ -262,6 +263,7 @@ def test_a_wall_moves_from_one_time_to_another() -> None:
     assert run_to(engine, 1.9 + 3.0 + 1e-9).velocity[0, 1] == pytest.approx(0.5, rel=1e-12)  # met at rest
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("order", ORDERS)
 def test_walls_at_the_edges_of_cells_are_hit_as_elsewhere(order: str) -> None:
     """Each disk alone between two of the walls x = 0, 1, 2, ..., at the same places as edges of cells and tiles.

@@ -338,6 +338,7 @@ def viscoelastic_balls(n: int = 1, **options: Any) -> Engine:
     return Engine(Setup(box, ((law,),), gravity=(0.0, -1.0)), disks, start, **options)
 
 
+@pytest.mark.full
 def test_a_viscoelastic_ball_that_comes_to_rest_stops_the_run_with_a_reason(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -536,6 +537,7 @@ def test_a_disk_that_comes_to_rest_on_a_wall_ends_the_run_at_any_rate_of_readout
     assert run.time < 3.1
 
 
+@pytest.mark.full
 def test_windows_under_oblique_gravity_are_planned_alike_by_host_and_kernel():
     """Their length has the square root of g_x^2 + g_y^2: one formula on the host and in the kernel, to the last bit."""
     g = (0.8603990317990844, 2.8716236178431096)  # math.hypot differs in its last bit
