@@ -118,6 +118,7 @@ def test_theory_knows_the_forces_of_old_trajectories() -> None:
     assert [each["kind"] for each in gas_theory._forces(old)] == ["poisson_kicks", "spin_kicks"]
 
 
+@pytest.mark.full
 def test_theory_between_the_points_of_an_old_study_is_that_of_a_new_one() -> None:
     rows = ("e_n", "time")
     variables = {

@@ -92,6 +92,7 @@ def git(folder: Path, *words: str) -> str:
 COMMIT_FILE = versions.COMMIT_FILE.as_posix()
 
 
+@pytest.mark.full
 def test_wheel_holds_every_file_of_the_package(wheel):
     for name, path in files_on_disk().items():
         assert name in wheel

@@ -85,6 +85,7 @@ def test_regimes_and_pairs_that_did_not_collide_are_refused():
         analysis.collision_distribution(drawn("free_time", [1.0]), 1)
 
 
+@pytest.mark.full
 def test_a_run_stores_counts_of_which_the_analysis_takes_those_between_frames(written):
     """All collisions of the run, or those from frame 2 on; a run without the key is refused, with the key named."""
     with written() as file:

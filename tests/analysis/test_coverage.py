@@ -319,6 +319,7 @@ def test_correlation_of_velocities(same: bool) -> None:
         assert share.mean() < 0.985
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("same", [True, False])
 def test_pair_correlation_and_contact_value(same: bool) -> None:
     """g = 1 of an ideal gas, in bins with 0.3 to 40 pairs; at contact the parabola is exact. Two ways of chance."""

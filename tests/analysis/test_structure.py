@@ -207,6 +207,7 @@ def test_errors_of_long_waves_do_not_fall_with_frames_that_show_the_same_gas(
     assert error_again == pytest.approx(error, rel=1e-12)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("repeated", [1, 8])
 def test_errors_of_pairs_do_not_fall_with_frames_that_show_the_same_gas(repeated: int) -> None:
     """Eight copies of an ideal gas are one: the deviations of 30 of them from g = 1 are as large as the errors say.

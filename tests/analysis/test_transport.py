@@ -105,6 +105,7 @@ def gas(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "gas.h5"
 
 
+@pytest.mark.full
 def test_hard_disks_have_the_coefficients_of_enskog(gas: Path) -> None:
     """eta and kappa within their intervals; D is some tenth larger, by the vortices that disks make about themselves.
 

@@ -145,6 +145,7 @@ def test_a_single_disk_among_others_at_rest_keeps_its_speed_and_its_drift_is_rep
     assert len(notices.notices(gas)) == 1
 
 
+@pytest.mark.full
 def test_a_run_of_a_gas_in_motion_is_analysed_as_the_gas_at_rest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -217,6 +217,7 @@ def test_the_estimate_counts_frames_rows_and_tracked_disks(toml):
     assert (found.frames, found.rows, found.tracked) == (101, 1001, 50)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     "overrides",
     [

@@ -70,6 +70,7 @@ def test_wrong_pistons_are_named(
     assert "Traceback" not in printed
 
 
+@pytest.mark.full
 def test_frames_and_series_have_the_position_of_the_piston(tmp_path: Path) -> None:
     (tmp_path / "lid.toml").write_text(CASE)
     assert main(["run", str(tmp_path / "lid.toml"), "-o", f"{tmp_path}/", "--quiet"]) == 0

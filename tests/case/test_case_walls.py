@@ -433,6 +433,7 @@ ELASTIC = case_text({
 })  # fmt: skip
 
 
+@pytest.mark.full
 def test_a_run_between_walls_stores_them_and_its_ledger(
     case: MakeCase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -89,6 +89,7 @@ def sets(*assignments: str) -> list[str]:
     return [word for each in assignments for word in ("--set", each)]
 
 
+@pytest.mark.full
 def test_a_run_has_the_bits_of_the_same_law_from_python(toml: Path) -> None:
     out = toml.with_name("gas.h5")
     assert executed(toml, "run", "-o", out) == 0

@@ -460,6 +460,7 @@ def test_info_of_a_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert re.search(r"disks +101", shown)
 
 
+@pytest.mark.full
 def test_start_file_is_found_from_the_case_files_folder(
     folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

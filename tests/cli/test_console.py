@@ -40,6 +40,7 @@ def commands() -> list[str]:
     return [name for name in app if not name.startswith("-")]
 
 
+@pytest.mark.full
 def test_a_quiet_run_prints_nothing_and_a_verbose_one_names_device_cache_and_time(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

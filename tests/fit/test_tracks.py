@@ -20,6 +20,7 @@ DISK = fit.Disk(mass=COIN.mass, radius=COIN.radius)
 TRUTH = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 
 
+@pytest.mark.full(keep=("120.0-12",))
 @pytest.mark.parametrize(("fps", "window"), [(120.0, 12), (1000.0, 40)])
 def test_video_with_pixel_noise_gives_the_coefficients_back(tmp_path: Path, fps: float, window: int) -> None:
     """0.1 mm is a quarter of a pixel of a camera that sees 40 cm with 1,000 pixels."""

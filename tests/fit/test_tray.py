@@ -44,6 +44,7 @@ def found(film: Path) -> impacts.FoundCollisions:
     return impacts.find(tracks.read(film, fps=FPS), DISKS, walls=WALLS)
 
 
+@pytest.mark.full
 def test_the_law_and_its_constant_are_found(found: impacts.FoundCollisions) -> None:
     """The face of a coin, not its edge, nor centre and spin apart; no tilt, which is 0."""
     assert found.tray is not None

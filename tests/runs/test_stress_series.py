@@ -31,6 +31,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.full
 def test_rows_are_means_since_the_row_before(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Against the measures of the same gas at the same times, in the box of 150 pi / 16 / 0.2."""
     assert main(["run", "flow.toml"]) == 0

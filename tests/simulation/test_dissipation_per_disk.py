@@ -63,6 +63,7 @@ def test_disks_lose_together_what_the_ledger_says():
     np.testing.assert_allclose(run.state.dissipated.sum(axis=0), ledger, rtol=1e-11)
 
 
+@pytest.mark.full
 def test_it_depends_neither_on_frames_nor_changes_the_motion():
     at_once, in_steps = two_sizes(), two_sizes()
     at_once.run(t_end=2.0)

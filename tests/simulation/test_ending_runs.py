@@ -287,6 +287,7 @@ def test_a_simulation_is_not_copied_and_says_what_to_do(gas: MakeGas) -> None:
             act(one)
 
 
+@pytest.mark.full
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_a_forked_copy_of_a_process_with_a_simulation_is_refused_and_does_not_hang() -> None:
     """Of one process, a copy for each act."""

@@ -25,6 +25,7 @@ from ifrdem.validation.rows import engine_of
 # --- energy, steady state, threads --------------------------------------------------------------------------
 
 
+@pytest.mark.full
 def test_the_energy_of_an_elastic_gas_is_what_forces_put_in() -> None:
     """Elastic disks lose nothing: start + input = present, to the rounding of 1e5 collisions and 200 x 3 forces."""
     disks = mixture(2000)

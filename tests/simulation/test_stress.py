@@ -188,6 +188,7 @@ def test_the_virial_theorem_of_a_gas_between_walls():
     assert integral + rows[-1].virial[0, 0] == pytest.approx(change - 15.0 * right, rel=2e-4)
 
 
+@pytest.mark.full
 def test_sums_do_not_depend_on_what_looks():
     """With stresses, and from a state within the run: the same bits of the gas, and the same sums to rounding."""
     disks = mixture(300)

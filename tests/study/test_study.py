@@ -153,6 +153,7 @@ def test_names_of_axes_are_short_and_unique(toml):
     ]
 
 
+@pytest.mark.full
 def test_frames_are_analysed_where_asked_for_and_trajectories_kept(toml, tmp_path):
     (tmp_path / "study.toml").write_text(f"""
 case = "{toml.name}"
@@ -691,6 +692,7 @@ def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(toml, qui
     assert all(load(task.result) for task in quiet.tasks)
 
 
+@pytest.mark.full
 def test_a_run_that_ends_its_process_fails_alone_and_says_how() -> None:
     found = dict(filter(None, pool(quick_tasks("a", "ends", "b", path="ends"), 1, 1)))
     messages = {task.key: message for task, message in found.items()}

@@ -166,6 +166,7 @@ def test_chi_square_of_few_seeds_has_its_distribution():
     assert kstest(found, "uniform").pvalue > 0.01
 
 
+@pytest.mark.full
 def test_a_study_is_printed_as_a_table_for_programs(study, capsys):
     capsys.readouterr()
     assert cli.main(["info", str(study.output), "T", "profiles_bins", "--csv"]) == 0

@@ -210,6 +210,7 @@ def test_the_asymptotic_shear_length_is_that_of_the_ratio_that_cooling_reaches()
         shear_length(COIN, 0.5, 0.2, theta="asymptot")  # type: ignore[arg-type]
 
 
+@pytest.mark.full
 def test_a_box_below_the_shear_length_has_no_growing_modes() -> None:
     theta = cooling_ratio(COIN, 2.0, 0.0)  # from where it stays
     length = shear_length(COIN, 0.5, 0.3, theta=theta)

@@ -220,6 +220,7 @@ def test_kernels_that_are_found_in_the_cache_are_not_named(
     assert [*dict.fromkeys(named)] == [("4", "run_windows")]
 
 
+@pytest.mark.full
 def test_kernels_are_announced_once_for_features_and_types() -> None:
     """Before the first window of a gas those that `n_kernels` counts, and no more for another gas like it."""
     from ifrdem.simulation import backend

@@ -61,6 +61,7 @@ def described(tmp_path_factory):
     return folder / "gas.h5"
 
 
+@pytest.mark.full
 def test_each_dataset_of_a_run_has_units_and_a_description(described):
     with h5py.File(described) as file:
         found = datasets(file)

@@ -264,6 +264,7 @@ def test_list_names_every_case_with_its_question(capsys):
 # -- pairs -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 def test_pairs_with_laws_of_their_own_collide_as_each_alone():
     """Momentum is conserved along and across the line of centres, and energy is not gained."""
     mu = np.linspace(0.05, 0.4, 12)

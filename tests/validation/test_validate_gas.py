@@ -210,6 +210,7 @@ def test_the_equation_of_state_has_the_virial_coefficients_and_an_independent_mo
     assert float(state.compressibility(0.698)) == pytest.approx(9.16938 * math.pi / 4.0 / 0.698, rel=3e-3)
 
 
+@pytest.mark.full
 def test_three_disks_pass_and_a_law_that_is_a_little_off_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     assert all(row.passed and row.source for row in collapse.run(True, 1).rows)
     real = collapse.IFRLaw

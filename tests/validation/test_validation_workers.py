@@ -60,6 +60,7 @@ def test_a_worker_that_dies_is_reported_and_the_other_calls_are_made() -> None:
     assert found["left 1"] == ProcessDied("its process ended with status 3 and without a result")
 
 
+@pytest.mark.full
 def test_each_call_has_a_separate_process_with_its_part_of_the_cores() -> None:
     started, found, observed = collected(["slow threads 1", "slow threads 2", "threads 3"], 2, every=0.2)
     assert started == ["slow threads 1", "slow threads 2", "threads 3"]

@@ -49,6 +49,7 @@ def test_the_ifr_law_as_a_custom_law_gives_the_same_bits(order: str) -> None:
         np.testing.assert_array_equal(getattr(own, name), getattr(built_in, name))
 
 
+@pytest.mark.full
 def test_restitution_of_a_viscoelastic_law_falls_with_the_speed_of_approach() -> None:
     """Head-on pairs of unequal masses: g_n' = -e(g) g with e = 1 - 0.1 g^(1/5), at speeds over six decades.
 

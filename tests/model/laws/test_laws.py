@@ -192,6 +192,7 @@ def test_laws_outside_of_the_range_of_their_series_are_refused_before_any_work()
 COIN = {"normal": [1.0, 0.0], "mass": [1.0, 1.0], "radius": [0.5, 0.5], "k": [2.0, 2.0], "spin": [0.0, 0.0]}
 
 
+@pytest.mark.full(keep=("Walton",))
 @EACH
 def test_collide_takes_any_law_and_is_the_engine_s(law: laws.CollisionLaw) -> None:
     """Two disks of mass 1 that meet along x, with slips that stick and slide; then the same by the engine."""

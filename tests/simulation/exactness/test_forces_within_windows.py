@@ -366,6 +366,7 @@ class Sudden(PoissonForce):
     act = Selective.act
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_forces_may_choose_disks_by_species_id_and_material(order: str) -> None:
     """Ids of species are 0 to 99, 100 to 259 and 260 to 299; every second disk has material 1.

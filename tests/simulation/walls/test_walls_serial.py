@@ -96,7 +96,7 @@ def scene(name: str, seed: int) -> tuple[Disks, State, list[tuple[float, int, in
     return disks, state, Gas(disks, state, law, walls, (0.0, gravity)).run(PER_DISK * n // 2)
 
 
-@pytest.mark.full(keep=("shaken-True", "corners-False"))
+@pytest.mark.full(keep=("shaken-True",))
 @pytest.mark.parametrize("serial", [True, False])
 @pytest.mark.parametrize("name", SCENES)
 def test_collisions_with_disks_and_walls_are_those_of_the_serial_code(
