@@ -56,7 +56,7 @@ def continues(*more: str) -> list[str]:
             *more]  # fmt: skip
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("gas", GASES)
 def test_a_run_from_a_frame_is_the_second_half_of_the_whole_run(
     gas: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -200,7 +200,7 @@ def test_every_force_and_law_of_the_program_comes_back_with_all_of_its_attribute
     np.testing.assert_equal(vars(found), vars(law))
 
 
-@pytest.mark.full(keep=("walled", "driven"))
+@pytest.mark.full(keep=("walled",))
 @pytest.mark.parametrize(
     "make",
     [dense(), walled, pushed, heap, sheared, freed, driven, pytest.param(dense(precision="f32"), id="f32")],

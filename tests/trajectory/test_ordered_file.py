@@ -22,7 +22,7 @@ CUT_FROM, FRAMES = (
 )  # the index of a field's chunks splits at 64 frames, and with chunks of one row, of all others
 
 
-@pytest.mark.full(keep=("40",))
+@pytest.mark.full
 @pytest.mark.parametrize("n", [40, 1200])
 def test_every_prefix_of_the_written_bytes_holds_the_committed_frames(tmp_path, monkeypatch, n):
     """A kill leaves the writes up to some moment, and the last of them up to the end of some page.

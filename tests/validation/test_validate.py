@@ -286,6 +286,7 @@ def test_pairs_that_miss_are_an_error():
         pairs.fly(Impact(np.array([0.3, 2.0]), 0.87, -0.88, 0.21))
 
 
+@pytest.mark.full
 def test_pairs_refuse_unknown_sticking_and_laws_that_add_energy():
     with pytest.raises(InputError, match=r"sticking = 'contact_pont': .*did you mean 'contact_point'"):
         pairs.fly(Impact(0.3, 0.87, -0.88, 0.21), "contact_pont")

@@ -159,6 +159,7 @@ CASE = {
 }  # fmt: skip
 
 
+@pytest.mark.full
 def test_a_case_runs_by_the_table_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The path is from the case file; the trajectory has the numbers, and needs no file."""
     (path := tmp_path / "gas.toml").write_text(case_text(CASE), encoding="utf-8")

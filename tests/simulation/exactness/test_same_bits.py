@@ -124,7 +124,7 @@ def same(one: State, other: State) -> bool:
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in COMPARED)
 
 
-@pytest.mark.full(keep=("2-driven",) if len(THREADS) > 1 else 1)
+@pytest.mark.full(keep=("2-phi = 0.3",) if len(THREADS) > 1 else 1)
 @pytest.mark.parametrize(
     ("threads", "name"),
     [(threads, name) for threads in THREADS for name in GASES if threads > 1 or name.startswith("phi")],

@@ -53,7 +53,7 @@ def whole_energy(simulation: Simulation) -> float:
     return found.energy + found.potential_energy + float(found.pistons[:, 2].sum())
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize(("ratio", "count"), [(1.0, 3), (100.0, 31), (1e4, 314), (1e6, 3141)])
 def test_a_piston_on_one_disk_makes_as_many_hits_as_digits_of_pi(ratio: float, count: int) -> None:
     # A block of mass M comes upon a ball of mass m at rest before a wall, all elastic. In the plane of sqrt(m) y and
