@@ -19,7 +19,7 @@ from ..tools.checked import Array, Positive, validated
 from ..tools.intervals import of_intensity
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
-from .common import BoxLike, Positions, Times, cells_of, share_in_cell
+from .common import BoxLike, Positions, Times, blocks, cells_of, share_in_cell
 from .structure import Bins, mode_amplitudes, ring_edges
 
 MOST_PAIRS = 4_000_000
@@ -156,10 +156,11 @@ def _frames(position: Positions, velocity: Positions, time: Times) -> Iterator[t
         if x is None or v is None or x.shape != v.shape or len(x) < 2:
             raise InputError("position and velocity: must have the same shape, of 2 disks or more")
         own = v - v.mean(axis=0)
-        square = 0.5 * float(np.mean(np.sum(own**2, axis=1)))
+        square = 0.5 * sum(float(np.sum(own[some] ** 2)) for some in blocks(len(own))) / len(own)
         if square == 0.0:
             raise InputError("velocity: must differ between disks: without motion there is no correlation")
-        yield x, own / np.sqrt(square), next(times)
+        own /= np.sqrt(square)  # no copy: of many disks each takes as much memory as the frame
+        yield x, own, next(times)
 
 
 def _pair_sums(x: Array, v: Array, box: Box, r_max: float, bins: int, time: float) -> tuple[Array, float]:
