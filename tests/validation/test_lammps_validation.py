@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ifrdem.kernels.laws import law as law_kernels
 from ifrdem.model.laws.ifr import IFRLaw
 from ifrdem.validation.gas.sample import fluid
 from ifrdem.validation.lammps import contacts, gas, impacts, law, library, world
@@ -23,18 +24,40 @@ def passed(result: Result) -> list[bool]:
 
 @needs_lammps
 def test_single_impacts_are_those_of_the_laws() -> None:
-    for rows in (impacts._restitution, impacts._sliding, impacts._viscoelastic, impacts._scaling):
+    for rows in (
+        impacts._restitution,
+        impacts._sliding,
+        impacts._sticking,
+        impacts._viscoelastic,
+        impacts._scaling,
+    ):
         rows(result := Result())
         assert result.rows
         assert all(passed(result))
 
 
 @needs_lammps
-def test_spheres_in_place_of_disks_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """m_n / m_t is 7/2 and not 3, with I = 2 m R^2 / 5."""
-    monkeypatch.setattr(world, "MOVE", world.MOVE.removesuffix(" disc"))
-    impacts._sliding(result := Result())
+@pytest.mark.parametrize("rows", [impacts._sliding, impacts._sticking])
+def test_the_other_moment_of_inertia_is_seen(rows: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """m_n / m_t is 7/2 and not 3, with I = 2 m R^2 / 5: LAMMPS moves spheres for disks, and disks for spheres."""
+    monkeypatch.setattr(world, "MOVE", dict(zip(world.MOVE, [*world.MOVE.values()][::-1], strict=True)))
+    rows(result := Result())
     assert not any(passed(result))
+
+
+@needs_lammps
+def test_an_effective_mass_of_spheres_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where m_t alone is wrong, contacts that slide are right: those that stick see it."""
+    right = law_kernels.inverse_masses
+
+    def wrong(im_i: Any, k_i: Any, im_j: Any, k_j: Any) -> Any:
+        return right(im_i, k_i, im_j, k_j)[0], 3.5 * (im_i + im_j)
+
+    monkeypatch.setattr(law_kernels, "inverse_masses", wrong)
+    impacts._sliding(result := Result())
+    assert all(passed(result))
+    impacts._sticking(result := Result())
+    assert passed(result) == [False, False, True, True]  # of disks, of spheres
 
 
 @needs_lammps

@@ -81,12 +81,15 @@ def impacts_of_gas(contact: Contact, number: int = 400, seed: int = 1) -> Single
     return world.impacts(contact, g_n[some], g_t[some], (spins / g_t)[some])
 
 
-def slip_after(law: CollisionLaw, g_n: Array, g_t: Array) -> Array:
-    """g_t after impacts of two disks that do not spin, by `ifrdem.collide`."""
-    first = np.stack((g_n, g_t), axis=-1)
+def after(law: CollisionLaw, impacts: SingleImpacts) -> tuple[Array, Array]:
+    """g_t and the sum of spins after impacts, by `ifrdem.collide`."""
+    by_centres = impacts.g_t - 0.5 * impacts.spins
+    first = np.stack((impacts.g_n, by_centres), axis=-1)
     velocity = np.stack((first, np.zeros_like(first)), axis=-2)
-    after = collide(law, [1.0, 0.0], [1.0, 1.0], [0.5, 0.5], [2.0, 2.0], velocity, [0.0, 0.0])
-    return np.asarray(after.velocity[..., 0, 1] - after.velocity[..., 1, 1] + 0.5 * after.spin.sum(axis=-1))
+    spin = np.repeat(0.5 * impacts.spins[..., None], 2, axis=-1)
+    found = collide(law, [1.0, 0.0], [1.0, 1.0], [0.5, 0.5], [impacts.k] * 2, velocity, spin)
+    spins = found.spin.sum(axis=-1)
+    return np.asarray(found.velocity[..., 0, 1] - found.velocity[..., 1, 1] + 0.5 * spins), spins
 
 
 def tangential(law: CollisionLaw, row: Array, g_n: Array, g_t: Array) -> Array:

@@ -23,6 +23,9 @@ REFERENCE = "laws of impacts of ifrdem at the same coefficients; Hertz's scaling
 OVERLAP, SHORTEST = 1e-3, 3e-4
 SPEEDS = np.array([0.1, 0.5, 1.0, 1.77, 3.0, 5.0])
 PSI = np.radians([50.0, 60.0, 70.0, 80.0])
+STICKING = [20.0, 25.0, 30.0, 35.0]
+"""Angles [degrees] at which e_t* is positive, so that both laws have such a coefficient."""
+SHAPES = {"disks": world.DISK, "spheres": world.SPHERE}
 LOSS = (1e-4, 1.2e-3)
 """How much less e_n is where a contact pulls at its end: seen 1.6e-4 to 1.06e-3."""
 
@@ -32,6 +35,7 @@ def run(quick: bool) -> Result:
     result = Result()
     _restitution(result)
     _sliding(result)
+    _sticking(result)
     _viscoelastic(result)
     _scaling(result)
     found = contacts.fitted(contacts.hertz_mindlin(OVERLAP))
@@ -50,23 +54,57 @@ def _restitution(result: Result) -> None:
 
 
 def _sliding(result: Result) -> None:
-    found = world.impacts(contacts.hertz_mindlin(SHORTEST), np.cos(PSI), np.sin(PSI))
-    source = "impacts by ifrdem's laws at the same e_n and mu"
     reason = "overlap, and the phase of the step at first touch: seen 1.5e-3"
     laws: tuple[CollisionLaw, ...] = (
         Walton(e_n=contacts.E_N, beta_0=0.28, mu=MU),
         IFRLaw(e_n=contacts.E_N, e_t=-1.0, mu=MU),
     )
-    for law in laws:
-        slip = contacts.slip_after(law, found.g_n, found.g_t)
-        text = f"g_t' / g_t while contacts slide, 50 to 80 degrees, against {law.name_in_cases}"
-        result.all_near(text, found.h_t / found.g_t, slip / found.g_t, 3e-3, reason, source)
-    # m_n / m_t of spheres is 7/2: the comparison would see them.
-    spheres = 1.0 - 3.5 * MU * (1.0 + contacts.E_N) * found.g_n / found.g_t
-    result.at_least(
-        "distance of g_t' / g_t from that of spheres, I = 2 m R^2 / 5", np.abs(found.h_t / found.g_t - spheres).min(),
-        0.03, "guards the comparison itself: `disc` of `fix nve/sphere` makes I = m R^2 / 2", "momentum balance",
-    )  # fmt: skip
+    for shape, k in SHAPES.items():
+        psi = PSI[np.tan(PSI) > (1.0 + k) * MU * (1.0 + contacts.E_N)]  # those that slide to the end
+        found = world.impacts(contacts.hertz_mindlin(SHORTEST), np.cos(psi), np.sin(psi), k=k)
+        for law in laws:
+            slip, _ = contacts.after(law, found)
+            text = (
+                f"g_t' / g_t of {shape} while contacts slide, up to 80 degrees, against {law.name_in_cases}"
+            )
+            source = "impacts by ifrdem's laws at the same e_n, mu and k"
+            result.all_near(text, found.h_t / found.g_t, slip / found.g_t, 3e-3, reason, source)
+        # m_n / m_t is 3 of disks and 7/2 of spheres: the comparison would see the other one.
+        for other in {*SHAPES} - {shape}:
+            ratio = 1.0 + SHAPES[other]
+            theirs = 1.0 - ratio * MU * (1.0 + contacts.E_N) * found.g_n / found.g_t
+            result.at_least(
+                f"distance of g_t' / g_t of {shape} from that of {other}", np.abs(found.h_t / found.g_t - theirs).min(),
+                0.03, "guards the comparison itself: `disc` of `fix nve/sphere` makes I = m R^2 / 2", "momentum balance",
+            )  # fmt: skip
+
+
+def _sticking(result: Result) -> None:
+    """Impacts that stick: a law with the e_t* of LAMMPS gives its slip and spins, if its m_t and I are right.
+
+    P_t = (1 + e_t*) m_t g_t, with beta_0 = e_t* in Walton's law and e_t = e_t* - 1 in the IFR law (contact point).
+    """
+    psi = np.radians(STICKING)
+    for shape, k in SHAPES.items():
+        found = world.impacts(contacts.hertz_mindlin(SHORTEST), np.cos(psi), np.sin(psi), 0.5, k=k)
+        for name, law_of in (
+            ("walton", lambda e_t: Walton(e_n=contacts.E_N, beta_0=e_t, mu=1.0)),
+            ("ifr", lambda e_t: IFRLaw(e_n=contacts.E_N, e_t=e_t - 1.0, mu=1.0, sticking="contact_point")),
+        ):
+            ours = np.array(
+                [
+                    contacts.after(law_of(float(e_t)), one)
+                    for e_t, one in zip(found.e_t, found.each(), strict=True)
+                ]
+            )
+            theirs = np.stack((found.h_t, found.spins_after), axis=-1)
+            text = (
+                f"slip and spins over g_t of {shape} after contacts stick, 20 to 35 degrees, against {name}"
+            )
+            result.all_near(
+                text, theirs / found.g_t[:, None], ours / found.g_t[:, None], 1e-4,
+                "overlap turns the line of centres: seen 1e-5", "ifrdem.collide by the law with the e_t* of LAMMPS",
+            )  # fmt: skip
 
 
 def _viscoelastic(result: Result) -> None:

@@ -1,8 +1,9 @@
 """Disks in LAMMPS, through its Python library: one process, one rank, a periodic box.
 
 Units: diameter 1 and mass 1, so that the reduced radius is 1/4 and m_n = 1/2. The particles are spheres for contacts
-and disks for their spins: I = m R^2 / 2, by `fix nve/sphere ... disc` (without it they are spheres in two dimensions,
-too; `compute erotate/sphere` counts spheres even then, so T_rot is taken from the spins).
+and disks for their spins: I = m R^2 / 2, by `fix nve/sphere ... disc` (without it they spin as spheres in two
+dimensions, too, I = 2 m R^2 / 5, which `impacts` can take; `compute erotate/sphere` counts spheres even then, so T_rot
+is taken from the spins).
 
 **Contact.** `hertz/material E eta nu`: normal force k d^(3/2), d the overlap, k = 4/3 E_eff sqrt(R_eff) = Y / 3 with
 Y = E / (1 - nu^2); Mindlin's tangential spring from nu, up to Coulomb's limit. An elastic impact at g_n overlaps by d
@@ -25,8 +26,10 @@ M_N, M_T = 0.5, 0.5 / 3.0
 """Effective masses of two disks."""
 NU = 0.33
 """Poisson's ratio."""
-MOVE = "fix move all nve/sphere disc"
-"""`disc` makes I = m R^2 / 2."""
+DISK, SPHERE = 2.0, 2.5
+"""Shape numbers k in I = m R^2 / k."""
+MOVE = {DISK: "fix move all nve/sphere disc", SPHERE: "fix move all nve/sphere"}
+"""What moves particles of a shape number."""
 
 
 class Contact(NamedTuple):
@@ -65,14 +68,15 @@ def stiff(overlap: float, g_n: float = 1.5, **more: Any) -> Contact:
 
 
 class World:
-    """Disks in a periodic box of LAMMPS; without a contact they pass through each other.
+    """Disks, or particles of a shape number k of `MOVE`, in a periodic box of LAMMPS; without a contact they pass
+    through each other.
 
     Positions and velocities are arrays (n, 2), spins (n,); `lengths` are those of the box.
     """
 
     def __init__(
         self, position: Array, velocity: Array, spin: Array, lengths: ArrayLike, contact: Contact | None, step: float,
-        *, skin: float = 0.3,
+        *, skin: float = 0.3, k: float = DISK,
     ) -> None:  # fmt: skip
         self.n, self.step, self.steps = len(position), float(step), 0
         self.lengths: Array = np.asarray(lengths, dtype=float)
@@ -92,7 +96,7 @@ class World:
             "set group all diameter 1.0", f"set group all density {6.0 / math.pi!r}",
             "pair_style zero 1.0" if contact is None else "pair_style granular",
             "pair_coeff * *" if contact is None else contact.command,
-            f"neighbor {skin} bin", "neigh_modify every 1 delay 0 check yes", MOVE,
+            f"neighbor {skin} bin", "neigh_modify every 1 delay 0 check yes", MOVE[k],
             "fix flat all enforce2d", f"timestep {self.step!r}", "thermo 1000000000",
         )  # fmt: skip
         self.lammps.commands_string("\n".join(commands))
@@ -132,12 +136,23 @@ class World:
 
 
 class SingleImpacts(NamedTuple):
-    """Single impacts, (n,) each: relative velocity of the contact along n and t, before and after."""
+    """Single impacts, (n,) each: relative velocity of the contact along n and t, and the sum of spins, before and after.
+
+    Both disks have the same spin before, and so after.
+    """
 
     g_n: Array
     g_t: Array
+    spins: Array
     h_n: Array
     h_t: Array
+    spins_after: Array
+    k: float = DISK
+
+    def each(self) -> list[SingleImpacts]:
+        """Each impact by itself, of numbers."""
+        columns = [np.ravel(column) for column in self[:-1]]
+        return [SingleImpacts(*numbers, self.k) for numbers in zip(*columns, strict=True)]
 
     @property
     def e_n(self) -> Array:
@@ -151,16 +166,22 @@ class SingleImpacts(NamedTuple):
 
     @property
     def ratio(self) -> Array:
-        """P_t / P_n."""
-        return M_T * (self.g_t - self.h_t) / (M_N * (self.g_n - self.h_n))
+        """P_t / P_n, from m_t = m_n / (1 + k)."""
+        return M_N / (1.0 + self.k) * (self.g_t - self.h_t) / (M_N * (self.g_n - self.h_n))
 
 
 def impacts(
-    contact: Contact, g_n: ArrayLike, g_t: ArrayLike, share: ArrayLike = 0.0, *, steps: int = 100
+    contact: Contact,
+    g_n: ArrayLike,
+    g_t: ArrayLike,
+    share: ArrayLike = 0.0,
+    *,
+    steps: int = 100,
+    k: float = DISK,
 ) -> SingleImpacts:
     """Isolated impacts, all in one run of LAMMPS, with so many steps in the shortest contact.
 
-    `share` of g_t is by equal spins of both disks, the rest by their centres. The contact turns while it lasts, by 1e-3
+    `k` is the shape number of both. `share` of g_t is by equal spins of both disks, the rest by their centres. The contact turns while it lasts, by 1e-3
     rad for overlaps of 1e-3, which at 85 degrees would change e_n by 4 %: n is its mean direction.
     """
     g_n, g_t, share = np.broadcast_arrays(*(np.asarray(each, dtype=float) for each in (g_n, g_t, share)))
@@ -174,7 +195,7 @@ def impacts(
     x = np.concatenate((centre - away, centre + away))
     step = float(contact.duration(g_n.max())) / steps
     world = World(
-        x, np.concatenate((v, -v)), np.tile(spin, 2), np.full(2, side * cell), contact, step, skin=0.1
+        x, np.concatenate((v, -v)), np.tile(spin, 2), np.full(2, side * cell), contact, step, skin=0.1, k=k
     )
     world.run(math.ceil(float((lead + 2.5 * contact.duration(g_n)).max()) / step))
     x, u, w = world.state()
@@ -192,5 +213,5 @@ def impacts(
     )
     found = []
     for relative, spins in ((2.0 * v, 2.0 * spin), (u[:n] - u[n:], w[:n] + w[n:])):
-        found += [(relative * normal).sum(1), (relative * along).sum(1) + 0.5 * spins]
-    return SingleImpacts(*found)
+        found += [(relative * normal).sum(1), (relative * along).sum(1) + 0.5 * spins, spins]
+    return SingleImpacts(*found, k)
