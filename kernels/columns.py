@@ -504,6 +504,9 @@ def first_word(name: str, uses: Any, single: bool) -> int:
     return int((frame_dtype(uses, single).fields or {})[name][1]) // 4
 
 
+BISECTIONS = 7
+POINTS = 2**BISECTIONS
+"""Points of each of the two tables of a tabulated law (`laws/table.py`); unused ones lie beyond every slip and speed."""
 LAW = Columns(
     e_n="normal restitution", e_t="tangential restitution", mu="friction",
     contact_point="1 where e_t is of the contact point, 0 of the percussion centre", rho="rolling friction [length]",

@@ -18,7 +18,8 @@ from ifrdem.case.case import CaseSections
 from ifrdem.errors import RENAMED, InputError
 from ifrdem.model.setup import Setup
 from ifrdem.runs import compare
-from ifrdem.study.results import Results, theory_between
+from ifrdem.study.lines import Line, theory_between
+from ifrdem.study.results import Results
 from ifrdem.study.task import Variable
 from ifrdem.theory.choose import prediction
 from ifrdem.tools.old_words import present_case
@@ -137,7 +138,7 @@ def test_theory_between_the_points_of_an_old_study_is_that_of_a_new_one() -> Non
         theory_between(Results(variables, {**of_all, "case": text}), "temperature", "e_n", {})
         for text in (CASE, old_text('"reduced" }'))
     ]
-    assert curves[0] is not None
-    assert curves[1] is not None
-    assert np.isfinite(curves[0][1]).all()
-    np.testing.assert_array_equal(curves[0][1], curves[1][1])
+    assert isinstance(curves[0], Line)
+    assert isinstance(curves[1], Line)
+    assert np.isfinite(curves[0].theory).all()
+    np.testing.assert_array_equal(curves[0].theory, curves[1].theory)

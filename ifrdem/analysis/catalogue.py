@@ -38,7 +38,7 @@ from . import (
 )
 from . import result as stored
 from . import stress as stresses
-from .gas_theory import gas_of
+from .gas_theory import FLOW, gas_of
 from .result import Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
 from .steadiness import is_stationary, stationarity_warning
 from .window import steady_frames
@@ -710,20 +710,15 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
 def _flow_by_theory(trajectory: Trajectory, rate: float, rows: list[Reading], of_viscosity: str) -> list[str]:
     """Add the ratios of stresses of the steady flow by kinetic theory to rows; return a note on it, or why there is none."""
     gas = gas_of(trajectory)
+    if isinstance(gas, str):
+        return [gas]
     try:
-        flow = gas if isinstance(gas, str) else gas.steady_flow(rate)
+        of_theory = gas.of_flow(rate)
     except (InputError, TheoryError) as error:
-        flow = str(error)
-    if flow is None or isinstance(flow, str):
-        return [flow or "no steady state by kinetic theory: the flow heats this gas without end"]
-    stress = flow.stress
-    for name, key, value, of in (
-        ("N_1", "N_1", stress.normal_difference, ""),
-        ("friction", "friction", stress.friction, ""),
-        ("T_x / T_y", "T_x_over_T_y", stress.temperature_ratio, ""),
-        ("viscosity", "viscosity", -float(stress.total[0, 1]) / rate, of_viscosity),
-    ):
-        rows.append(Reading(f"{name} by kinetic theory", value, unit=of, key=f"{key}_theory"))
+        return [str(error)]
+    for key, value in of_theory.items():
+        of = of_viscosity if key == "viscosity" else ""
+        rows.append(Reading(f"{FLOW[key]} by kinetic theory", value, unit=of, key=f"{key}_theory"))
     return ["kinetic theory: steady state of a homogeneous flow (`theory.steady_flow`)"]
 
 

@@ -15,7 +15,9 @@ from ..model.laws.ifr import EnergyWarning
 from ..model.laws.law import CollisionLaw
 from ..model.state import Disks, kinds_of
 from ..theory.choose import PREDICT, Prediction, is_closed
+from ..theory.collisions import collision_rate, is_smooth
 from ..theory.driven_gas import Driving
+from ..theory.hydrodynamics import self_diffusion, shear_viscosity, thermal_conductivity
 from ..theory.mixtures import Mixture
 from ..theory.sheared_gas import SteadyFlow, steady_flow
 from ..tools.checked import Array
@@ -38,6 +40,8 @@ MOST_KINDS = 16
 """Most kinds of disks: theory sums over all pairs of kinds at every step, which takes seconds beyond this."""
 VELOCITIES = {"gaussian": "Gaussian", "sonine": "Sonine", "dsmc": "DSMC"}
 """Words for `theory.Prediction.velocities` in legends."""
+FLOW = {"N_1": "N_1", "friction": "friction", "T_x_over_T_y": "T_x / T_y", "viscosity": "viscosity"}
+"""Numbers of `analyse stress` in a flow for which there is a theory: their keys, and what they are called."""
 LONGER = 1e6
 """Longest curve of theory, in durations of the run, where theory needs more time for the collisions of the run."""
 
@@ -65,6 +69,12 @@ class TheoryGas:
         """Law, mass, radius, k and packing fraction, as theories of equal disks take them."""
         d, material = self.disks, int(self.disks.material[0])
         return self.laws[material][material], float(d.mass[0]), float(d.radius[0]), float(d.k[0]), self.phi
+
+    @property
+    def smooth_restitution(self) -> float | None:
+        """e_n of equal smooth disks whose e_n is a constant; None of others."""
+        law = self.one_kind[0]
+        return law.e_n if self.kinds == 1 and is_smooth(law) and not law.depends_on_speed else None
 
     def prediction(self, elapsed: Array, shear_rate: float = 0.0) -> Prediction:
         """Temperatures `elapsed` after the first frame [time]; InputError where no theory describes the gas."""
@@ -97,6 +107,32 @@ class TheoryGas:
                 if not known:
                     raise InputError(f"{text}: no kinetic theory here")
             return steady_flow(*self.one_kind, shear_rate)
+
+    def of_flow(self, shear_rate: float) -> dict[str, float]:
+        """Ratios of stresses and the viscosity [energy time/length^2] of the steady flow, by the keys of `FLOW`.
+
+        InputError or TheoryError where no theory describes the gas, InputError where there is no steady state.
+        """
+        if (flow := self.steady_flow(shear_rate)) is None:
+            raise InputError("no steady state by kinetic theory: the flow heats this gas without end")
+        stress = flow.stress
+        ratios = stress.normal_difference, stress.friction, stress.temperature_ratio
+        return dict(zip(FLOW, (*ratios, -float(stress.total[0, 1]) / shear_rate), strict=True))
+
+    def enskog(self, T: float, *, spins: bool) -> dict[str, float]:
+        """eta [mass/time], D [length^2/time], and kappa [1/time] without `spins`, of equal smooth elastic disks.
+
+        By Enskog's theory at the temperature T [energy]; empty of others. Spins, which smooth disks never change, carry
+        energy too.
+        """
+        if self.smooth_restitution != 1.0:
+            return {}
+        _, mass, radius, _, phi = self.one_kind
+        found = {
+            "eta": shear_viscosity(phi, T, mass, radius),
+            "D": self_diffusion(1.0) * T / (mass * collision_rate(phi, T, mass, radius)),
+        }
+        return found if spins else found | {"kappa": thermal_conductivity(phi, T, mass, radius)}
 
     def curves(self, trajectory: Trajectory, elapsed: Array, over: str, shear_rate: float = 0.0) -> Curves:
         """T and T_rot of all disks, `elapsed` after the first frame; over "tau" up to the collisions of the run."""

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..theory.collisions import is_smooth
 from ..theory.hydrodynamics import self_diffusion
 from ..tools.checked import Array
 from ..tools.reprs import Brief
@@ -228,10 +227,7 @@ def thermal_path(when: Array, tau: Array, speed: Array) -> float:
 def smooth_restitution(trajectory: Trajectory) -> float | None:
     """e_n of equal smooth disks in a gas that kinetic theory knows; None for others."""
     gas = gas_of(trajectory)
-    if isinstance(gas, str) or gas.kinds > 1:
-        return None
-    law = gas.one_kind[0]
-    return law.e_n if is_smooth(law) and not law.depends_on_speed else None
+    return None if isinstance(gas, str) else gas.smooth_restitution
 
 
 def _marks(groups: Groups, name: str) -> tuple[str, str]:

@@ -34,8 +34,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..quantities import COMPONENTS, HEAT_SERIES, STRESS_SERIES
-from ..theory.collisions import collision_rate, is_smooth
-from ..theory.hydrodynamics import self_diffusion, shear_viscosity, thermal_conductivity
 from ..tools.checked import Array, Column, Numbers, Positive, validated
 from ..tools.intervals import student_t
 from ..tools.notebook import ResultPlot
@@ -374,20 +372,14 @@ def _enskog(trajectory: Trajectory, T: float, notes: list[str]) -> dict[str, flo
     if isinstance(gas, str):
         notes.append(gas)
         return {}
-    law, mass, radius, _, phi = gas.one_kind
-    if gas.kinds > 1 or not is_smooth(law) or law.depends_on_speed or law.e_n != 1.0:
+    spins = bool(np.any(trajectory.observables["rotational_temperature"]))
+    if not (found := gas.enskog(T, spins=spins)):
         notes.append("Enskog's values are those of equal smooth elastic disks: not of these")
         return {}
-    found = {
-        "eta": shear_viscosity(phi, T, mass, radius),
-        "D": self_diffusion(1.0) * T / (mass * collision_rate(phi, T, mass, radius)),
-    }
-    if np.any(trajectory.observables["rotational_temperature"]):
+    if spins:
         notes.append(
             "no value of Enskog for kappa: spins, which smooth disks never change, carry energy too; start them at 0"
         )
-    else:
-        found["kappa"] = thermal_conductivity(phi, T, mass, radius)
     notes.append(
         "Enskog: first Sonine approximation; further ones add 2 % to eta and 3 % to kappa (D. M. Gass, "
         "doi:10.1063/1.1675116)"

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -34,6 +34,7 @@ from .options import (
     Size,
     Style,
     Theory,
+    TheoryName,
     Windows,
     Xlim,
     Ylim,
@@ -128,13 +129,13 @@ def analyse(
     return FAILED if any(record["damaged"] for record in records) else 0
 
 
-def _theory_by(name: Literal["closed", "dsmc"] | None) -> contextlib.AbstractContextManager[None]:
+def _theory_by(name: TheoryName | None) -> contextlib.AbstractContextManager[None]:
     """The context of `--theory`; without it none, which would import the runtime."""
     if name is None:
         return contextlib.nullcontext()
     from ..simulation.by_dsmc import theory_by
 
-    return theory_by(name)
+    return theory_by(dsmc=name == "dsmc")
 
 
 def _options(what: Sequence[str], **given: Any) -> dict[str, dict[str, Any]]:
@@ -494,7 +495,7 @@ def _plot_together(
             found = figure.of_trajectories([stack.enter_context(opened(file)) for file in files])
     path = _as_picture(Path(output or f"{Path(sources[0]).stem}-{what}.png"))
     check_files([path], force=force)
-    drawn = figure.draw(found, what, over, by, **form)
+    drawn = figure.draw(found, what, over, by, note=warn, **form)
     from ..plots import run
 
     run.save(drawn, path)

@@ -19,6 +19,7 @@ from cyclopts import Parameter
 from ..analysis import options
 from ..analysis.options import frames_of
 from ..errors import InputError, cut, nearest
+from ..plots.names import Ends
 from ..tools.values import Count, Integer, Keyed, Natural, NonNegative, Positive, Ratio, check_in, whole_of
 from . import console
 
@@ -267,7 +268,6 @@ def _axis_ends(which: str) -> Parameter:
     )
 
 
-Ends = tuple[float | None, float | None] | None
 Xlim = Annotated[Ends, _axis_ends("horizontal")]
 Ylim = Annotated[Ends, _axis_ends("vertical")]
 Panels = Annotated[
@@ -276,10 +276,11 @@ Panels = Annotated[
         str, "N,N", "draw only these panels, numbered from 1 in reading order", converter=_panels, n_tokens=1
     ),
 ]
+TheoryName = Literal["closed", "dsmc"]
 Theory = Annotated[
-    Literal["closed", "dsmc"] | None,
+    TheoryName | None,
     option(
-        Literal["closed", "dsmc"], "THEORY", "the theory that is drawn: closed (forms of Gaussian or Sonine velocities, the default), or "
+        TheoryName, "THEORY", "the theory that is drawn: closed (forms of Gaussian or Sonine velocities, the default), or "
         "dsmc, the collision law of the engine by direct simulation Monte Carlo",
     ),
 ]  # fmt: skip

@@ -7,12 +7,13 @@ import os
 import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
 
 from ..errors import InputError
 from ..tools.values import Integer
+from ..trajectory.formats import FORMATS, TABLES, Format
 from .console import echo, note
 from .options import (
     Color,
@@ -156,6 +157,9 @@ def link(file: File, /) -> None:
         note(f"wrote {path}")
 
 
+What = Literal["frames", "collisions"]
+
+
 def export(
     file: Annotated[
         str,
@@ -167,14 +171,12 @@ def export(
     /,
     *,
     to: Annotated[
-        Literal["gsd", "extxyz", "csv", "h5", "parquet"],
-        option(Literal["gsd", "extxyz", "csv", "h5", "parquet"], "FORMAT", "gsd, extxyz, csv, h5 or parquet"),
+        Format,
+        option(Format, "FORMAT", ", ".join(get_args(Format))),
     ],
     what: Annotated[
-        Literal["frames", "collisions"],
-        option(
-            Literal["frames", "collisions"], "WHAT", "frames, or collisions of tracked disks (csv, parquet)"
-        ),
+        What,
+        option(What, "WHAT", f"frames, or collisions of tracked disks ({', '.join(TABLES)})"),
     ] = "frames",
     frames: Frames = None,
     output: Output = None,
@@ -196,12 +198,12 @@ def export(
         _export_study(file, to, output, force=force)
         return
     file = one_trajectory(file)
-    if what == "frames" and to == "parquet":
-        raise InputError("--to parquet requires --what collisions, or the results of a study (.nc)")
-    if what == "collisions" and (to not in exporting.TABLES or frames is not None):
+    if what == "frames" and to not in FORMATS:
+        raise InputError(f"--to {to} requires --what collisions, or the results of a study (.nc)")
+    if what == "collisions" and (to not in TABLES or frames is not None):
         option_given = "--frames" if frames is not None else f"--to {to}"
         raise InputError(
-            f"{option_given}: cannot be combined with --what collisions, a table ({', '.join(exporting.TABLES)})"
+            f"{option_given}: cannot be combined with --what collisions, a table ({', '.join(TABLES)})"
         )
     with opened(file) as trajectory:
         if what == "collisions":
@@ -220,7 +222,7 @@ def _export_study(file: str, to: str, output: str | None, *, force: bool) -> Non
     from ..study.contents import runs
     from ..study.results import Results
     from ..tools.files import check_files
-    from ..trajectory.export import TABLES, write_table
+    from ..trajectory.export import write_table
 
     if to not in TABLES:
         raise InputError(f"--to {to}: the results of a study are exported to {', '.join(TABLES)}")

@@ -1,6 +1,9 @@
-"""Names of pictures of a trajectory. `ifrdem --help` lists them, so this imports names alone."""
+"""Names of pictures of a trajectory, and types of options of figures. `ifrdem --help` has them, so this imports names alone."""
 
 from ..analysis.names import ANALYSES
+
+Ends = tuple[float | None, float | None] | None
+"""Ends of an axis, None for one that stays; None for both."""
 
 PICTURES = {
     "temperatures": "both temperatures and their ratio against time, with kinetic theory where it holds",

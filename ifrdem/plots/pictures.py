@@ -12,8 +12,7 @@ from ..analysis.names import OPTIONS
 from ..errors import InputError, option_name, shortened, there_are
 from ..tools.checked import Count, Positive, instance, validated
 from .names import PICTURES as PICTURES
-
-Ends = tuple[float | None, float | None] | None
+from .names import Ends
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,6 +16,7 @@ from ..model.state import Disks
 from ..model.walls.wall import Wall
 from ..tools.checked import Array
 from ..trajectory.descriptions import REDUCED
+from .names import Ends
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -327,8 +328,8 @@ def part_from_legends(figure: Any, panels: Sequence[Axes]) -> None:
 
 def frame_axes(
     panels: Sequence[Axes],
-    xlim: tuple[float | None, float | None] | None,
-    ylim: tuple[float | None, float | None] | None,
+    xlim: Ends,
+    ylim: Ends,
 ) -> None:
     """Give panels ends of their axes, None for those that stay; markers on the frame are drawn whole.
 

@@ -84,12 +84,9 @@ def dsmc_prediction(
 
 
 @contextlib.contextmanager
-def theory_by(name: Literal["closed", "dsmc"] | None) -> Iterator[None]:
-    """Make figures and analyses take this theory, "closed" or "dsmc"; that of before for None."""
-    if name is None:
-        yield
-        return
-    token = PREDICT.set(dsmc_prediction if name == "dsmc" else prediction)
+def theory_by(*, dsmc: bool) -> Iterator[None]:
+    """Make figures and analyses take DSMC as their theory, or the closed forms."""
+    token = PREDICT.set(dsmc_prediction if dsmc else prediction)
     try:
         yield
     finally:

@@ -6,7 +6,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..analysis.names import ANALYSES, OVER_TIME
 from ..analysis.result import identifier
 from ..errors import InputError, nearest, option_name
+from ..plots.names import Ends
 from ..plots.style import (
     KINDS,
     NARROW,
@@ -39,6 +40,7 @@ from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
 from .draws import COEFFICIENTS
+from .lines import theory_between
 from .plan import VARIANT
 from .pooled import half_of_both, is_drawn, is_pooled, parts_of_interval, pooled
 from .results import (
@@ -54,7 +56,6 @@ from .results import (
     averaged,
     finite_seeds,
     half_interval,
-    theory_between,
     theory_of,
     window_starts,
     with_theory,
@@ -92,7 +93,7 @@ WINDOW_START = "steady window"
 """Mark of the lines at which steady windows begin."""
 SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
-Ends = tuple[float | None, float | None] | None
+Note = Callable[[str], None]
 FILE = "file"
 
 
@@ -115,6 +116,7 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
 def draw(
     results: Results, what: str, over: str | None = None, by: str | None = None, *, start: float | None = None,
     as_map: bool = False, xlim: Ends = None, ylim: Ends = None, shown: Sequence[int] | None = None, size: tuple[float, ...] | None = None, dpi: int = 200, title: bool = True,
+    note: Note = lambda _: None,
 ) -> Figure:  # fmt: skip
     """Draw a quantity: its mean over seeds, a band of its 95 % interval, and kinetic theory, dashed.
 
@@ -126,7 +128,8 @@ def draw(
     a swept key. Drawn coefficients are averaged over, with a wide band by their errors and seeds and a narrow one by
     seeds, unless `over` or `by` is "coefficients". With `as_map` colours show it over two swept keys, `over` along and `by` upwards (by default the first
     two). `xlim` and `ylim` are ends of the axes, None for one that stays; `shown` are the numbers of the panels that
-    are drawn, from 1. `size` is the width, and the height if given, of the figure [inches].
+    are drawn, from 1. `size` is the width, and the height if given, of the figure [inches]. `note` gets the reasons why
+    theory is drawn at the swept values only, without a line between them.
 
     Raises InputError if there is no such quantity or key, it has no axis or no value, or there are too many panels.
     """
@@ -181,6 +184,7 @@ def draw(
         width, height = size[0], size[1] if len(size) > 1 else height / width * size[0]
         if len(size) == 1 and NARROW <= width < usual[0]:
             height = max(height, lines * PANEL_SHAPE * width / columns + HEADS)
+    notes: dict[str, None] = {}
     with text_for(width, usual[0]):
         figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
         table = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
@@ -195,7 +199,7 @@ def draw(
             if as_map and curve is not None:
                 _map(axes, results, name, x, curve, fixed)
             else:
-                _panel(axes, results, name, x, curve, fixed)
+                _panel(axes, results, name, x, curve, fixed, notes.setdefault)
             values = ", ".join(_named(results, dim, i) for dim, i in fixed.items())
             axes.set_title(values, fontsize="medium")
         first = all_axes[0]
@@ -221,7 +225,9 @@ def draw(
         if title:
             texts = (plain(results.attributes.get("title", "")), _window(results, name, x))
             figure.suptitle("; ".join(filter(None, texts)), fontsize="medium")
-        return figure
+    for each in notes:
+        note(each)
+    return figure
 
 
 def _from(results: Results, name: str, start: float) -> Results:
@@ -374,9 +380,10 @@ def _dim(results: Results, option: str, given: str, allowed: Sequence[str]) -> s
 
 
 def _panel(
-    axes: Axes, results: Results, name: str, x: str, curve: str | None, fixed: Mapping[str, int]
+    axes: Axes, results: Results, name: str, x: str, curve: str | None, fixed: Mapping[str, int], note: Note
 ) -> None:
     """The curves of one panel; of rows that are not drawn over, the last one counts."""
+    reasons: set[str] = set()
     count = len(results.values(curve)) if curve is not None else 1
     for i in range(count):
         panel = {**fixed, **({curve: i} if curve is not None else {})}
@@ -429,10 +436,13 @@ def _panel(
             continue
         if rows:
             axes.plot(where, theory, "--", color=colour, lw=1.1)
-        elif (fine := theory_between(results, name, x, panel)) is not None:
+        elif not isinstance(fine := theory_between(results, name, x, panel), str):
             axes.plot(*fine, "--", color=colour, lw=1.1)
         else:  # only at the swept values: no line joins them
             axes.plot(where, theory, "_", color=colour, ms=12, mew=1.5, gid=AT_POINTS)
+            reasons.add(fine)
+    for reason in sorted(reasons):
+        note(f"theory of {name} stands at the swept values only: {reason}")
     grid(axes)
 
 

@@ -17,18 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.common import mean_errors
-from ..analysis.gas_theory import MOST_KINDS, VELOCITIES
+from ..analysis.gas_theory import MOST_KINDS, VELOCITIES, TheoryGas
 from ..analysis.window import any_drives, becomes_steady, since
 from ..case import file as case_file
 from ..case.case import UNITS, CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.keys import about
-from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, counted, there_are
+from ..errors import DamageError, InputError, NameMissing, TheoryError, counted, there_are
 from ..model.laws.ifr import EnergyWarning
 from ..model.state import kinds_of
 from ..quantities import AXES, NUMBER, SERIES, SPECIES_SERIES
-from ..theory.choose import PREDICT, is_closed
+from ..theory.choose import is_closed
+from ..theory.mixtures import MixtureTemperatures
 from ..tools import files
 from ..tools.checked import is_number
 from ..tools.files import NO_VALUES
@@ -389,7 +390,7 @@ def _theory(
         curves = predicted(case, folder, float(np.nanmax(times)), start)
         if curves is None:
             continue
-        when, tau, T_theory, T_rot, words = curves
+        when, tau, T_theory, T_rot, words, _ = curves
         velocities.add(words)
         base = when if row_axis == "time" else tau
         positions = variables[row_axis].values
@@ -415,48 +416,7 @@ def _measured_start(
     return T, T_rot
 
 
-FINE = 41
-"""Values between the swept ones at which theory is drawn."""
-
-
-def theory_between(
-    results: Results, name: str, x: str, fixed: Mapping[str, int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Values between those of the swept key `x`, and kinetic theory for a quantity there; None without it.
-
-    It is that at the last row, or of `averaged` results a mean over rows, from a place that is interpolated between
-    those of the swept values. `fixed` are the positions on the other swept dimensions. Only for a numeric key that varies
-    alone, if all files that the case needs still exist, and not by DSMC.
-    """
-    swept, keys = results.values(x), json.loads(results.attributes["keys"])
-    one_number = len(results.axes.get(x, ())) == 1 and swept.dtype.kind in "if" and len(swept) > 1
-    stored = "path" in results.attributes and EQUILIBRATED not in results.attributes
-    if not (stored and name in THEORY and one_number and is_closed()):
-        return None
-    row_axis, positions = results.row_axis, results.row_places
-    at = tuple(fixed.get(dim, slice(None)) for dim in results.axes)
-    starts = np.full(len(swept), np.nan)
-    if SERIES_FROM in results.variables:
-        starts = results.values(SERIES_FROM)[at]
-    times = positions if row_axis == "time" else results.values("time_mean")[at]
-    low, high = float(swept.min()), float(swept.max())
-    space = np.geomspace if low > 0.0 and high > 10.0 * low else np.linspace
-    fine = space(low, high, FINE)
-    values = np.unique(np.rint(fine)).astype(int) if swept.dtype.kind == "i" else fine
-    found = []
-    for value in values.tolist():
-        try:
-            file = _stored_case(results, fixed, f"{keys[x]}={value}")
-            curves = predicted(file.case, file.path.parent, float(np.nanmax(times)))
-        except InputError:  # not every value between has an admissible law
-            curves = None
-        weights = _row_weights(positions, float(np.interp(value, np.sort(swept), starts[np.argsort(swept)])))
-        found.append(np.nan if curves is None else _at(curves, name, row_axis, positions, weights))
-    theory = np.array(found)
-    return (np.asarray(values, dtype=float), theory) if np.isfinite(theory).any() else None
-
-
-def _stored_case(results: Results, fixed: Mapping[str, int], *more: str) -> CaseFile:
+def stored_case(results: Results, fixed: Mapping[str, int], *more: str) -> CaseFile:
     """The case of positions on swept dimensions, with more changes; InputError if a file that it needs is gone."""
     keys = json.loads(results.attributes["keys"])
     text, path = results.attributes["case"], results.attributes["path"]
@@ -480,7 +440,7 @@ def with_theory(results: Results) -> Results:
     if "path" not in results.attributes or "temperature_mean" not in results.variables:
         raise InputError("the results hold no case of their gas, from which theory would begin")
     shape = tuple(len(results.values(axis)) for axis in results.axes)
-    points = {at: _stored_case(results, dict(zip(results.axes, at, strict=True))) for at in np.ndindex(shape)}
+    points = {at: stored_case(results, dict(zip(results.axes, at, strict=True))) for at in np.ndindex(shape)}
     cases = {at: (file.case, file.path.parent) for at, file in points.items()}
     equilibrated = EQUILIBRATED in results.attributes
     theory, words = _theory(cases, results.row_axis, results.variables, equilibrated=equilibrated)
@@ -494,7 +454,7 @@ def with_theory(results: Results) -> Results:
 
 def theory_of(results: Results, name: str) -> Variable | None:
     """Kinetic theory of a quantity, if there is one: of the gas, or of an analysis."""
-    names = (f"{name}_theory_mean", f"{name}_by_theory_mean", f"{name}_theory")
+    names = (f"{name}_theory_mean", f"{name}_by_theory_mean", f"{name}_enskog_mean", f"{name}_theory")
     return next((results.variables[each] for each in names if each in results.variables), None)
 
 
@@ -502,25 +462,7 @@ def _assigned(value: Any) -> str:
     return json.dumps(value.item() if isinstance(value, np.generic) else value)
 
 
-def _at(
-    curves: Predicted, name: str, row_axis: str, positions: NDArray[np.float64], weights: NDArray[np.float64]
-) -> float:  # fmt: skip
-    """A quantity of `THEORY`, averaged over the positions of rows with their weights; nan beyond the curves.
-
-    theta is a mean of ratios, as that of the rows.
-    """
-    base, used = curves.times if row_axis == "time" else curves.collisions_per_disk, weights > 0.0
-    if positions[-1] > base[-1]:
-        return np.nan
-    T, T_rot = (
-        np.interp(positions[used], base, each) for each in (curves.temperature, curves.rotational_temperature)
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        value = {"temperature": T, "rotational_temperature": T_rot, "theta": T_rot / T}[name]
-    return float(np.average(value, weights=weights[used]))
-
-
-def _row_weights(places: NDArray[np.float64], start: float) -> NDArray[np.float64]:
+def row_weights(places: NDArray[np.float64], start: float) -> NDArray[np.float64]:
     """Weights of rows in a mean from a place on, each the distance from the row before; the last row alone for nan."""
     if np.isfinite(start):
         weights = np.where(since(places, start), np.diff(places, prepend=places[0]), 0.0)
@@ -530,13 +472,15 @@ def _row_weights(places: NDArray[np.float64], start: float) -> NDArray[np.float6
 
 
 class Predicted(NamedTuple):
-    """Kinetic theory of a gas: times [time], collisions per disk, T and T_rot [energy]; and which velocities it takes."""
+    """Kinetic theory of a gas: times [time], collisions per disk, T and T_rot [energy]; which velocities it takes; and of
+    each kind of disks, None in a flow."""
 
     times: NDArray[np.float64]
     collisions_per_disk: NDArray[np.float64]
     temperature: NDArray[np.float64]
     rotational_temperature: NDArray[np.float64]
     velocities: str
+    species: MixtureTemperatures | None
 
 
 def predicted(
@@ -546,42 +490,46 @@ def predicted(
 
     `start` are T and T_rot of each species at the start, if not those of the case [energy].
     """
-    gas = CaseGas.from_case(case, folder)
-    if not case.homogeneous or gas.box.is_open or end <= 0.0:
+    if end <= 0.0 or (gas := gas_of_case(case, folder, start)) is None:
         return None
-    laws = gas.law_table
-    numbers = [each.number for each in gas.species]
-    speed, spin = (
-        np.repeat([getattr(each, name) for each in gas.species], numbers)
-        for name in ("speed_rms", "spin_rms")
-    )
-    disks, phi = gas.disks, gas.box.packing_fraction(gas.disks.radius)
-    driven = bool(case.force or gas.box.shear_rate)
+    driven = bool(case.force or case.box.shear_rate)
     later = np.linspace(0.0, 1.0, 1500)[1:] if driven else np.geomspace(1e-5, 1.0, 1500)
     beyond = NOT_FAR_BEYOND if driven and not is_closed() else BEYOND
     steps = beyond * end * np.r_[0.0, later]
     try:
-        with (
-            warnings.catch_warnings(action="ignore", category=EnergyWarning),
-            warnings.catch_warnings(action="ignore", category=TheoryWarning),
-        ):
-            which = kinds_of(disks)
-            if (kinds := int(which.max()) + 1) > MOST_KINDS:
-                return None
-            energies = [0.5 * disks.mass * speed**2, disks.inertia * spin**2]
-            if start is not None:
-                energies = [np.repeat(each, numbers) for each in start]
-            T0, T_rot0 = (
-                np.array([each[which == kind].mean() for kind in range(kinds)]) for each in energies
-            )
-            found = PREDICT.get()(
-                disks, laws, phi, T0, T_rot0, steps, shear_rate=gas.box.shear_rate,
-                forces=[each.model_dump(exclude_none=True) for each in case.force], velocities="best",
-            )  # fmt: skip
+        found = gas.prediction(steps, case.box.shear_rate)
     except (InputError, TheoryError):  # rolling friction, forces that are not linear, ...: there is no theory
         return None
     of_all = found.collisions_per_disk, found.temperature, found.rotational_temperature
-    return Predicted(steps, *of_all, VELOCITIES[found.velocities])
+    return Predicted(steps, *of_all, VELOCITIES[found.velocities], found.species)
+
+
+def gas_of_case(
+    case: CaseSections, folder: Path, start: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+) -> TheoryGas | None:
+    """The gas of a case for kinetic theory; None where it is not homogeneous, or has too many kinds of disks.
+
+    `start` as for `predicted`.
+    """
+    made = CaseGas.from_case(case, folder)
+    if not case.homogeneous or made.box.is_open:
+        return None
+    numbers = [each.number for each in made.species]
+    with warnings.catch_warnings(action="ignore", category=EnergyWarning):
+        disks, laws = made.disks, made.law_table
+    which = kinds_of(disks)
+    if (kinds := int(which.max()) + 1) > MOST_KINDS:
+        return None
+    speed, spin = (
+        np.repeat([getattr(each, name) for each in made.species], numbers)
+        for name in ("speed_rms", "spin_rms")
+    )
+    energies = [0.5 * disks.mass * speed**2, disks.inertia * spin**2]
+    if start is not None:
+        energies = [np.repeat(each, numbers) for each in start]
+    T0, T_rot0 = (np.array([each[which == kind].mean() for kind in range(kinds)]) for each in energies)
+    forces = [each.model_dump(exclude_none=True) for each in case.force]
+    return TheoryGas(disks, laws, made.box.packing_fraction(disks.radius), T0, T_rot0, forces, which)
 
 
 def averaged(results: Results, start: float | None = None, option: str = "start") -> Results:
@@ -599,7 +547,7 @@ def averaged(results: Results, start: float | None = None, option: str = "start"
     weights = np.zeros((*shape, len(places)))
     for at in np.ndindex(shape):
         if np.isfinite(starts[at]):
-            weights[at] = _row_weights(places, float(starts[at]))
+            weights[at] = row_weights(places, float(starts[at]))
     if start is not None and not weights.any():
         raise InputError(f"{option} {start:g}: must be at most {places[-1]:g}, the last row of {row_axis}")
     kept, series, within = {}, {}, {}

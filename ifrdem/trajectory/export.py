@@ -18,6 +18,7 @@ from ..tools import checked
 from ..tools.files import check_apart, write_aside
 from . import collisions, tables
 from .damage import FAULTS
+from .formats import FORMATS, TABLES
 from .history import History
 from .layout import chunk_disks
 from .reader import SPIN, Trajectory
@@ -25,9 +26,6 @@ from .repair import write_whole
 from .rows import converted
 from .species import named_species
 
-FORMATS = ("gsd", "extxyz", "csv", "h5")
-TABLES = ("csv", "parquet")
-"""Formats of tables that are no frames."""
 EXTXYZ_NAMES = {"position": "pos", "velocity": "velo"}  # what OVITO calls them
 CONSTANT = ("radius", "mass", "k", "material", "species")  # properties of disks that other formats are given
 TEXTS_AT_ONCE = 1 << 16

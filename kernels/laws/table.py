@@ -1,10 +1,8 @@
 """Tabulated laws: impulses by points of a file, with straight lines between them (`model/laws/table.py`)."""
 
+from ..columns import BISECTIONS, POINTS
 from ..compiler.language import ti
 
-BISECTIONS = 7
-POINTS = 2**BISECTIONS
-"""Points of each of the two tables of a row; unused ones lie beyond every slip and speed."""
 OF_SLIP = 2
 """Column of a row, behind two coefficients, at which the slip ratios of the points of P_t / P_n begin; VALUES and SLOPES
 columns later those of the lines that begin there: their values at 0, and their slopes."""

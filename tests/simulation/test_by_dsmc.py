@@ -78,7 +78,7 @@ def test_pictures_take_dsmc_also_of_laws_without_theory(
     with ifrdem.Trajectory("rolls.h5") as run:
         assert theory_of_picture(run)[0] is None
         assert isinstance(gas_of(run), str)
-        with theory_by("dsmc"):
+        with theory_by(dsmc=True):
             curves, steady, text = theory_of_picture(run)
         assert gas_of(run) == "rolling friction: no kinetic theory here"  # as before
         assert curves is not None
@@ -101,7 +101,7 @@ def test_a_study_takes_dsmc_at_each_point(tmp_path: Path, monkeypatch: pytest.Mo
     study = ifrdem.Study("few.toml", vary=["material[0].e_n=0.7,0.9"], seeds=2)
     study.run(workers=0)
     stored = Results.read(study.output)
-    with theory_by("dsmc"):
+    with theory_by(dsmc=True):
         found = with_theory(stored)
     assert found.attributes["velocities_of_theory"] == "DSMC"
     assert stored.attributes["velocities_of_theory"] == "Gaussian"

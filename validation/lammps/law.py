@@ -18,8 +18,8 @@ from ...model.laws.viscoelastic import Viscoelastic
 from ...model.laws.walton import Walton
 from ...model.state import State
 from ...simulation.simulation import Simulation
-from ..gas.sample import fluid
 from ...tools.checked import Array
+from ..gas.sample import fluid
 from ..report.registry import Result
 from . import library
 from .world import World

@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InputError, option_name, outside_level
+from ...kernels.columns import POINTS
 from ...tools import checked, tables
 from ...tools.checked import Array, Numbers, validated
 from ..custom_code import FromKernels
 from .ifr import ROUND_OFF, IFRLaw, mean_k
 from .law import Admissibility, CollisionLaw, EnergyWarning, Key
 
-MOST_POINTS = 127
-"""Of a table; kernels look a number up among one more (`kernels/laws/table.py`)."""
+MOST_POINTS = POINTS - 1
+"""Of a table; one that is not used is behind them."""
 BEYOND = 1e30
 """Slip ratio or speed of the unused points of a table, beyond all that occur."""
 COLUMNS: Mapping[str, str] = {
@@ -359,5 +360,5 @@ def _lines(at: Array, values: Array) -> Sequence[float]:
     """Points, and of the lines that begin there the values at 0 and the slopes, each as many as kernels have."""
     slopes = np.r_[np.diff(values) / np.diff(at), 0.0]
     columns = (at, BEYOND), (values - slopes * at, values[-1]), (slopes, 0.0)
-    more = MOST_POINTS + 1 - len(at)
+    more = POINTS - len(at)
     return [float(each) for column, rest in columns for each in np.r_[column, np.full(more, rest)]]
