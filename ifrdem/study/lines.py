@@ -43,7 +43,7 @@ class Line(NamedTuple):
     theory: NDArray[np.float64]
 
 
-class _Rows(NamedTuple):
+class Rows(NamedTuple):
     """Rows of a point that a mean is over: clock, places, weights, and the latest time [time]."""
 
     clock: str
@@ -82,7 +82,7 @@ def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]
     order, found, reason = np.argsort(swept), [], ""
     for value in values.tolist():
         start = float(np.interp(value, swept[order], starts[order]))
-        rows = _Rows(row_axis, places, row_weights(places, start), float(np.nanmax(times)))
+        rows = Rows(row_axis, places, row_weights(places, start), float(np.nanmax(times)))
         try:
             found.append(value_of(stored_case(results, fixed, f"{keys[x]}={value}"), rows))
         except (InputError, TheoryError) as error:  # not every value between has an admissible law
@@ -94,7 +94,7 @@ def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]
     return Line(np.asarray(values, dtype=float), theory)
 
 
-_Value = Callable[[CaseFile, _Rows], float]
+_Value = Callable[[CaseFile, Rows], float]
 
 
 def _function(name: str) -> _Value | None:
@@ -142,28 +142,30 @@ RATIO, THETA = (identifier("species", key, "") + "_" for key in ("T_ratio", "the
 """Beginnings of the names of ratios of temperatures of species."""
 
 
-def _of_series(name: str, file: CaseFile, rows: _Rows) -> float:
-    """A quantity of `THEORY`, averaged over rows; nan beyond the curves. theta is a mean of ratios, as that of rows."""
+def _of_series(name: str, file: CaseFile, rows: Rows) -> float:
     curves = predicted(file.case, file.path.parent, rows.end)
-    if curves is None:
-        return np.nan
+    return np.nan if curves is None else _of_curves(name, curves, rows)
+
+
+def _of_curves(name: str, curves: Predicted, rows: Rows) -> float:
+    """A quantity of `THEORY`, averaged over rows; nan beyond the curves. theta is a mean of ratios, as that of rows."""
     T, T_rot = (_at(curves, each, rows) for each in (curves.temperature, curves.rotational_temperature))
     with np.errstate(divide="ignore", invalid="ignore"):
         return _mean({"temperature": T, "rotational_temperature": T_rot, "theta": T_rot / T}[name], rows)
 
 
-def _at(curves: Predicted, values: NDArray[np.float64], rows: _Rows) -> NDArray[np.float64]:
+def _at(curves: Predicted, values: NDArray[np.float64], rows: Rows) -> NDArray[np.float64]:
     """A curve at the rows that have weights, nan beyond its end."""
     base = curves.times if rows.clock == "time" else curves.collisions_per_disk
     places = rows.places[rows.weights > 0.0]
     return np.asarray(np.interp(places, base, values, right=np.nan))
 
 
-def _mean(values: NDArray[np.float64], rows: _Rows) -> float:
+def _mean(values: NDArray[np.float64], rows: Rows) -> float:
     return float(np.average(values, weights=rows.weights[rows.weights > 0.0]))
 
 
-def _of_species(name: str, file: CaseFile, rows: _Rows) -> float:
+def _of_species(name: str, file: CaseFile, rows: Rows) -> float:
     """A ratio of temperatures of species, a mean over rows, which are the second half of a gas that cools."""
     gas, curves = _gas(file), predicted(file.case, file.path.parent, rows.end)
     species = CaseGas.from_case(file.case, file.path.parent).species

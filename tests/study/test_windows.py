@@ -22,11 +22,11 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.study.contents import _window, describe
 from ifrdem.study.figure import WINDOW_START, draw
+from ifrdem.study.lines import Rows, _of_curves
 from ifrdem.study.results import (
     THEORY,
     Predicted,
     Results,
-    _at,
     averaged,
     half_interval,
     theory_of,
@@ -406,11 +406,10 @@ def test_the_range_of_starts_is_no_interval_of_time() -> None:
 def test_theory_of_theta_between_points_is_a_mean_of_ratios_as_that_of_the_rows() -> None:
     """Rows at 1 and 2 with T = 1, 2 and T_rot = 1, 1: the mean of ratios is 3/4, the ratio of means 2/3."""
     places = np.array([0.0, 1.0, 2.0])
-    curves = Predicted(places, places, np.array([9.0, 1.0, 2.0]), np.array([9.0, 1.0, 1.0]), "Gaussian")
-    weights = np.array([0.0, 1.0, 1.0])
-    found = [_at(curves, name, "time", places, weights) for name in THEORY]
-    assert found == [1.5, 1.0, 0.75]
-    assert np.isnan(_at(curves, "theta", "time", places + 1.0, weights))  # beyond the curves
+    curves = Predicted(places, places, np.array([9.0, 1.0, 2.0]), np.array([9.0, 1.0, 1.0]), "Gaussian", None)
+    rows = Rows("time", places, np.array([0.0, 1.0, 1.0]), 2.0)
+    assert [_of_curves(name, curves, rows) for name in THEORY] == [1.5, 1.0, 0.75]
+    assert np.isnan(_of_curves("theta", curves, rows._replace(places=places + 1.0)))  # beyond the curves
 
 
 def test_stresses_of_a_flow_stand_beside_those_of_theory(sheared: ifrdem.Study) -> None:
