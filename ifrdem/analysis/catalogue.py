@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, TheoryError
 from ..quantities import COMPONENTS, STRESS_SERIES
+from ..theory.choose import is_closed
 from ..theory.sonine import cooling_sonine
 from ..tools.checked import Array
 from ..tools.intervals import PERCENT, of_count
@@ -38,7 +39,7 @@ from . import (
 )
 from . import result as stored
 from . import stress as stresses
-from .gas_theory import FLOW, gas_of
+from .gas_theory import FLOW, gas_of, name_of_theory
 from .result import Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
 from .steadiness import is_stationary, stationarity_warning
 from .window import steady_frames
@@ -692,7 +693,7 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
         of_viscosity = unit(trajectory, "energy time/length^2")
         viscosity = total["xy"].times(-1.0 / rate)
         rows.append(Reading.of("viscosity -P_xy / shear rate", viscosity, of_viscosity, "viscosity"))
-        of_theory = _flow_by_theory(trajectory, rate, rows, of_viscosity)
+        of_theory = _flow_by_theory(trajectory, rate, span, rows, of_viscosity)
     notes = ["P_ab: flux of momentum along a through a line with its normal along b, positive in compression"]
     notes += [*stored.few_rows(found.rows, "rows of the series"), *of_theory]
     warnings = []
@@ -707,18 +708,23 @@ def of_stress(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluatio
     return Evaluation(found, rows, {"": table}, notes, span, warnings)
 
 
-def _flow_by_theory(trajectory: Trajectory, rate: float, rows: list[Reading], of_viscosity: str) -> list[str]:
-    """Add the ratios of stresses of the steady flow by kinetic theory to rows; return a note on it, or why there is none."""
+def _flow_by_theory(
+    trajectory: Trajectory, rate: float, span: tuple[float, float], rows: list[Reading], of_viscosity: str
+) -> list[str]:
+    """Add the ratios of stresses of a flow by the theory in use to rows; return a note on it, or why there is none."""
     gas = gas_of(trajectory)
     if isinstance(gas, str):
         return [gas]
     try:
-        of_theory = gas.of_flow(rate)
+        first = float(trajectory.times[0])
+        of_theory = gas.of_flow(rate, (span[0] - first, span[1] - first))
     except (InputError, TheoryError) as error:
         return [str(error)]
     for key, value in of_theory.items():
         of = of_viscosity if key == "viscosity" else ""
-        rows.append(Reading(f"{FLOW[key]} by kinetic theory", value, unit=of, key=f"{key}_theory"))
+        rows.append(Reading(f"{FLOW[key]} by {name_of_theory()}", value, unit=of, key=f"{key}_theory"))
+    if not is_closed():
+        return ["DSMC: of a homogeneous flow from the temperatures of the first frame, over the same times"]
     return ["kinetic theory: steady state of a homogeneous flow (`theory.steady_flow`)"]
 
 

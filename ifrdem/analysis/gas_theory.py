@@ -42,6 +42,8 @@ VELOCITIES = {"gaussian": "Gaussian", "sonine": "Sonine", "dsmc": "DSMC"}
 """Words for `theory.Prediction.velocities` in legends."""
 FLOW = {"N_1": "N_1", "friction": "friction", "T_x_over_T_y": "T_x / T_y", "viscosity": "viscosity"}
 """Numbers of `analyse stress` in a flow for which there is a theory: their keys, and what they are called."""
+FLOW_ROWS = 201
+"""Times at which DSMC of a flow is sampled."""
 LONGER = 1e6
 """Longest curve of theory, in durations of the run, where theory needs more time for the collisions of the run."""
 
@@ -108,14 +110,20 @@ class TheoryGas:
                     raise InputError(f"{text}: no kinetic theory here")
             return steady_flow(*self.one_kind, shear_rate)
 
-    def of_flow(self, shear_rate: float) -> dict[str, float]:
-        """Ratios of stresses and the viscosity [energy time/length^2] of the steady flow, by the keys of `FLOW`.
+    def of_flow(self, shear_rate: float, span: tuple[float, float] = (0.0, 0.0)) -> dict[str, float]:
+        """Ratios of stresses and the viscosity [energy time/length^2] of a flow, by the keys of `FLOW`.
 
-        InputError or TheoryError where no theory describes the gas, InputError where there is no steady state.
+        Of the steady flow; by DSMC means over a `span` of times after the first frame. InputError or TheoryError where
+        no theory describes the gas, InputError where there is no steady state.
         """
-        if (flow := self.steady_flow(shear_rate)) is None:
+        if not is_closed():
+            of_time = self.prediction(np.linspace(0.0, span[1], FLOW_ROWS), shear_rate).stress
+            assert of_time is not None
+            stress = of_time(span[0])
+        elif (flow := self.steady_flow(shear_rate)) is None:
             raise InputError("no steady state by kinetic theory: the flow heats this gas without end")
-        stress = flow.stress
+        else:
+            stress = flow.stress
         ratios = stress.normal_difference, stress.friction, stress.temperature_ratio
         return dict(zip(FLOW, (*ratios, -float(stress.total[0, 1]) / shear_rate), strict=True))
 
@@ -171,6 +179,11 @@ class TheoryGas:
             else ("kinetic theory", f", {VELOCITIES[found.velocities]}")
         )
         return f"{by} (homogeneous {what}){words}"
+
+
+def name_of_theory() -> str:
+    """Name of the theory in use, in texts and legends."""
+    return "kinetic theory" if is_closed() else "DSMC"
 
 
 def gas_of(trajectory: Trajectory) -> TheoryGas | str:

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 
 from .. import analysis
 from ..analysis.averages import OF_DISKS, ProfileSequence
+from ..analysis.gas_theory import name_of_theory
 from ..analysis.histograms import TITLES
 from ..analysis.motion import Displacement
 from ..analysis.result import NOT_STATIONARY, Evaluation
@@ -662,8 +663,14 @@ def _pressure(axes: Axes, found: analysis.Pressure) -> None:
     grid(axes)
 
 
-def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
-    """The pressure tensor in blocks of time, and the kinetic and collisional part of its mean."""
+def stress(left: Axes, right: Axes, *rest: Any) -> None:
+    """The pressure tensor in blocks of time, the kinetic and collisional part of its mean, and ratios in a flow.
+
+    `rest`: the axes of these ratios or none, the trajectory or None, and the result.
+    """
+    *of_flow, trajectory, evaluation = rest
+    for axes in of_flow:
+        _flow_ratios(axes, evaluation)
     found = evaluation.result
     names, at = TENSOR, INDICES
     for name, (a, b), color in zip(names, at, COLORS, strict=True):
@@ -690,6 +697,39 @@ def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: E
     right.set_ylabel(label(trajectory, "mean pressure tensor", "energy/length^2"))
     legend_above(right, 3)
     grid(left, right)
+
+
+RATIOS_OF_FLOW = {
+    "N_1": r"$N_1 = (P_{xx} - P_{yy}) / p$",
+    "friction": "$-P_{xy} / P_{yy}$",
+    "T_x_over_T_y": "$T_x / T_y$",
+}
+"""Labels of ratios of a flow, by their keys."""
+
+
+def _flow_ratios(axes: Axes, evaluation: Evaluation) -> None:
+    """Ratios of stresses of a sheared gas with their intervals, beside those of the theory in use."""
+    rows = {row.key: row for row in evaluation.rows}
+    known = [rows[key] for key in RATIOS_OF_FLOW if key in rows]
+    place = np.arange(float(len(known)))
+    half = [float(student_t(row.n_eff)) * row.error for row in known]
+    axes.errorbar(
+        place, [row.value for row in known], half, ms=6, capsize=3.0, label=f"disks, {PERCENT} intervals", **marks(TRANSLATION)
+    )  # fmt: skip
+    of_theory = [
+        (at, rows[f"{row.key}_theory"].value)
+        for at, row in zip(place, known, strict=True)
+        if f"{row.key}_theory" in rows
+    ]
+    if of_theory:
+        axes.plot(
+            *zip(*of_theory, strict=True), "_", ms=22, mew=1.8, color=ROTATION, label=f"{name_of_theory()} (homogeneous flow)"
+        )  # fmt: skip
+    axes.set_xticks(place, [RATIOS_OF_FLOW[row.key] for row in known])
+    axes.set(xlim=(-0.5, len(known) - 0.5), ylabel="ratio of mean stresses, or temperatures")
+    axes.set_ylim(bottom=min(0.0, *(row.value for row in known)))
+    legend_above(axes, 1)
+    grid(axes)
 
 
 COEFFICIENTS = {

@@ -288,6 +288,8 @@ def _layout(trajectory: Trajectory, what: str, axis: str | None = None) -> dict[
     if what == "ledger":  # only runs that count every collision have a residual
         known = "ledger_residual" in {*trajectory.series, *trajectory.observables}
         return UPPER_AND_LOWER if known else {}
+    if what == "stress" and trajectory.box.shear_rate:
+        return {"ncols": 3}
     if what in LAYOUTS:
         return LAYOUTS[what]
     from .analyses import PANELS

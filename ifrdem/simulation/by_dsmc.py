@@ -80,7 +80,7 @@ def dsmc_prediction(
         "sheared" if shear_rate else "driven" if forces else "cooling"
     )
     whole = found.temperature[1:], found.rotational_temperature[1:], found.collisions_per_disk[1:]
-    return Prediction(name, *whole, None if shear_rate else of, "dsmc")
+    return Prediction(name, *whole, *((None, "dsmc", found.stress) if shear_rate else (of, "dsmc")))
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ import pytest
 from support.cases import case_text
 
 import ifrdem
-from ifrdem.analysis.gas_theory import gas_of
+from ifrdem.analysis.gas_theory import TheoryGas, gas_of
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.model.laws.ifr import IFRLaw
@@ -62,6 +62,21 @@ def test_driven_and_sheared_gases_are_followed() -> None:
         dsmc_prediction(disks, COIN, 0.2, 1.0, 0.0, TIMES, forces=[{"kind": "drag", "quadratic": 1.0}])
     with pytest.raises(InputError, match="nothing moves"):
         dsmc_prediction(disks, COIN, 0.2, 0.0, 0.0, TIMES)
+
+
+def test_stresses_of_a_flow_are_those_of_dsmc() -> None:
+    """Smooth disks, e_n = 0.8: anisotropic Gaussians are within 6 % of Enskog's equation (`theory.steady_flow`)."""
+    disks = Disks(100, 1.0, 0.5)
+    smooth = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)
+    gas = TheoryGas(
+        disks, [[smooth]], 0.1, np.array([1.2]), np.array([0.0]), [], np.zeros(100, dtype=np.int64)
+    )
+    closed = gas.of_flow(0.5)
+    with theory_by(dsmc=True):
+        found = gas.of_flow(0.5, (15.0, 40.0))
+    assert found != closed
+    assert {*found} == {*closed}
+    np.testing.assert_allclose([*found.values()], [*closed.values()], rtol=0.1)
 
 
 def test_pictures_take_dsmc_also_of_laws_without_theory(

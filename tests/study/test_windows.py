@@ -13,6 +13,7 @@ from support.cases import case_text
 from test_study import CASE
 
 import ifrdem
+from ifrdem import plots
 from ifrdem.analysis.catalogue import FUNCTIONS
 from ifrdem.analysis.common import mean_errors
 from ifrdem.analysis.motion import of_msd
@@ -426,6 +427,19 @@ def test_stresses_of_a_flow_stand_beside_those_of_theory(sheared: ifrdem.Study) 
     assert float(row[place:].split()[0]) == pytest.approx(theory.values.ravel()[0], rel=1e-5)
     assert any(line.startswith("  stress_T_x_over_T_y against kinetic theory: chi2 = ") for line in lines)
     assert "stress_N_1_theory" not in describe(sheared.output)
+
+
+def test_ratios_of_stresses_are_drawn_beside_theory(sheared: ifrdem.Study) -> None:
+    """A third panel of a sheared gas has N_1, friction and T_x / T_y of the disks, and those of the theory."""
+    path = sheared.folder / f"{sheared.results().values('run')[0]}.h5"
+    with ifrdem.Trajectory(path) as run:
+        rows = {row.key: row.value for row in FUNCTIONS["stress"](run, None).rows}
+        *_, axes = plots.figure(run, "stress").axes
+    (seen,) = (each for each in axes.lines if "kinetic theory" in each.get_label())
+    names = ("N_1", "friction", "T_x_over_T_y")
+    assert seen.get_ydata() == pytest.approx([rows[f"{name}_theory"] for name in names])
+    (bars,) = axes.containers
+    assert bars[0].get_ydata() == pytest.approx([rows[name] for name in names])
 
 
 @pytest.mark.parametrize(
