@@ -43,7 +43,8 @@ from scipy.special import gamma
 
 from ...case import shipped
 from ...study.figure import draw
-from ...study.results import Results, averaged
+from ...study.plan import VARIANT
+from ...study.results import Results, averaged, stored_case
 from ...study.study import Study
 from ...theory.collisions import collision_rate
 from ...theory.rough_gas import rough_sonine
@@ -76,6 +77,11 @@ def study_of(name: str, seeds: range, folder: str) -> Results:
     return it.results()
 
 
+def case_of(found: Results, **fixed: int) -> Any:
+    """The case of a point of a study: of the first one, but for positions on its dimensions."""
+    return stored_case(found, dict.fromkeys(found.axes, 0) | fixed).case
+
+
 def run(quick: bool, seed: int) -> Result:
     result = Result()
     with tempfile.TemporaryDirectory() as folder:
@@ -103,14 +109,15 @@ def luding(e: float, beta: float, tau: float, T: float, T_rot: float) -> Array:
 
 def rough(result: Result, found: Results, seeds: range) -> None:
     """The ratio of temperatures at the end, and how far T has fallen by 10 collisions per disk."""
-    e, tau = 0.9, found.row_places
+    case, tau = case_of(found), found.row_places
+    e = case.material[0].e_n
     T, T_rot = found.values("temperature"), found.values("rotational_temperature")
     middle = int(np.flatnonzero(tau == 10.0)[0])
     for i, beta in enumerate(found.values("beta").tolist()):
         start = float(T[i, :, 0].mean()), float(T_rot[i, :, 0].mean())
         right = luding(e, beta, float(tau[-1]), *start)
         theta, sonine = ratio(T_rot[i, :, -1], T[i, :, -1]), rough_sonine(e, beta).theta
-        options: Any = {"disks": 1000, "seeds": seeds, "source": LUDING}
+        options: Any = {"disks": case.species[0].number, "seeds": seeds, "source": LUDING}
         expected = float(right[1] / right[0])
         compare(
             result, f"T_rot / T of rough disks, e_n = {e}, beta = {beta}, tau = {tau[-1]:g}", theta, expected,
@@ -134,16 +141,17 @@ def limit(e: float, beta: float) -> float:
 def viscoelastic(result: Result, found: Results, seeds: range) -> None:
     """T of both laws at the end, in time, and how steeply it falls there."""
     names = found.values("variant").tolist()
-    n, phi = 1000, 0.02
-    nu = collision_rate(phi, 1.0, 1.0, 0.5)
-    # d of e = 1 - C_1 d g^(1/5) + ..., as of the law in the study: (3/2) A (k / m_n)^(2/5), k = 2 Y sqrt(R) / 3
-    A, Y = 0.03512, 1.0
-    x = 1.15344 * 1.5 * A * (2.0 * Y * np.sqrt(0.25) / 3.0 / 0.5) ** 0.4
+    cases = {name: case_of(found, **{VARIANT: i}) for i, name in enumerate(names)}
+    case, of_speed = cases["viscoelastic"], cases["viscoelastic"].material[0]
+    nu = collision_rate(case.box.packing_fraction, 1.0, 1.0, 0.5)
+    # d of e = 1 - C_1 d g^(1/5) + ..., of the law: (3/2) A (k / m_n)^(2/5), k = 2 Y sqrt(R) / 3
+    x = 1.15344 * 1.5 * of_speed.A * (2.0 * of_speed.Y * np.sqrt(0.25) / 3.0 / 0.5) ** 0.4
+    e_n = cases["constant e_n"].material[0].e_n
     rates: dict[str, Callable[[float], float]] = {
         "viscoelastic": lambda T: (
             x * gamma(2.1) * 4.0**0.1 * T**1.1 - 1.1 * x**2 * gamma(2.2) * 4.0**0.2 * T**1.2
         ),
-        "constant e_n": lambda T: 0.5 * (1.0 - 0.95**2) * T,
+        "constant e_n": lambda T: 0.5 * (1.0 - e_n**2) * T,
     }
     T, when = found.values("temperature"), found.values("time")
     tau = found.row_places
@@ -165,7 +173,11 @@ def viscoelastic(result: Result, found: Results, seeds: range) -> None:
         )
         ends = when[i].mean(axis=0)[[late, -1]]
         right = whole.sol(np.minimum(ends, whole.t[-1]))[0]
-        options: Any = {"disks": n, "seeds": seeds, "source": BRILLIANTOV if name in SPEED else "Haff's law"}
+        options: Any = {
+            "disks": case.species[0].number,
+            "seeds": seeds,
+            "source": BRILLIANTOV if name in SPEED else "Haff's law",
+        }
         compare(
             result, f"T over T(0) at tau = {tau[late]:g}, {name}", ratio(T[i, :, late], T[i, :, 0]), float(by_tau.y[0, -1]),
             systematic=0.04 * float(by_tau.y[0, -1]), why="4 %: cumulants, streams", widest=0.1, **options,
@@ -195,20 +207,21 @@ def _after(tau: float) -> Any:
 
 def mixtures(result: Result, found: Results, seeds: range) -> None:
     """The ratio of temperatures of light over heavy disks."""
-    values = found.values("species_T_ratio_light")
+    values, case = found.values("species_T_ratio_light"), case_of(found)
+    phi, disks = case.box.packing_fraction, sum(each.number for each in case.species)
     for i, e_n in enumerate(found.values("e_n").tolist()):
         for j, mass in enumerate(found.values("mass").tolist()):
-            expected = 1.0 / species.equal_rates(e_n, np.array([1.0, mass]), 0.02)
+            expected = 1.0 / species.equal_rates(e_n, np.array([case.species[1].mass, mass]), phi)
             compare(
                 result, f"T of light / T of heavy disks of a cooling mixture, m_2 / m_1 = {mass:g}, e_n = {e_n}",
-                values[i, j], expected, disks=400, seeds=seeds, systematic=0.03 * expected, widest=0.2, source=GARZO,
+                values[i, j], expected, disks=disks, seeds=seeds, systematic=0.03 * expected, widest=0.2, source=GARZO,
                 why="3 %: velocities that are not quite Maxwellian, streams",
             )  # fmt: skip
 
 
 def sheared(result: Result, found: Results, seeds: range) -> None:
     """Ratios of stresses of the steady flow."""
-    means = averaged(found)
+    means, case = averaged(found), case_of(found)
     for i, e in enumerate(found.values("e_n").tolist()):
         zeta, beta = 0.5 * (1.0 - e**2), (1.0 + e) * (3.0 + e) / 8.0
         for name, key, expected in (
@@ -218,8 +231,8 @@ def sheared(result: Result, found: Results, seeds: range) -> None:
         ):
             by_theory = float(means.variables[f"{key}_theory_mean"].values[i])
             compare(
-                result, f"{name} of sheared smooth disks, phi = 0.01, e_n = {e}", means.values(key)[i], expected,
-                disks=400, seeds=seeds, systematic=abs(by_theory - expected) + 0.03 * expected, widest=0.25,
+                result, f"{name} of sheared smooth disks, phi = {case.box.packing_fraction}, e_n = {e}", means.values(key)[i], expected,
+                disks=case.species[0].number, seeds=seeds, systematic=abs(by_theory - expected) + 0.03 * expected, widest=0.25,
                 source=SANTOS, why="what Grad's first order leaves out (theory.steady_flow); 3 %: density, waves",
             )  # fmt: skip
 
