@@ -8,7 +8,7 @@ and softness of contacts.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -100,23 +100,25 @@ def tangential(law: CollisionLaw, row: Array, g_n: Array, g_t: Array) -> Array:
     return impulses(type(law), [np.asarray(given[name]) for name in OF_PAIR], [*row])[1]
 
 
-def fitted(contact: Contact) -> dict[str, CollisionLaw]:
-    """Walton's law and the IFR law with both kinds of sticking, fitted to impacts of a gas: least squares of P_t.
+def fitted(
+    contact: Contact, names: Sequence[str] = (WALTON, PERCUSSION, CONTACT_POINT), number: int = 400
+) -> dict[str, CollisionLaw]:
+    """Walton's law and the IFR law with both kinds of sticking, fitted to so many impacts of a gas: least squares of P_t.
 
     Errors of velocities and spins that are equal in energy weight P_t equally in all impacts.
     """
     from scipy.optimize import least_squares
 
-    found = impacts_of_gas(contact)
+    found = impacts_of_gas(contact, number)
     P_t = found.ratio * M_N * (found.g_n - found.h_n)
     e_n = float(np.sum(found.e_n * found.g_n**2) / np.sum(found.g_n**2))
 
     def best(law: type[CollisionLaw], name: str, low: float, **fixed: str) -> CollisionLaw:
-        def made(values: Array) -> CollisionLaw:
+        def law_at(values: Array) -> CollisionLaw:
             return law(e_n=e_n, mu=float(values[1]), **{name: float(values[0])}, **fixed)  # type: ignore[arg-type]
 
         def off(values: Array) -> Array:
-            one = made(values)
+            one = law_at(values)
             return tangential(one, np.array(one.table_row()), found.g_n, found.g_t) - P_t
 
         # beta_0 up to 1; more than 0 for e_t adds energy.
@@ -124,13 +126,14 @@ def fitted(contact: Contact) -> dict[str, CollisionLaw]:
         at = least_squares(
             off, (low + 0.2, MU), bounds=((low, 0.0), (most, 2.0)), x_scale=0.1, diff_step=1e-6
         )
-        return made(at.x)
+        return law_at(at.x)
 
-    return {
-        WALTON: best(Walton, "beta_0", -1.0),
-        PERCUSSION: best(IFRLaw, "e_t", -1.0, sticking="percussion_center"),
-        CONTACT_POINT: best(IFRLaw, "e_t", -1.0, sticking="contact_point"),
+    made: dict[str, Callable[[], CollisionLaw]] = {
+        WALTON: lambda: best(Walton, "beta_0", -1.0),
+        PERCUSSION: lambda: best(IFRLaw, "e_t", -1.0, sticking="percussion_center"),
+        CONTACT_POINT: lambda: best(IFRLaw, "e_t", -1.0, sticking="contact_point"),
     }
+    return {name: made[name]() for name in names}
 
 
 def named(law: CollisionLaw) -> str:

@@ -25,6 +25,8 @@ SPEEDS = np.array([0.1, 0.5, 1.0, 1.77, 3.0, 5.0])
 PSI = np.radians([50.0, 60.0, 70.0, 80.0])
 STICKING = [20.0, 25.0, 30.0, 35.0]
 """Angles [degrees] at which e_t* is positive, so that both laws have such a coefficient."""
+POISSON, FRICTION, IMPACTS = (0.0, 0.2, 0.33, 0.5), (0.1, 0.2, 0.5, 1.0), 1000
+"""Poisson's ratios and coefficients of friction, and impacts of a gas for each."""
 SHAPES = {"disks": world.DISK, "spheres": world.SPHERE}
 LOSS = (1e-4, 1.2e-3)
 """How much less e_n is where a contact pulls at its end: seen 1.6e-4 to 1.06e-3."""
@@ -40,6 +42,8 @@ def run(quick: bool) -> Result:
     _scaling(result)
     found = contacts.fitted(contacts.hertz_mindlin(OVERLAP))
     _fits(result, found)
+    if not quick:
+        _coefficients(result)
     result.pictures.append(_figure(found))
     return result
 
@@ -174,6 +178,22 @@ def _fits(result: Result, found: dict[str, CollisionLaw]) -> None:
         "Laws fitted to Hertz-Mindlin impacts of a gas with T = T_rot", ("law", "coefficients", "rms error of P_t (%)",
         "energy that P_t takes, less that of Hertz-Mindlin (%)"), lines,
         f"{len(all_.g_n)} impacts, e_n = {contacts.E_N}, mu = {MU}, Poisson's ratio {world.NU}; least squares of P_t.",
+    )  # fmt: skip
+
+
+def _coefficients(result: Result) -> None:
+    """beta_0 of Walton's law by Poisson's ratio and friction."""
+    lines: list[tuple[str | float, ...]] = []
+    for nu in POISSON:
+        line: list[str | float] = [f"{nu:g}"]
+        for mu in FRICTION:
+            contact = contacts.hertz_mindlin(OVERLAP)._replace(mu=mu, nu=nu)
+            law = contacts.fitted(contact, (contacts.WALTON,), IMPACTS)[contacts.WALTON]
+            line.append(f"{getattr(law, 'beta_0'):.2f}")  # noqa: B009
+        lines.append(tuple(line))
+    result.table(
+        "beta_0 of Walton's law for Hertz-Mindlin contacts of disks", ("nu", *(f"mu = {mu:g}" for mu in FRICTION)), lines,
+        f"Fitted to {IMPACTS} impacts of a gas with T = T_rot, e_n = {contacts.E_N}; least squares of P_t.",
     )  # fmt: skip
 
 

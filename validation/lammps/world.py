@@ -38,6 +38,7 @@ class Contact(NamedTuple):
     k: float
     """Normal force over overlap^(3/2)."""
     mu: float = 0.2
+    nu: float = NU
     damping: str = "coeff_restitution"
     eta: float = 0.9
     """What `damping` takes: e_n, or the viscosity of `viscoelastic`."""
@@ -57,7 +58,7 @@ class Contact(NamedTuple):
     @property
     def command(self) -> str:
         """The line pair_coeff."""
-        normal = f"hertz/material {self.modulus * (1.0 - NU**2)!r} {self.eta!r} {NU!r}"
+        normal = f"hertz/material {self.modulus * (1.0 - self.nu**2)!r} {self.eta!r} {self.nu!r}"
         tangential = f"tangential mindlin_rescale NULL 1.0 {self.mu!r}"
         return f"pair_coeff * * {normal} {tangential} damping {self.damping}" + " limit_damping" * self.limit
 
