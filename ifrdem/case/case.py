@@ -632,17 +632,20 @@ class StartSection(Section):
             ]
         given = [key for key in ("frame", "motion", "time") if key in data]
         if given and "file" not in data and isinstance(positions, str) and not is_trajectory(positions):
-            also = ', or "time" with a CSV file' if given == ["time"] else ""
-            return [
-                f'{", ".join(given)}: requires positions = "NAME.h5", the frame of a trajectory, or file, a dump of LAMMPS or extended XYZ{also}'
-            ]
+            also = "" if "motion" in given else ", or file, a dump of LAMMPS or extended XYZ"
+            also += ', or "time" with a CSV file' if given == ["time"] else ""
+            return [f'{", ".join(given)}: requires positions = "NAME.h5", the frame of a trajectory{also}']
         scan = [key for key in ("psi", "speed") if key in data]
         if positions == IMPACT_SCAN and "speed" not in data:
             return [f'positions = "{IMPACT_SCAN}": speed is missing, that of the disks that hit']
         if scan and positions != IMPACT_SCAN:
             return [f'{", ".join(scan)}: requires positions = "{IMPACT_SCAN}"']
         if "file" in data:
-            return exclusive_with(data, "file", "positions", "motion")
+            if "motion" in data:
+                return [
+                    "motion cannot be combined with file, whose columns of velocities and spins are taken by themselves: leave it out"
+                ]
+            return exclusive_with(data, "file", "positions")
         of_file = [key for key in ("columns", "units", "delimiter", "decimal", "relax") if key in data]
         return [f"{', '.join(of_file)}: requires file"] * bool(of_file and file is None)
 
