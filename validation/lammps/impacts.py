@@ -25,8 +25,13 @@ SPEEDS = np.array([0.1, 0.5, 1.0, 1.77, 3.0, 5.0])
 PSI = np.radians([50.0, 60.0, 70.0, 80.0])
 STICKING = [20.0, 25.0, 30.0, 35.0]
 """Angles [degrees] at which e_t* is positive, so that both laws have such a coefficient."""
-POISSON, FRICTION, IMPACTS = (0.0, 0.2, 0.33, 0.5), (0.1, 0.2, 0.5, 1.0), 1000
-"""Poisson's ratios and coefficients of friction, and impacts of a gas for each."""
+POISSON, FRICTION, RESTITUTION, IMPACTS = (
+    (0.0, 0.2, 0.33, 0.5),
+    (0.1, 0.2, 0.5, 1.0),
+    (0.5, 0.7, 0.8, 0.9, 0.97),
+    1000,
+)
+"""Poisson's ratios, coefficients of friction and restitution, and impacts of a gas for each."""
 SHAPES = {"disks": world.DISK, "spheres": world.SPHERE}
 LOSS = (1e-4, 1.2e-3)
 """How much less e_n is where a contact pulls at its end: seen 1.6e-4 to 1.06e-3."""
@@ -182,19 +187,22 @@ def _fits(result: Result, found: dict[str, CollisionLaw]) -> None:
 
 
 def _coefficients(result: Result) -> None:
-    """beta_0 of Walton's law by Poisson's ratio and friction."""
-    lines: list[tuple[str | float, ...]] = []
-    for nu in POISSON:
-        line: list[str | float] = [f"{nu:g}"]
-        for mu in FRICTION:
-            contact = contacts.hertz_mindlin(OVERLAP)._replace(mu=mu, nu=nu)
-            law = contacts.fitted(contact, (contacts.WALTON,), IMPACTS)[contacts.WALTON]
-            line.append(f"{getattr(law, 'beta_0'):.2f}")  # noqa: B009
-        lines.append(tuple(line))
-    result.table(
-        "beta_0 of Walton's law for Hertz-Mindlin contacts of disks", ("nu", *(f"mu = {mu:g}" for mu in FRICTION)), lines,
-        f"Fitted to {IMPACTS} impacts of a gas with T = T_rot, e_n = {contacts.E_N}; least squares of P_t.",
-    )  # fmt: skip
+    """beta_0 of Walton's law by Poisson's ratio and friction, and by Poisson's ratio and restitution."""
+    for name, of, fixed in (("mu", FRICTION, f"e_n = {contacts.E_N}"), ("e_n", RESTITUTION, f"mu = {MU}")):
+        lines: list[tuple[str | float, ...]] = []
+        for nu in POISSON:
+            line: list[str | float] = [f"{nu:g}"]
+            for value in of:
+                contact = contacts.hertz_mindlin(OVERLAP)._replace(nu=nu)
+                contact = contact._replace(mu=value) if name == "mu" else contact._replace(eta=value)
+                law = contacts.fitted(contact, (contacts.WALTON,), IMPACTS)[contacts.WALTON]
+                assert isinstance(law, Walton)
+                line.append(f"{law.beta_0:.2f}")
+            lines.append(tuple(line))
+        result.table(
+            f"beta_0 of Walton's law for Hertz-Mindlin contacts of disks, {fixed}", ("nu", *(f"{name} = {one:g}" for one in of)),
+            lines, f"Fitted to {IMPACTS} impacts of a gas with T = T_rot; least squares of P_t.",
+        )  # fmt: skip
 
 
 def _by_definition(impacts: world.SingleImpacts, P_t: Array, *, walton: bool) -> float:
