@@ -8,6 +8,7 @@ length of the step, only its cost does; steps too long for the periodic sides ar
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple
@@ -19,7 +20,7 @@ from .errors import InelasticCollapse, InputError
 from .model.laws.collision import collide
 from .model.laws.law import CollisionLaw
 from .model.laws.records import any_law
-from .tools.checked import LEAST, Array, Numbers, Positive, PositivePerDisk, validated
+from .tools.checked import LEAST, MOST, Array, Numbers, Positive, PositivePerDisk, validated
 from .tools.values import must_be
 
 __all__ = ["Hit", "collide_step"]
@@ -37,10 +38,11 @@ LawOfPair = Callable[[int, int], Any]
 
 
 def _in_place(name: str, value: Any) -> Any:
-    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or not value.flags.writeable:
+    plain = isinstance(value, np.ndarray) and not isinstance(value, np.matrix | np.ma.MaskedArray)
+    if not plain or value.dtype != np.float64 or not value.flags.writeable:
         raise must_be(name, value, "an array of float64, which is changed in place")
-    if not np.isfinite(value).all():
-        raise must_be(name, value, "finite numbers")
+    if not (np.abs(value) <= MOST).all():
+        raise must_be(name, value, f"finite numbers, at most {MOST:g} in size")
     return value
 
 
@@ -48,6 +50,8 @@ InPlace = Annotated[Array, _in_place]
 
 
 def _law(name: str, value: Any) -> Any:
+    if isinstance(value, type) and issubclass(value, CollisionLaw):
+        raise must_be(name, value, f"a law with its coefficients, {value.__name__}(...), not its class")
     return value if callable(value) else any_law(name, value)
 
 
@@ -115,7 +119,7 @@ def collide_step(
     Raises
     ------
     InputError
-        If a shape does not fit, a value is not finite, or the law can add energy for a pair; if a disk of infinite mass
+        If a shape does not fit, a value is not finite, arrays share memory, or the law can add energy for a pair; if a disk of infinite mass
         moves; or if two disks move, relative to each other, by more than half a periodic side less their contact
         distance within the step.
     InelasticCollapse
@@ -140,9 +144,13 @@ def collide_step(
     """
     n = len(np.ravel(spin))
     arrays = {"spin": (spin, (n,)), "position": (position, (n, 2)), "velocity": (velocity, (n, 2))}
-    for name, (each, shape) in (arrays | ({} if angle is None else {"angle": (angle, (n,))})).items():
+    arrays |= {} if angle is None else {"angle": (angle, (n,))}
+    for name, (each, shape) in arrays.items():
         if each.shape != shape:
             raise must_be(name, each, f"of shape {shape}")
+    for (one, (first, _)), (other, (second, _)) in itertools.combinations(arrays.items(), 2):
+        if np.shares_memory(first, second):
+            raise InputError(f"{one}, {other}: must be arrays of their own, which are changed in place")
     try:
         lines = np.array([[point, normal] for point, normal in walls], dtype=float).reshape(-1, 2, 2)
     except (TypeError, ValueError):

@@ -148,6 +148,10 @@ def test_what_cannot_be_collided_is_refused() -> None:
         ({"mass": [1.0, -1.0]}, "mass.* must be positive"),
         ({"dt": 0.0}, "dt = 0.0: must be"),
         ({"law": "ifr"}, "law = 'ifr': must be a law"),
+        ({"law": ifrdem.IFRLaw}, r"law = .*IFRLaw.*: must be a law with its coefficients, IFRLaw\(\.\.\.\)"),
+        ({"velocity": x}, "position, velocity: must be arrays of their own"),
+        ({"velocity": v + 1e60}, r"velocity = .*: must be finite numbers, at most 1e\+50"),
+        ({"position": np.ma.masked_array(x)}, "position = .*: must be an array of float64"),
         (
             {"velocity": v + 1.0, "mass": [math.inf, 1.0]},
             "velocity = .*: must be 0 for disks of infinite mass",
