@@ -110,6 +110,11 @@ class TableFormat:
 Setting = Callable[[str, str, str], str]
 
 
+def no_setting(_key: str, _value: str, _name: str) -> str:
+    """For files whose form nothing sets."""
+    return ""
+
+
 def _setting(key: str, value: str, name: str) -> str:
     """Text that sets a key of the format to a value, of `columns` for a name: an option of `fit`, or an argument."""
     if name:
@@ -246,7 +251,8 @@ def _add(
                 problems.append(f"{name} = {text or 'nothing'}: must be a finite number")
         elif number_of(number) is None or (form.decimal == "," and "." in text):
             commas = form.decimal == "." and number_of(text.replace(",", ".")) is not None
-            hint = f"; {setting('decimal', ',', '')} reads a comma" if commas else ""
+            how = setting("decimal", ",", "") if commas else ""
+            hint = f"; {how} reads a comma" if how else ""
             problems.append(f"{name} = {printable(cut(text))}: must be a number{hint}")
         elif not math.isfinite(float(number)) and not name.startswith("mass_"):
             problems.append(f"{name} = {cut(text)}: must be a finite number")
@@ -327,9 +333,10 @@ def _header(
         if len(header) == 1 < len(parts) and (
             sign != " " or all(_standard(one, spellings)[0] for one in parts)
         ):
+            how = setting("delimiter", sign, "")
+            hint = f"; {how} reads them" if how else ""
             raise InputError(
-                f"line {line}: columns must be separated by '{form.delimiter}', and here are {kind}; "
-                f"{setting('delimiter', sign, '')} reads them"
+                f"line {line}: columns must be separated by '{form.delimiter}', and here are {kind}{hint}"
             )
     assigned = {text.strip(): name for name, text in form.columns.items()}
     present = [text.strip() for text in header]
@@ -358,7 +365,7 @@ def _header(
             if close and text not in assigned and not _standard(text, spellings)[0]:
                 shown = printable(cut(text))
                 how = setting("columns", shown, close[0])
-                hint = f"(did you mean '{close[0]}'?); {how} says that it is"
+                hint = f"(did you mean '{close[0]}'?){f'; {how} says that it is' if how else ''}"
                 problems.append(f"line {line}: unknown column '{shown}' {hint}")
             unused.append(text)
             unit = None

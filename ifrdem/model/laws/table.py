@@ -155,7 +155,7 @@ class TableLaw(CollisionLaw):
         array([0.176, 0.364, 0.839])
         """
         names = {tables.plain(name): name for name in COLUMNS}
-        found = tables.read(Path(file), COLUMNS, names)
+        found = tables.read(Path(file), COLUMNS, names, setting=tables.no_setting)
         source, columns = str(file), found.columns
         x = "psi" if "psi" in columns else "slip"
         problems = []
@@ -205,7 +205,8 @@ class TableLaw(CollisionLaw):
         except PointRefused as error:
             at = lines.get(error.column)
             where = f"line {at[error.point]:.0f}: " if at is not None and len(at) else ""
-            raise InputError(f"{source}: {where}{error.text}") from None
+            of_psi = ", slip being tan psi" if x == "psi" and error.column == "slip" else ""
+            raise InputError(f"{source}: {where}{error.text}{of_psi}") from None
 
     @property
     def slip(self) -> Array:
