@@ -412,7 +412,8 @@ def _panel(
         dims = results.variables[f"{name}_mean"].dims
         if x in ROWS and x not in dims and AT in dims:  # places of frames, in what ends the runs
             where = results.values(AT) if own else np.interp(results.values(AT), results.row_places, where)
-        if where.dtype.kind not in "iuf":
+        own_numbers = where.dtype.kind in "iuf"
+        if not own_numbers:
             where = np.arange(len(where))
             axes.set_xticks(where, [plain(str(each)) for each in results.values(x)])
         rows = x not in results.axes
@@ -440,7 +441,7 @@ def _panel(
             axes.plot(*fine, "--", color=colour, lw=1.1)
         else:  # only at the swept values: no line joins them
             axes.plot(where, theory, "_", color=colour, ms=12, mew=1.5, gid=AT_POINTS)
-            reasons.add(fine)
+            reasons |= {fine} if own_numbers else set()
     for reason in sorted(reasons):
         note(f"theory of {name} stands at the swept values only: {reason}")
     grid(axes)

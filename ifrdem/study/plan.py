@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import itertools
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -548,6 +549,9 @@ def read(
         text, raw = case_file.load(path)
     groups = [{key: values} for key, values in study.sweep.items()] + [dict(group) for group in study.zip]
     groups += [axis_of(each) for each in vary]
+    for key in (key for group in groups for key in group if key in (VARIANT, COEFFICIENTS)):
+        way = "[[variants]] has them" if key == VARIANT else "ensemble.coefficients is their number"
+        raise InputError(f"{key}: is no key of a case that can be swept; {way}")
     lists = [{key: _values(key, each) for key, each in group.items()} for group in groups]
     axes = _axes(lists)
     changes = [*study.set, *set]
@@ -634,10 +638,26 @@ def _variants(study: StudyFile, main: Base, changes: Sequence[str], folder: Path
             path = folder / each.case if Path(each.case).suffix else shipped.find(each.case)
         try:
             text, raw = case_file.load(path)
+            _refuse_absent(raw, [*changes, *each.set], each.remove)
             found.append(_base(path, text, raw, [*changes, *each.changes], study.output))
         except InputError as error:
             raise InputError(f"variants: {each.name}: {error}") from None
     return tuple(found)
+
+
+def _refuse_absent(raw: Mapping[str, Any], changes: Sequence[str], keys: Sequence[str]) -> None:
+    """Raise InputError for the first of the keys that a parsed case, changed so, does not have."""
+    changed = copy.deepcopy(dict(raw))
+    for each in changes:
+        case_file.override(changed, each)
+    for key in keys:
+        node: Any = changed
+        for step in case_file.parse_assignment(f"{key}=")[0]:
+            near = nearest(str(step), [*node]) if isinstance(node, dict) else ""
+            try:
+                node = node[step]
+            except (KeyError, IndexError, TypeError):
+                raise InputError(f"remove: {key}: there is no such key in the case{near}") from None
 
 
 def axis_of(text: str) -> dict[str, Any]:
