@@ -453,7 +453,9 @@ def _systematic(fitted: Fitted) -> list[str]:
     p = len(found) * float(ndtr(-z))
     if not p < _NO_CHANCE:
         return []
-    exact = option_name("--error estimate --error before=0 --error normal=0", "errors = {'before': 0, 'normal': 0}")
+    exact = option_name(
+        "--error estimate --error before=0 --error normal=0", "errors = {'before': 0, 'normal': 0}"
+    )
     text = (
         f"residuals of {name} follow psi: neighbours have one sign in {100.0 * part:.0f} % of cases (p = {p:.1g}): these are "
         "no errors of measurement, the law does not hold, and standard errors, intervals and suspicious lines mean nothing"
