@@ -153,7 +153,7 @@ class SingleImpacts(NamedTuple):
     def each(self) -> list[SingleImpacts]:
         """Each impact by itself, of numbers."""
         columns = [np.ravel(column) for column in self[:-1]]
-        return [SingleImpacts(*numbers, k=self.k) for numbers in zip(*columns, strict=True)]
+        return [SingleImpacts(*numbers)._replace(k=self.k) for numbers in zip(*columns, strict=True)]
 
     @property
     def e_n(self) -> Array:
@@ -215,4 +215,4 @@ def impacts(
     found = []
     for relative, spins in ((2.0 * v, 2.0 * spin), (u[:n] - u[n:], w[:n] + w[n:])):
         found += [(relative * normal).sum(1), (relative * along).sum(1) + 0.5 * spins, spins]
-    return SingleImpacts(*found, k=k)
+    return SingleImpacts(*found)._replace(k=k)
