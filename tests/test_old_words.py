@@ -18,7 +18,7 @@ from ifrdem.case.case import CaseSections
 from ifrdem.errors import RENAMED, InputError
 from ifrdem.model.setup import Setup
 from ifrdem.runs import compare
-from ifrdem.study.lines import Line, theory_between
+from ifrdem.study.lines import TheoryLine, theory_between
 from ifrdem.study.results import Results
 from ifrdem.study.task import Variable
 from ifrdem.theory.choose import prediction
@@ -138,7 +138,7 @@ def test_theory_between_the_points_of_an_old_study_is_that_of_a_new_one() -> Non
         theory_between(Results(variables, {**of_all, "case": text}), "temperature", "e_n", {})
         for text in (CASE, old_text('"reduced" }'))
     ]
-    assert isinstance(curves[0], Line)
-    assert isinstance(curves[1], Line)
+    assert isinstance(curves[0], TheoryLine)
+    assert isinstance(curves[1], TheoryLine)
     assert np.isfinite(curves[0].theory).all()
     np.testing.assert_array_equal(curves[0].theory, curves[1].theory)

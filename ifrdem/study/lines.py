@@ -36,7 +36,7 @@ FINE = 41
 """Values between the swept ones at which theory is drawn."""
 
 
-class Line(NamedTuple):
+class TheoryLine(NamedTuple):
     """Values between those of a swept key, and kinetic theory for a quantity at them, nan where it holds not."""
 
     values: NDArray[np.float64]
@@ -52,7 +52,7 @@ class Rows(NamedTuple):
     end: float
 
 
-def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]) -> Line | str:
+def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]) -> TheoryLine | str:
     """Theory for a quantity between the values of the swept key `x`, or the reason why it is at those alone.
 
     It is that of the cases between them: of a series at the last row, or of `averaged` results a mean over rows, from
@@ -91,7 +91,7 @@ def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]
     theory = np.array(found)
     if not np.isfinite(theory).any():
         return reason or f"no theory of {name} between them"
-    return Line(np.asarray(values, dtype=float), theory)
+    return TheoryLine(np.asarray(values, dtype=float), theory)
 
 
 _Value = Callable[[CaseFile, Rows], float]

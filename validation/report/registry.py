@@ -36,7 +36,7 @@ LONG = ("lammps_cooling", "lammps_driven")
 """Cases without a shorter form: `--quick` leaves them out of their group."""
 
 GAS = (
-    "gas_state", "gas_stress", "gas_profiles", "gas_equilibrium", "gas_transport", "gas_elastic", "gas_haff", "gas_rough",
+    "gas_state", "gas_stress", "gas_profiles", "gas_equilibrium", "gas_elastic", "gas_haff", "gas_rough",
     "gas_cooling", "gas_species", "gas_driven", "gas_piston", "gas_collapse", "gas_clusters", "gas_shaken",
     "gas_hopper", "gas_laws", "gas_studies", "gas_cases",
 )  # fmt: skip
@@ -62,7 +62,7 @@ ROUND_OFF = (
 SECONDS = {
     "gas_state": (260.0, 9.0), "gas_elastic": (100.0, 26.0), "gas_haff": (220.0, 26.0), "gas_cooling": (330.0, 58.0),
     "gas_stress": (450.0, 60.0), "gas_profiles": (200.0, 45.0), "gas_equilibrium": (260.0, 20.0),
-    "gas_rough": (124.0, 21.0), "gas_transport": (60.0, 20.0),
+    "gas_rough": (124.0, 21.0),
     "gas_driven": (150.0, 56.0), "gas_piston": (180.0, 26.0), "gas_collapse": (5.0, 5.0), "gas_clusters": (180.0, 13.0),
     "gas_shaken": (250.0, 45.0), "gas_hopper": (300.0, 90.0), "gas_laws": (115.0, 40.0),
     "lammps_law": (10.0, 5.0), "lammps_impacts": (5.0, 5.0), "lammps_cooling": (60.0, 60.0), "lammps_driven": (100.0, 100.0),

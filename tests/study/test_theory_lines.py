@@ -11,7 +11,7 @@ from support.cases import case_text
 
 from ifrdem import IFRLaw, theory
 from ifrdem.study.figure import AT_POINTS, draw
-from ifrdem.study.lines import Line, theory_between
+from ifrdem.study.lines import TheoryLine, theory_between
 from ifrdem.study.results import Results
 from ifrdem.study.task import Variable
 
@@ -50,7 +50,7 @@ def test_stresses_of_a_flow_over_a_coefficient_and_over_the_density() -> None:
         x = key.rpartition(".")[2]
         for name, of_stress in (("stress_N_1", "normal_difference"), ("stress_friction", "friction")):
             found = theory_between(of, name, x, {})
-            assert isinstance(found, Line)
+            assert isinstance(found, TheoryLine)
             assert found.values[[0, -1]] == pytest.approx(values)
             for i in (0, 13, 40):
                 e_n, phi = e_n_phi(float(found.values[i]))
@@ -66,7 +66,7 @@ def test_transport_of_elastic_disks_over_the_density() -> None:
     elastic = FLOW | {"material[0].e_n": 1.0, "box.shear_rate": None, "species[0].speed_rms": 2.0}
     of = results("box.packing_fraction", [0.05, 0.4], elastic)
     found = theory_between(of, "transport_eta", "packing_fraction", {})
-    assert isinstance(found, Line)
+    assert isinstance(found, TheoryLine)
     expected = [theory.shear_viscosity(float(phi), 2.0, 1.0, 0.5) for phi in found.values]
     assert found.theory == pytest.approx(expected)
     assert isinstance(
@@ -81,7 +81,7 @@ def test_velocities_and_diffusion_of_smooth_disks() -> None:
     of = results("material[0].e_n", [0.7, 1.0], smooth)
     for name, formula in (("velocity_a20", theory.cooling_sonine), ("msd_D_reduced", theory.self_diffusion)):
         found = theory_between(of, name, "e_n", {})
-        assert isinstance(found, Line)
+        assert isinstance(found, TheoryLine)
         assert found.theory == pytest.approx([formula(float(e_n)) for e_n in found.values])
 
 
@@ -94,7 +94,7 @@ def test_ratios_of_species_are_those_of_equal_cooling_rates() -> None:
     }  # fmt: skip
     of = results("material[0].e_n", [0.6, 0.9], mixture)
     found = theory_between(of, "species_T_ratio_heavy", "e_n", {})
-    assert isinstance(found, Line)
+    assert isinstance(found, TheoryLine)
     assert np.isfinite(found.theory).all()
     gas = theory.Mixture([1.0, 4.0], [0.5, 0.5], IFRLaw(e_n=0.6, e_t=-1.0, mu=0.0), 0.02)
     T, _ = theory.mixture_cooling_ratios(gas)
