@@ -30,7 +30,7 @@ from ifrdem.case.gas import CaseGas
 from ifrdem.case.messages import models_in
 from ifrdem.cases import gallery
 from ifrdem.cli import main as cli
-from ifrdem.cli import program, reference
+from ifrdem.cli import manual, reference
 from ifrdem.model.observables import measure
 from ifrdem.model.walls.motion import Motion, Piston
 from ifrdem.model.walls.wall import Wall
@@ -110,26 +110,26 @@ def test_index_links_to_every_page_of_the_manual() -> None:
 
 
 def test_docs_shows_every_page_and_suggests_near_spellings() -> None:
-    listing = program.page(None)
-    for topic, title in program.topics().items():
+    listing = manual.page(None)
+    for topic, title in manual.topics().items():
         assert title
         assert re.search(rf"^{topic} +{re.escape(title)}$", listing, flags=re.MULTILINE)
-        assert program.page(topic).startswith(f"# {title}\n")
-        assert "<!--" not in program.page(topic)
-        links = re.findall(r"\]\((?!http)([\w./#-]+|`ifrdem docs [^)]*)\)", program.page(topic))
+        assert manual.page(topic).startswith(f"# {title}\n")
+        assert "<!--" not in manual.page(topic)
+        links = re.findall(r"\]\((?!http)([\w./#-]+|`ifrdem docs [^)]*)\)", manual.page(topic))
         for link in links:
             place = re.fullmatch(r"`ifrdem docs (\S+)`(?:, section .*)?|(/.*)", link)
             assert place, (topic, link)  # a relative path leads nowhere from a terminal
-            assert place[1] is None or place[1] in program.topics()
+            assert place[1] is None or place[1] in manual.topics()
             assert place[2] is None or Path(place[2]).is_file()
         assert links or topic not in ("index", "notebooks")
-    assert next(iter(program.topics())) == "index"
+    assert next(iter(manual.topics())) == "index"
     with pytest.raises(ifrdem.InputError, match="no topic 'wals' \\(did you mean 'walls'"):
-        program.page("wals")
+        manual.page("wals")
     with pytest.raises(
         ifrdem.InputError, match=r"no topic 'gravity'; pages that have .* most often: .*walls"
     ):
-        program.page("gravity")
+        manual.page("gravity")
 
 
 def test_docs_is_a_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -138,7 +138,7 @@ def test_docs_is_a_command(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_docs_case_has_every_key_with_type_unit_default_and_range() -> None:
-    text = program.page("case")
+    text = manual.page("case")
     assert "- `t_end`: number [s]; required unless `collisions_per_disk` is given; > 0. " in text
     assert "- `seed`: integer; default 0; >= 0. " in text
     assert '- `device`: "cpu", "cuda"; default "cpu". ' in text
@@ -156,7 +156,7 @@ def test_docs_case_has_every_key_with_type_unit_default_and_range() -> None:
 
 
 def test_docs_api_has_every_public_name_with_signature_and_first_line() -> None:
-    text = program.page("api")
+    text = manual.page("api")
     for name in dir(ifrdem):
         value = getattr(ifrdem, name)
         if inspect.isclass(value) or inspect.isfunction(value):
@@ -220,7 +220,7 @@ def test_the_first_picture_of_the_readme_moves() -> None:
 @pytest.mark.parametrize("topic", reference.PAGES)
 def test_generated_parts_of_pages_are_those_of_the_program(topic: str) -> None:
     """Run `python -m ifrdem.cli.reference` after a change of keys, options or public names."""
-    text = (program.MANUAL / f"{topic}.md").read_text(encoding="utf-8")
+    text = (manual.MANUAL / f"{topic}.md").read_text(encoding="utf-8")
     assert reference.renewed(topic, text) == text
 
 
