@@ -1,4 +1,4 @@
-"""The generated parts of the manual: keys of cases, options of commands, the Python interface.
+"""The generated parts of the manual: keys of cases, options of commands, the Python interface, columns of a table.
 
 `python -m ifrdem.cli.reference` writes them into the pages; a test compares them.
 """
@@ -31,6 +31,14 @@ def python() -> str:
     return api.reference()
 
 
+def columns() -> str:
+    """Columns of the table of collisions in Markdown."""
+    from ..trajectory.collisions import COLUMNS
+
+    rows = [f"| `{name}` | {text} | {dimension} |" for name, (text, dimension) in COLUMNS.items()]
+    return "\n".join(("| column | meaning | dimension |", "|---|---|---|", *rows))
+
+
 def commands() -> str:
     """Arguments and options of all commands in Markdown."""
     from .main import COMMANDS, app
@@ -49,7 +57,9 @@ def _usage(function: Callable[..., Any]) -> str:
     """A command with its arguments."""
     from .main import app
 
-    words = [_word(each) for each in _arguments(app[function.__name__]) if not each.names[0].startswith(("-", "*"))]
+    words = [
+        _word(each) for each in _arguments(app[function.__name__]) if not each.names[0].startswith(("-", "*"))
+    ]
     return f"ifrdem {' '.join([function.__name__, *words])}"
 
 
@@ -94,7 +104,12 @@ def _word(each: Any) -> str:
     return name if each.required else f"[{name}]"
 
 
-PAGES: dict[str, Callable[[], str]] = {"case": keys, "cli": commands, "api": python}
+PAGES: dict[str, Callable[[], str]] = {
+    "case": keys,
+    "cli": commands,
+    "api": python,
+    "exports": columns,
+}
 """Topic of the manual -> the generated part of its page."""
 
 
