@@ -395,20 +395,29 @@ def blocks(page: str) -> dict[str, str]:
     return dict(re.findall(r"^<!-- (.*?) -->\n```\w+\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL))
 
 
+FIRST = {"fit": (".", "video"), "compared": (".", "video"), "film_to_gas": (". 200", "film to gas")}
+"""Pictures of films: words that make the film, and the block of commands that comes before that of the picture."""
+
+
 def drawn(name: str, runs: Path) -> None:
     """Draw a picture of another page by its commands; runs and studies whose results are there are not repeated."""
-    found = blocks(page_with(f"picture {name}"))
+    page = page_with(f"picture {name}")
+    folder, found = runs / page, blocks(page)
+    folder.mkdir(parents=True, exist_ok=True)
     for marker, code in found.items():
         kind, _, file = marker.partition(" ")
         if kind in SUFFIXES:
-            (runs / f"{file}{SUFFIXES[kind]}").write_text(code, encoding="utf-8")
-    for line in found[f"picture {name}"].splitlines():
+            (folder / f"{file}{SUFFIXES[kind]}").write_text(code, encoding="utf-8")
+    film, before = FIRST.get(name, ("", ""))
+    lines = [f"python -m ifrdem.validation.fit_video {film}", *found[before].splitlines()] if before else []
+    for line in (*lines, *found[f"picture {name}"].splitlines()):
         program, *words = shlex.split(line, comments=True)
         if program == "python":
-            subprocess.run([sys.executable, *words], check=True, cwd=runs)
-        elif not any((runs / each).exists() for each in _results_of(words)):
-            ifrdem(*words, *(["--force"] if words[0] in ("plot", "run", "fit", "compare") else []), cwd=runs)
-    shrink(runs / f"{name}.png", DOCS / "gallery" / f"{name}.png", DRAWN[name], 96, Image.Quantize.FASTOCTREE)
+            subprocess.run([sys.executable, *words], check=True, cwd=folder)
+        elif not any((folder / each).exists() for each in _results_of(words)):
+            ifrdem(*words, *([] if words[0] == "study" else ["--force"]), cwd=folder)
+    small = DOCS / "gallery" / f"{name}.png"
+    shrink(folder / f"{name}.png", small, DRAWN[name], 96, Image.Quantize.FASTOCTREE)
 
 
 def _results_of(words: Sequence[str]) -> list[str]:

@@ -7,6 +7,7 @@ import math
 import pydoc
 import re
 import runpy
+import shlex
 import sys
 import tomllib
 import warnings
@@ -234,6 +235,19 @@ def test_gallery_has_a_small_picture_of_every_shipped_case() -> None:
         assert 1000 < (ROOT / "ifrdem" / "docs" / "gallery" / "wall" / f"{name}.png").stat().st_size < 250_000
 
 
+@pytest.mark.parametrize("name", gallery.DRAWN)
+def test_a_picture_stands_with_the_commands_that_draw_it(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    where = gallery.page_with(f"picture {name}")
+    assert f"](gallery/{name}.png)" in page(f"{where}.md")
+    for line in gallery.blocks(where)[f"picture {name}"].splitlines():
+        program, *words = shlex.split(line, comments=True)
+        assert program in ("ifrdem", "python")
+        assert program == "python" or words[0] in commands(capsys)
+    assert re.search(rf"\b{name}(\.py)?$", line)  # the last one writes the picture
+
+
 def test_the_first_picture_of_the_readme_moves() -> None:
     first = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", (ROOT / "README.md").read_text())[0]
     with Image.open(ROOT / first) as picture:
@@ -289,7 +303,11 @@ def test_notebooks_run_as_cells_of_jupyter(path: Path, monkeypatch: pytest.Monke
     made = notebooks.page(path)
     assert made.startswith("# ")
     shown = made.count("data:image/png;base64,")
-    assert shown >= {"first_gas": 2, "own_law": 1, "to_a_figure": 3, "small_study": 1}[path.stem]
+    least = {
+        "first_gas": 2, "own_law": 1, "to_a_figure": 3, "small_study": 1, "walls_and_heat": 2, "mixture": 2,
+        "film_to_coefficients": 0,
+    }  # fmt: skip
+    assert shown >= least[path.stem]
 
 
 @pytest.mark.full
@@ -488,6 +506,8 @@ def test_lists_of_analyses_name_each_of_them() -> None:
     ]
     table = page("analysis.md").split("| analysis | frames |")[1].split("\n\n")[0]
     assert {*ANALYSES} <= {*re.findall(r"`([\w-]+)", table)}
+    rows = re.findall(r"^\| (`.*?) \|", page("names.md"), flags=re.MULTILINE)
+    assert {*ANALYSES} == {*re.findall(r"`([\w-]+)`", " ".join(rows))}
 
 
 def test_study_example_prints_errors(tmp_path, monkeypatch, capsys) -> None:
