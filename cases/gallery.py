@@ -11,7 +11,8 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from PIL import Image
@@ -321,15 +322,14 @@ def side_by_side(runs: Path, name: str, plots: Sequence[str]) -> None:
     all_of_them.save(runs / f"{name}.png")
 
 
-def shipped_studies(runs: Path) -> None:
-    """Run the shipped studies and write their pictures."""
-    for name, (plots, _) in STUDIES.items():
-        if not (runs / f"{name}.nc").exists():
-            ifrdem("study", name, cwd=runs)
-        side_by_side(runs, name, plots)
-        shrink(
-            runs / f"{name}.png", DOCS / "gallery" / f"{name}.png", 400 * len(plots) + 160 * (len(plots) == 1)
-        )
+def shipped_study(name: str, runs: Path) -> None:
+    """Run a shipped study and write its picture."""
+    plots, _ = STUDIES[name]
+    if not (runs / f"{name}.nc").exists():
+        ifrdem("study", name, cwd=runs)
+    side_by_side(runs, name, plots)
+    small = DOCS / "gallery" / f"{name}.png"
+    shrink(runs / f"{name}.png", small, 400 * len(plots) + 160 * (len(plots) == 1))
 
 
 def laws(runs: Path) -> None:
@@ -432,36 +432,51 @@ def _results_of(words: Sequence[str]) -> list[str]:
     return []
 
 
-def main(runs: Path, names: Sequence[str] = ()) -> None:
-    """Run the cases into a folder and write the page and all pictures, or draw some of those of other pages."""
-    runs.mkdir(parents=True, exist_ok=True)
-    for name in names or DRAWN:
-        drawn(name, runs)
-    if not names:
-        the_gallery(runs)
+def the_case(name: str, runs: Path) -> None:
+    """Run a shipped case and write its picture."""
+    picture = runs / f"{name}.png"
+    if not picture.exists():
+        ifrdem("run", str(shipped.FOLDER / f"{name}.toml"), "-o", str(runs), "--force", cwd=Path())
+    shrink(picture, DOCS / "gallery" / f"{name}.png")
 
 
-def the_gallery(runs: Path) -> None:
-    """Run the cases and studies, and write the page with their pictures."""
-    (DOCS / "gallery" / "wall").mkdir(parents=True, exist_ok=True)
-    for name in ORDER:
-        picture = runs / f"{name}.png"
-        if not picture.exists():
-            case = str(shipped.FOLDER / f"{name}.toml")
-            ifrdem("run", case, "-o", str(runs), "--force", cwd=Path())
-        shrink(picture, DOCS / "gallery" / f"{name}.png")
-    hero(runs)
+def movie(runs: Path) -> None:
+    """Make the moving picture of the README."""
     ifrdem("movie", *MOVIE.split(), "--force", "-o", str(DOCS / "gallery" / "clusters.webp"), cwd=runs)
-    for name, (case, words, _) in WALL.items():
-        ifrdem("plot", f"{case}.h5", *words.split(), "--force", "-o", f"wall-{name}.png", cwd=runs)
-        small = DOCS / "gallery" / "wall" / f"{name}.png"
-        panels = 2 if words.startswith("fields") else 1
-        shrink(runs / f"wall-{name}.png", small, panels * WALL_WIDTH, WALL_COLOURS)
-    study(runs)
-    mixture_study(runs)
-    shipped_studies(runs)
-    laws(runs)
-    contacts(runs)
+
+
+def poster(name: str, runs: Path) -> None:
+    """Draw a picture for a wall, of a case that has run."""
+    case, words, _ = WALL[name]
+    ifrdem("plot", f"{case}.h5", *words.split(), "--force", "-o", f"wall-{name}.png", cwd=runs)
+    panels = 2 if words.startswith("fields") else 1
+    small = DOCS / "gallery" / "wall" / f"{name}.png"
+    shrink(runs / f"wall-{name}.png", small, panels * WALL_WIDTH, WALL_COLOURS)
+
+
+PICTURES: dict[str, Callable[[Path], None]] = {
+    **{name: partial(the_case, name) for name in ORDER},
+    "million": hero,
+    "movie": movie,
+    **{name: partial(poster, name) for name in WALL},
+    "study": study,
+    "mixture_study": mixture_study,
+    **{name: partial(shipped_study, name) for name in STUDIES},
+    "laws": laws,
+    "lammps": contacts,
+    **{name: partial(drawn, name) for name in DRAWN},
+}
+"""How each picture, or group of pictures, is made, in an order in which runs are there when others need them."""
+
+
+def main(runs: Path, names: Sequence[str] = ()) -> None:
+    """Make these pictures, or all, from runs in a folder, and write the page."""
+    if unknown := [name for name in names if name not in PICTURES]:
+        raise SystemExit(f"no picture is called {', '.join(unknown)}; there are {', '.join(PICTURES)}")
+    runs.mkdir(parents=True, exist_ok=True)
+    (DOCS / "gallery" / "wall").mkdir(parents=True, exist_ok=True)
+    for name in names or PICTURES:
+        PICTURES[name](runs)
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8", newline="\n")
 
 

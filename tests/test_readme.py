@@ -295,6 +295,13 @@ def test_a_page_names_the_extras_that_its_code_needs(path: Path) -> None:
     assert {extra for extra in needed if not re.search(rf"extra `{extra}`|\[{extra}\]", text)} == set()
 
 
+def test_the_page_on_installation_has_every_extra() -> None:
+    rows = re.findall(r"^\| (`.*?) \|", page("install.md"), flags=re.MULTILINE)
+    listed = set(re.findall(r"`(\w+)`", " ".join(rows)))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert listed == {*project["optional-dependencies"]} - {"test", "docs"}  # of developers
+
+
 @pytest.mark.full(keep=1)
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 @pytest.mark.parametrize("path", sorted(notebooks.FOLDER.glob("*.py")), ids=lambda path: path.stem)
