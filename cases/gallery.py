@@ -380,6 +380,8 @@ DRAWN = {
 Each has a block of commands on a page, which is marked `picture NAME` and writes NAME.png. Blocks that are marked `case
 NAME`, `study NAME` and `script NAME` are its files.
 """
+KEEPS = ("info", "study")
+"""Commands of pages that have no option --force."""
 SUFFIXES = {"case": ".toml", "study": ".toml", "script": ".py"}
 
 
@@ -415,7 +417,7 @@ def drawn(name: str, runs: Path) -> None:
         if program == "python":
             subprocess.run([sys.executable, *words], check=True, cwd=folder)
         elif not any((folder / each).exists() for each in _results_of(words)):
-            ifrdem(*words, *([] if words[0] == "study" else ["--force"]), cwd=folder)
+            ifrdem(*words, *([] if words[0] in KEEPS else ["--force"]), cwd=folder)
     small = DOCS / "gallery" / f"{name}.png"
     shrink(folder / f"{name}.png", small, DRAWN[name], 96, Image.Quantize.FASTOCTREE)
 

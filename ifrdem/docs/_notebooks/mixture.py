@@ -44,7 +44,7 @@ mixture = theory.Mixture(
     packing_fraction=0.1,
     fraction=[0.5, 0.5],
 )
-light, heavy = theory.mixture_cooling_ratios(mixture).temperature
+(light, heavy), _ = theory.mixture_cooling_ratios(mixture)
 axes = pyplot.figure(layout="constrained").subplots()
 axes.plot(tau, ratio, "o-", mfc="none", label="gas")
 axes.axhline(heavy / light, color="k", ls="--", label="kinetic theory, in the end")
