@@ -57,7 +57,9 @@ def to_rest(v: Array, u: Array, k: float = 2.0) -> Slides:
     v, u = np.array(v, dtype=float), np.array(u, dtype=float)
     x, t, eps = np.zeros((3, len(v)))
     shape = np.ones(len(v))
-    table_friction.slide_coins(table_friction.NEVER, TOLERANCE, DECELERATION * shape, k * shape, v, u, x, t, eps)
+    table_friction.slide_coins(
+        table_friction.NEVER, TOLERANCE, DECELERATION * shape, k * shape, v, u, x, t, eps
+    )
     if np.any(v != 0.0) or np.any(u != 0.0):
         raise RuntimeError("a disk on the table did not come to rest")
     return Slides(x, t, eps)

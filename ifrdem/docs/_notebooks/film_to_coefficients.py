@@ -24,7 +24,7 @@ print(*Path("tracks.csv").read_text().splitlines()[1:4], sep="\n")
 coin = ifrdem.coins["1 pta"]
 found = impacts.find(read(Path("tracks.csv")), fit.Disk(mass=coin.mass, radius=coin.radius, k=coin.k))
 Path("hits.csv").write_text(impacts.csv(found.pairs))
-print(len(found.pairs), "impacts")
+print(len(found.pairs["nx"]), "impacts")
 
 # %% [markdown]
 # The fit takes the errors of all values into account, and compares laws. AIC is lowest for the law that the data

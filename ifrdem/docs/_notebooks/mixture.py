@@ -55,4 +55,4 @@ _ = axes.legend()
 # `ifrdem analyse mixture.h5 species` prints these ratios with errors; this is its picture.
 
 # %%
-run.plot("species", over="tau")
+_ = run.plot("species", over="tau")

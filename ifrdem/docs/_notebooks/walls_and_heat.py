@@ -12,7 +12,7 @@ case = ifrdem.Case.read("thermal_walls")
 case.box.lengths = [40.0, 20.0]
 case.wall[1].point = [40.0, 0.0]
 case.species[0].number = 80
-case.run.t_end = 1500.0
+case.run.t_end = 1000.0
 case.output.histories_all = True
 run = case.run_to("heat.h5", force=True, picture=False)
 run
@@ -45,4 +45,4 @@ print("errors:         ", found.error.heat_flux[:, 0].round(3))
 print("of the hot wall:", round(flux, 3))
 
 # %%
-run.plot("profiles")
+_ = run.plot("profiles")
