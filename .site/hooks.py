@@ -1,4 +1,4 @@
-"""Pages that are made for the site: the docstrings of each public name, run notebooks."""
+"""What is made for the site: its navigation, the docstrings of each public name, run notebooks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ifrdem.cli import api, reference
+from ifrdem.cli import api, manual, reference
 
 sys.path.insert(0, str(Path(__file__).parent))
 import notebooks  # beside this file
@@ -29,6 +29,19 @@ def python() -> str:
                 "",
             ]
     return "\n".join(lines)
+
+
+def on_config(config: Any) -> Any:
+    """Take the outline of the manual as navigation; each notebook has a page behind the list of them."""
+    outline: list[Any] = [f"{manual.START}.md"]
+    for group, topics in manual.groups().items():
+        pages = [f"{topic}.md" for topic in topics]
+        if "notebooks" in topics:
+            place = topics.index("notebooks") + 1
+            pages[place:place] = [f"notebooks/{name}.md" for name in manual.notebooks()]
+        outline.append({group: pages})
+    config["nav"] = outline
+    return config
 
 
 def on_files(files: Any, config: Any) -> Any:

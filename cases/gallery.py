@@ -1,14 +1,18 @@
-"""The manual's gallery: runs the shipped cases and writes `gallery.md`, with a picture of each and twelve for a wall.
+"""The manual's pictures: runs the shipped cases and writes `gallery.md`, and draws the pictures of other pages.
 
 `python -m ifrdem.cases.gallery RUNS` runs the cases into the folder RUNS, those whose picture is not there yet, and
-writes into `ifrdem/docs`, the moving picture of the README among it.
+writes into `ifrdem/docs`, the moving picture of the README among it. `... RUNS transport tail` draws these pictures
+only. Those of other pages are drawn by the commands that stand there.
 """
 
 from __future__ import annotations
 
+import re
+import shlex
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from PIL import Image
@@ -122,9 +126,9 @@ def on_the_wall(name: str) -> str:
     case, words, text = WALL[name]
     return f"""### {shipped.title(case)}: {name}
 
-![{text}](gallery/wall/{name}.png)
+![Poster of the case {case}](gallery/wall/{name}.png)
 
-{text} The case: `cases/{case}.toml`.
+{text}
 
 ```sh
 ifrdem plot {case}.h5 {words}
@@ -133,19 +137,23 @@ ifrdem plot {case}.h5 {words}
 
 
 def section(name: str) -> str:
-    """Markdown of one case: title, picture, command, and where the case stands."""
+    """Markdown of one case: title, picture, what it shows, command."""
     return f"""### {shipped.title(name)}
 
-![{shipped.title(name)}](gallery/{name}.png)
+![Picture of the case {name}](gallery/{name}.png)
 
-{shipped.comment(name)}
+{_beyond_the_title(name)}
 
 ```sh
 ifrdem run {name}
 ```
-
-The case: `cases/{name}.toml`, printed by `ifrdem new cases/{name}.toml -o -`.
 """
+
+
+def _beyond_the_title(name: str) -> str:
+    """The comment of a shipped case or study without its title."""
+    rest = shipped.comment(name).removeprefix(shipped.title(name)).lstrip(":. ")
+    return rest[:1].upper() + rest[1:]
 
 
 STUDY = """### A study: Haff's law and the ratio of temperatures for e_n and mu
@@ -165,27 +173,12 @@ ifrdem plot study.nc theta --over tau --by e_n
 """
 
 
-MIXTURE_STUDY = """case = "driven_mixture"
-
-[sweep]
-"material[0].e_n" = [0.5, 0.6, 0.7, 0.8, 0.9, 0.95]
-
-[ensemble]
-seeds = 6
-
-[output]
-series = 80
-analyses = ["species", "stress"]
-"""
-MIXTURE = f"""### A study: temperatures and stresses of a driven mixture
+MIXTURE = """### A study: temperatures and stresses of a driven mixture
 
 ![Temperatures of two species, their ratio, and the pressure tensor over e_n](gallery/mixture_study.png)
 
-36 gases of 400 heavy and 400 light coins. Bars: 95 % intervals of the mean over six seeds. Ticks: kinetic theory of a
-homogeneous mixture. [Studies](studies.md#species-and-stresses) has the numbers. The study file:
-
-```toml
-{MIXTURE_STUDY}```
+Bars: 95 % intervals of the mean over six seeds. Ticks: kinetic theory of a homogeneous mixture.
+[Studies](studies.md#species-and-stresses) has the study file, the commands and the numbers.
 """
 
 
@@ -216,43 +209,21 @@ def of_study(name: str) -> str:
     commands = "\n".join(f"ifrdem plot {name}.nc {words}" for words in pictures)
     return f"""### {shipped.title(name)}
 
-![{shipped.title(name)}](gallery/{name}.png)
+![Picture of the study {name}](gallery/{name}.png)
 
-{shipped.comment(name)} {text}
+{_beyond_the_title(name)} {text}
 
 ```sh
 ifrdem study {name}
 {commands}
 ```
-
-The study: `cases/studies/{name}.toml`, printed by `ifrdem new studies/{name}.toml -o -`.
 """
 
 
-LAWS = """### Two laws that agree on single impacts
+COMPARED = """## Laws compared
 
-![Single impacts, cooling, clusters and a driven gas under two laws, with bands over ten seeds](gallery/laws.png)
-
-Coins of one peseta under the IFR law, and under Walton's law fitted to the same impacts. Bands: 95 % intervals of the
-mean over ten seeds. Dashed: kinetic theory of a homogeneous gas.
-[Collision laws](own-law.md#compare-two-laws-in-a-gas) has the numbers.
-
-```sh
-ifrdem validate gas_laws -o laws-report
-```
-"""
-
-
-CONTACTS = """### Laws for Hertz-Mindlin contacts
-
-![T and theta under four laws of impacts relative to LAMMPS, in cooling gases](gallery/lammps-cooling.png)
-
-Cooling gases under laws of impacts, relative to the same gases of Hertz-Mindlin contacts in LAMMPS. Bands: standard
-errors over six starts. [Which law for Hertz-Mindlin contacts](hertz-mindlin.md) has the numbers. It needs the extra `peers`.
-
-```sh
-ifrdem validate lammps -o lammps-report
-```
+Pictures of `ifrdem validate gas_laws` and `ifrdem validate lammps` are in [compare two laws in a gas](own-law.md#compare-two-laws-in-a-gas) and in
+[which law for Hertz-Mindlin contacts](hertz-mindlin.md).
 """
 
 
@@ -260,8 +231,8 @@ def page() -> str:
     """Markdown of the gallery."""
     head = f"""# Gallery
 
-This page shows every shipped case with its picture and its command. `python -m ifrdem.cases.gallery RUNS` makes the
-page: it runs the cases with their own settings and shrinks their pictures.
+This page shows every shipped case and study with its picture and its command. `ifrdem cases` lists them;
+`ifrdem new cases/NAME.toml` and `ifrdem new studies/NAME.toml` copy one, to change it.
 
 ## Posters
 
@@ -277,11 +248,9 @@ ifrdem {HERO_PICTURE}
 ```
 
 The style `poster` has a scale bar instead of titles and axes. The pictures below take one command each, after
-`ifrdem run CASE`. `--color` takes spin, speed, direction, temperature, radius, material, species, collisions, asleep
-and dissipated.
-`ifrdem movie` has the same colours and the same style, and makes MP4, WebP or GIF.
+`ifrdem run CASE`; `ifrdem plot --help` lists the colours. `ifrdem movie` has the same colours and the same style:
 
-![Clusters form in a gas that cools](gallery/clusters.webp)
+![Moving picture of the case clusters](gallery/clusters.webp)
 
 ```sh
 ifrdem movie {MOVIE} -o clusters.webp
@@ -298,8 +267,10 @@ kinetic theory where it holds, profiles of a gas between walls, and the disks at
 Studies that come with the package: each repeats a published result in some minutes of processor time. `ifrdem validate gas_studies`
 runs them and compares them with the formulas of the papers.
 """
-    sections = (*(section(name) for name in ORDER), STUDY, MIXTURE, LAWS, CONTACTS)
-    return "\n".join((head, *wall, cases, *sections, studies, *(of_study(name) for name in STUDIES)))
+    sections = (*(section(name) for name in ORDER), STUDY, MIXTURE)
+    return "\n".join(
+        (head, *wall, cases, *sections, studies, *(of_study(name) for name in STUDIES), COMPARED)
+    )
 
 
 def ifrdem(*words: str, cwd: Path) -> None:
@@ -326,7 +297,7 @@ def study(runs: Path) -> None:
 def mixture_study(runs: Path) -> None:
     """Run the study of a driven mixture and write its picture: temperatures, their ratio and stresses, side by side."""
     if not (runs / "mixture_study.nc").exists():
-        (runs / "mixture_study.toml").write_text(MIXTURE_STUDY)
+        (runs / "mixture_study.toml").write_text(blocks("studies")["study mixture_study"])
         ifrdem("study", "mixture_study.toml", cwd=runs)
     plots = [f"{what} --over e_n" for what in ("species_temperature", "species_T_ratio_light", "stress")]
     side_by_side(runs, "mixture_study", plots)
@@ -351,15 +322,14 @@ def side_by_side(runs: Path, name: str, plots: Sequence[str]) -> None:
     all_of_them.save(runs / f"{name}.png")
 
 
-def shipped_studies(runs: Path) -> None:
-    """Run the shipped studies and write their pictures."""
-    for name, (plots, _) in STUDIES.items():
-        if not (runs / f"{name}.nc").exists():
-            ifrdem("study", name, cwd=runs)
-        side_by_side(runs, name, plots)
-        shrink(
-            runs / f"{name}.png", DOCS / "gallery" / f"{name}.png", 400 * len(plots) + 160 * (len(plots) == 1)
-        )
+def shipped_study(name: str, runs: Path) -> None:
+    """Run a shipped study and write its picture."""
+    plots, _ = STUDIES[name]
+    if not (runs / f"{name}.nc").exists():
+        ifrdem("study", name, cwd=runs)
+    side_by_side(runs, name, plots)
+    small = DOCS / "gallery" / f"{name}.png"
+    shrink(runs / f"{name}.png", small, 400 * len(plots) + 160 * (len(plots) == 1))
 
 
 def laws(runs: Path) -> None:
@@ -391,30 +361,126 @@ def hero(runs: Path) -> None:
         copy.save(DOCS / "gallery" / "million.webp", quality=HERO_QUALITY, method=6)
 
 
-def main(runs: Path) -> None:
-    """Run the cases into a folder and write the page and its pictures."""
+DRAWN = {
+    "cycle": 1000,
+    "phases": 1200,
+    "profiles": 1400,
+    "species": 800,
+    "own_time": 700,
+    "vortices": 1000,
+    "vorticity": 1000,
+    "tail": 700,
+    "transport": 1200,
+    "film_to_gas": 1000,
+    "fit": 1000,
+    "compared": 800,
+}
+"""Pictures of other pages, and their widths in pixels.
+
+Each has a block of commands on a page, which is marked `picture NAME` and writes NAME.png. Blocks that are marked `case
+NAME`, `study NAME` and `script NAME` are its files.
+"""
+KEEPS = ("info", "study")
+"""Commands of pages that have no option --force."""
+SUFFIXES = {"case": ".toml", "study": ".toml", "script": ".py"}
+
+
+def page_with(marker: str) -> str:
+    """The one page of the manual that has a marked block."""
+    (found,) = (each.stem for each in DOCS.glob("*.md") if f"<!-- {marker} -->\n" in each.read_text("utf-8"))
+    return found
+
+
+def blocks(page: str) -> dict[str, str]:
+    """Marked blocks of code of a page of the manual, by their marks."""
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    return dict(re.findall(r"^<!-- (.*?) -->\n```\w+\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL))
+
+
+FIRST = {"fit": (".", "video"), "compared": (".", "video"), "film_to_gas": (". 200", "film to gas")}
+"""Pictures of films: words that make the film, and the block of commands that comes before that of the picture."""
+
+
+def drawn(name: str, runs: Path) -> None:
+    """Draw a picture of another page by its commands; runs and studies whose results are there are not repeated."""
+    page = page_with(f"picture {name}")
+    folder, found = runs / page, blocks(page)
+    folder.mkdir(parents=True, exist_ok=True)
+    for marker, code in found.items():
+        kind, _, file = marker.partition(" ")
+        if kind in SUFFIXES:
+            (folder / f"{file}{SUFFIXES[kind]}").write_text(code, encoding="utf-8")
+    film, before = FIRST.get(name, ("", ""))
+    lines = [f"python -m ifrdem.validation.fit_video {film}", *found[before].splitlines()] if before else []
+    for line in (*lines, *found[f"picture {name}"].splitlines()):
+        program, *words = shlex.split(line, comments=True)
+        if program == "python":
+            subprocess.run([sys.executable, *words], check=True, cwd=folder)
+        elif not any((folder / each).exists() for each in _results_of(words)):
+            ifrdem(*words, *([] if words[0] in KEEPS else ["--force"]), cwd=folder)
+    small = DOCS / "gallery" / f"{name}.png"
+    shrink(folder / f"{name}.png", small, DRAWN[name], 96, Image.Quantize.FASTOCTREE)
+
+
+def _results_of(words: Sequence[str]) -> list[str]:
+    """Files by which a command that computes is known to be done."""
+    named = [word.partition("=")[2] for word in words if word.startswith("run.name=")] or [
+        Path(words[1]).stem
+    ]
+    if words[0] == "run":
+        return [f"{named[0]}.h5"]
+    if words[0] == "study":
+        return [words[words.index("-o") + 1]] if "-o" in words else [f"{named[0]}.nc", f"{named[0]}-study.nc"]
+    return []
+
+
+def the_case(name: str, runs: Path) -> None:
+    """Run a shipped case and write its picture."""
+    picture = runs / f"{name}.png"
+    if not picture.exists():
+        ifrdem("run", str(shipped.FOLDER / f"{name}.toml"), "-o", str(runs), "--force", cwd=Path())
+    shrink(picture, DOCS / "gallery" / f"{name}.png")
+
+
+def movie(runs: Path) -> None:
+    """Make the moving picture of the README."""
+    ifrdem("movie", *MOVIE.split(), "--force", "-o", str(DOCS / "gallery" / "clusters.webp"), cwd=runs)
+
+
+def poster(name: str, runs: Path) -> None:
+    """Draw a picture for a wall, of a case that has run."""
+    case, words, _ = WALL[name]
+    ifrdem("plot", f"{case}.h5", *words.split(), "--force", "-o", f"wall-{name}.png", cwd=runs)
+    panels = 2 if words.startswith("fields") else 1
+    small = DOCS / "gallery" / "wall" / f"{name}.png"
+    shrink(runs / f"wall-{name}.png", small, panels * WALL_WIDTH, WALL_COLOURS)
+
+
+PICTURES: dict[str, Callable[[Path], None]] = {
+    **{name: partial(the_case, name) for name in ORDER},
+    "million": hero,
+    "movie": movie,
+    **{name: partial(poster, name) for name in WALL},
+    "study": study,
+    "mixture_study": mixture_study,
+    **{name: partial(shipped_study, name) for name in STUDIES},
+    "laws": laws,
+    "lammps": contacts,
+    **{name: partial(drawn, name) for name in DRAWN},
+}
+"""How each picture, or group of pictures, is made, in an order in which runs are there when others need them."""
+
+
+def main(runs: Path, names: Sequence[str] = ()) -> None:
+    """Make these pictures, or all, from runs in a folder, and write the page."""
+    if unknown := [name for name in names if name not in PICTURES]:
+        raise SystemExit(f"no picture is called {', '.join(unknown)}; there are {', '.join(PICTURES)}")
     runs.mkdir(parents=True, exist_ok=True)
     (DOCS / "gallery" / "wall").mkdir(parents=True, exist_ok=True)
-    for name in ORDER:
-        picture = runs / f"{name}.png"
-        if not picture.exists():
-            case = str(shipped.FOLDER / f"{name}.toml")
-            ifrdem("run", case, "-o", str(runs), "--force", cwd=Path())
-        shrink(picture, DOCS / "gallery" / f"{name}.png")
-    hero(runs)
-    ifrdem("movie", *MOVIE.split(), "--force", "-o", str(DOCS / "gallery" / "clusters.webp"), cwd=runs)
-    for name, (case, words, _) in WALL.items():
-        ifrdem("plot", f"{case}.h5", *words.split(), "--force", "-o", f"wall-{name}.png", cwd=runs)
-        small = DOCS / "gallery" / "wall" / f"{name}.png"
-        panels = 2 if words.startswith("fields") else 1
-        shrink(runs / f"wall-{name}.png", small, panels * WALL_WIDTH, WALL_COLOURS)
-    study(runs)
-    mixture_study(runs)
-    shipped_studies(runs)
-    laws(runs)
-    contacts(runs)
+    for name in names or PICTURES:
+        PICTURES[name](runs)
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), sys.argv[2:])

@@ -146,7 +146,7 @@ def option_name(option: str, argument: str) -> str:
 
 def install_extra(extra: str) -> str:
     """Clause of a message: how to install the packages of an extra."""
-    return f"`pip install '.[{extra}]'` in the clone of ifrdem adds it"
+    return f"`pip install 'ifrdem[{extra}]'` adds it"
 
 
 MOST_QUOTED = 60

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.mark.parametrize(
     ("python", "advice"),
-    [((3, 11), r"pip install '\.\[bullet\]'"), ((3, 12), "no wheel for Python 3.12")],
+    [((3, 11), r"pip install 'ifrdem\[bullet\]'"), ((3, 12), "no wheel for Python 3.12")],
 )
 def test_absent_pybullet_is_explained(
     python: tuple[int, int], advice: str, monkeypatch: pytest.MonkeyPatch

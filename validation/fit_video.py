@@ -22,13 +22,13 @@ from ifrdem import fit
 from ifrdem.case.shipped import find
 from ifrdem.fit import impacts
 from ifrdem.fit.tracks import read as read_tracks
+from ifrdem.model.gravity import EARTH
 from ifrdem.runs import compare
 from ifrdem.tools.tables import TableFormat
 
 Array = NDArray[np.float64]
 LAW = ifrdem.IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 TABLE_FRICTION = 0.2
-GRAVITY = 9.81  # [m/s2]
 COIN = ifrdem.coins["1 pta"]
 FILM = 1000.0, 1.0e-4, 25  # frames per second, error of a place [m], collisions
 PLACE, VELOCITY, SPIN = 1.0e-4, 3.0e-3, 0.3  # errors of the start: [m], [m/s], [rad/s]
@@ -52,7 +52,7 @@ def _slid(v: Array, w: Array) -> tuple[Array, Array, Array, Array]:
     for i in range(steps):
         before = rim.copy()
         table_friction.slide_coins(
-            FINE, 1e-12, GRAVITY * TABLE_FRICTION * one, 2.0 * one, speed, rim, x, t, eps
+            FINE, 1e-12, EARTH * TABLE_FRICTION * one, 2.0 * one, speed, rim, x, t, eps
         )
         moved[i + 1] = moved[i] + x
         turned[i + 1] = turned[i] + 0.5 * (before + rim) / COIN.radius * FINE

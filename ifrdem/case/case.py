@@ -548,7 +548,8 @@ class TableFrictionForce(SteppedForce):
     mu: Ratio = field(0.2)
     """Sliding friction on the table [1]."""
     gravity: Positive | None = field(EARTH, None)
-    """Acceleration that presses disks on the table [m/s^2]; that of the Earth without it."""
+    """Acceleration that presses disks on the table [m/s^2]; in SI units that of the Earth without it, `EARTH` of
+    `ifrdem.model.gravity`."""
 
     @property
     def has_medium(self) -> bool:

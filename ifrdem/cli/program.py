@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json as json_format
-import os
-import re
-from collections.abc import Mapping
-from functools import partial
-from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from ..errors import InputError, nearest, refuse, there_are
+from ..errors import InputError, refuse
 from ..kernels.compiler.runtime import choose as choose_runtime
 from ..tools.values import Count, Integer, Natural, Number, Ratio, RatioOrZero
+from . import manual
 from .console import echo, progress, ranks
 from .options import (
     Device,
@@ -29,7 +25,6 @@ from .options import (
 
 DENSEST = 0.9068  # packing fraction, nearly that of equal disks that touch on a hexagonal lattice
 THINNEST = 1e-5  # thinner gases hardly ever collide
-MANUAL = Path(__file__).parents[1] / "docs"
 NAMES = "cases or groups to run: paper (default), bullet, lammps, gas, device, or see --list"
 JOBS = "cases at a time, each in a process of its own (default: gas and lammps as many as there are cores, others 1)"
 
@@ -177,60 +172,4 @@ def docs(
     /,
 ) -> None:
     """Read the manual."""
-    echo(page(topic))
-
-
-def topics() -> dict[str, str]:
-    """Titles of the manual's pages by topic: the start page, the others, measured figures (`results/NAME`)."""
-    pages = {
-        page.relative_to(MANUAL).with_suffix("").as_posix(): page
-        for pattern in ("index.md", "*.md", "*/*.md")
-        for page in sorted(MANUAL.glob(pattern))
-    }
-    return {
-        topic: page.read_text(encoding="utf-8").splitlines()[0].lstrip("# ") for topic, page in pages.items()
-    }
-
-
-def _pages_on(word: str, known: Mapping[str, str]) -> str:
-    """Of a word that is no topic, the pages that have it most often, or else the topics that there are."""
-    counts = {
-        topic: (MANUAL / f"{topic}.md").read_text(encoding="utf-8").lower().count(word.lower())
-        for topic in known
-    }
-    pages = sorted(filter(counts.__getitem__, counts), key=lambda topic: -counts[topic])[:5]
-    if not pages or not word.strip():
-        return there_are(word, known)
-    return f"{nearest(word, known)}; pages that have this word most often: {', '.join(pages)}"
-
-
-def page(topic: str | None) -> str:
-    """Text of a page of the manual; without a topic, the list of topics.
-
-    Raises InputError if no page has this name.
-    """
-    known = topics()
-    if topic is None:
-        width = max(map(len, known))
-        lines = [f"{name:<{width}}  {title}" for name, title in known.items()]
-        return "\n".join((*lines, "", f"`ifrdem docs TOPIC` prints a page; the files are in {MANUAL}"))
-    if topic not in known:
-        raise InputError(f"the manual has no topic '{topic}'{_pages_on(topic, known)}")
-    text = (MANUAL / f"{topic}.md").read_text(encoding="utf-8")
-    text = re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE)  # marks for the tests and the site
-    return LINK.sub(partial(_resolved, MANUAL / f"{topic}.md", known), text)
-
-
-LINK = re.compile(r"\]\(([\w./-]*\.(?:md|py|png|webp))?(?:#([\w-]+))?\)")
-"""The target of a link to a page, its section, or a file of the manual."""
-
-
-def _resolved(page: Path, known: Mapping[str, str], link: re.Match[str]) -> str:
-    """A link of a page for a terminal: `ifrdem docs TOPIC`, the path of a file, and the words of a section."""
-    file, section = link[1], link[2]
-    target = (page.parent / file).resolve() if file else page
-    topic = Path(os.path.relpath(target, MANUAL.resolve())).with_suffix("").as_posix()
-    places = [f"`ifrdem docs {topic}`" if topic in known else str(target)] if file else []
-    if section:
-        places.append(f"section {section.replace('-', ' ')}")
-    return f"]({', '.join(places)})"
+    echo(manual.page(topic))

@@ -1,4 +1,4 @@
-"""The generated parts of the manual: keys of cases, options of commands, the Python interface.
+"""The generated parts of the manual: keys of cases, options of commands, the Python interface, columns of a table.
 
 `python -m ifrdem.cli.reference` writes them into the pages; a test compares them.
 """
@@ -31,26 +31,52 @@ def python() -> str:
     return api.reference()
 
 
+def columns() -> str:
+    """Columns of the table of collisions in Markdown."""
+    from ..trajectory.collisions import COLUMNS
+
+    rows = [f"| `{name}` | {text} | {dimension} |" for name, (text, dimension) in COLUMNS.items()]
+    return "\n".join(("| column | meaning | dimension |", "|---|---|---|", *rows))
+
+
 def commands() -> str:
     """Arguments and options of all commands in Markdown."""
     from .main import COMMANDS, app
 
-    functions = [each for group in COMMANDS.values() for each in group]
     shared = "\n".join(_options(_arguments(app.meta)))
-    parts = [part for each in functions for part in _command(each.__name__, each)]
-    return "\n".join(["## Options", "", "Every command has these options:", "", shared, "", *parts]).rstrip()
+    lines, parts = [], []
+    for group, functions in COMMANDS.items():
+        lines += [f"| **{group.name}** | |", *map(_row, functions)]
+        parts += [part for each in functions for part in _command(each)]
+    table = ["| command | does |", "|---|---|", *lines]
+    options = ["", "## Options", "", "Every command has these options:", "", shared, ""]
+    return "\n".join([*table, *options, *parts]).rstrip()
 
 
-def _command(name: str, function: Callable[..., Any]) -> Iterator[str]:
+def _usage(function: Callable[..., Any]) -> str:
+    """A command with its arguments."""
     from .main import app
 
-    found = _arguments(app[name])
-    words = [_word(each) for each in found if not each.names[0].startswith(("-", "*"))]
-    yield f"### ifrdem {' '.join([name, *words])}"
+    words = [
+        _word(each) for each in _arguments(app[function.__name__]) if not each.names[0].startswith(("-", "*"))
+    ]
+    return f"ifrdem {' '.join([function.__name__, *words])}"
+
+
+def _row(function: Callable[..., Any]) -> str:
+    """A command in the table, with the first paragraph of its docstring."""
+    paragraph = inspect.cleandoc(function.__doc__ or "").split("\n\n")[0]
+    return f"| `{_usage(function)}` | {' '.join(paragraph.split())} |"
+
+
+def _command(function: Callable[..., Any]) -> Iterator[str]:
+    from .main import app
+
+    yield f"### {_usage(function)}"
     yield ""
     yield " ".join(inspect.cleandoc(function.__doc__ or "").split())
     yield ""
-    yield from _options(found)
+    yield from _options(_arguments(app[function.__name__]))
     yield ""
 
 
@@ -78,7 +104,12 @@ def _word(each: Any) -> str:
     return name if each.required else f"[{name}]"
 
 
-PAGES: dict[str, Callable[[], str]] = {"case": keys, "cli": commands, "api": python}
+PAGES: dict[str, Callable[[], str]] = {
+    "case": keys,
+    "cli": commands,
+    "api": python,
+    "exports": columns,
+}
 """Topic of the manual -> the generated part of its page."""
 
 
@@ -93,11 +124,10 @@ def renewed(topic: str, text: str) -> str:
 
 def main() -> None:
     """Write the generated parts into the pages of the manual."""
-    from .program import MANUAL
+    from . import manual
 
     for topic in PAGES:
-        path = MANUAL / f"{topic}.md"
-        write_text(path, renewed(topic, path.read_text(encoding="utf-8")))
+        write_text(manual.MANUAL / f"{topic}.md", renewed(topic, manual.text_of(topic)))
 
 
 if __name__ == "__main__":

@@ -272,7 +272,7 @@ def movie(
     """Make a movie of a trajectory.
 
     Writes NAME.mp4: the disks of each frame, coloured by spin or something else; of more than 1e5 disks a map of the
-    area fraction. Needs the extra: pip install '.[movie]'. Without it, -o NAME.webp and -o NAME.gif write
+    area fraction. Needs the extra: pip install 'ifrdem[movie]'. Without it, -o NAME.webp and -o NAME.gif write
     animations for web pages.
     """
     from ..plots import movie as making

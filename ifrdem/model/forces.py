@@ -546,7 +546,7 @@ class TableFriction(Force):
     mu : float
         Coefficient of sliding friction on the table.
     gravity : float
-        Acceleration g by which disks press on the table [length/time^2]; default 9.81 (SI units).
+        Acceleration g by which disks press on the table [length/time^2]; default: the Earth's, in SI units.
 
     Notes
     -----

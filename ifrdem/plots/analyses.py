@@ -383,7 +383,7 @@ def _sequence(axes: Sequence[Axes], trajectory: Trajectory | None, found: Profil
     grid(*axes)
 
 
-DARKEST, LIGHTEST = 0.0, 0.85
+DARKEST, LIGHTEST = 0.0, 0.7
 """Part of the map of colours, dark to light, that curves of a sequence have."""
 
 

@@ -546,10 +546,13 @@ def _remains(running: Run, reason: str) -> str:
 
 def _mechanisms(dissipated: Array, energy: str) -> Iterator[str]:
     """Lines on the energy that each mechanism took, with its unit, and why one of them may be below 0."""
+    rounding = 1e-12 * abs(dissipated).sum()  # of sums over many collisions
     took = dict(zip(MECHANISMS, dissipated.tolist(), strict=True))
-    if parts := [f"{name.replace('_', ' ')} {part:.4g}" for name, part in took.items() if part != 0.0]:
+    if parts := [
+        f"{name.replace('_', ' ')} {part:.4g}" for name, part in took.items() if abs(part) > rounding
+    ]:
         yield f"by mechanism: {', '.join(parts)}{energy}"
-    if below := [name.replace("_", " ") for name in TANGENTIAL if took[name] < 0.0]:
+    if below := [name.replace("_", " ") for name in TANGENTIAL if took[name] < -rounding]:
         yield (
             f"  {' and '.join(below)} below 0: by convention tangential restitution acts first, and friction may give "
             f"back a part of what it took; together they took {sum(took[name] for name in TANGENTIAL):.4g}{energy}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from pathlib import Path
 
-__version__ = "0.1.0"  # read by pyproject.toml, too
+__version__ = "1.0.0"  # read by pyproject.toml, too
 
 
 def shown() -> str:

@@ -382,8 +382,8 @@ def newer(file: h5py.File, path: str) -> str:
         if (version := version_of(file)) > LAYOUT_VERSION:
             found, known = (".".join(map(str, one)) for one in (version, LAYOUT_VERSION))
             return (
-                f"{path} was written by a newer ifrdem: its layout is {found}, this one reads up to {known}; upgrade "
-                "with `git pull` and `pip install .` in the clone of ifrdem"
+                f"{path} was written by a newer ifrdem: its layout is {found}, this one reads up to {known}; install "
+                "a newer version"
             )
     return ""
 

@@ -337,7 +337,9 @@ def test_missing_package_is_named_with_the_extra(monkeypatch: pytest.MonkeyPatch
         raise ModuleNotFoundError(f"No module named '{name}'")
 
     monkeypatch.setattr(libraries.importlib, "import_module", absent)
-    with pytest.raises(InputError, match=r"g\(r\) requires the package freud.*pip install '\.\[analysis\]'"):
+    with pytest.raises(
+        InputError, match=r"g\(r\) requires the package freud.*pip install 'ifrdem\[analysis\]'"
+    ):
         analysis.pair_correlation(ideal_gas(1, 30), UNIT, r_max=5.0)
     with pytest.raises(InputError, match=r"S\(k\) requires the package finufft"):
         analysis.structure_factor(ideal_gas(1, 30), UNIT, k_max=5.0)

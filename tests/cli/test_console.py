@@ -17,7 +17,7 @@ import pytest
 from support.cases import case_text
 from support.layout_files import write
 
-from ifrdem.cli import program
+from ifrdem.cli import manual
 from ifrdem.cli.main import app, main
 from ifrdem.tools import arguments
 from ifrdem.tools.progress import Progress, Stage
@@ -118,7 +118,7 @@ def test_an_ascii_terminal_gets_numbers_for_what_it_lacks(monkeypatch: pytest.Mo
     held = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(held, "ascii", write_through=True))
     assert main(["docs", "law"]) == 0
-    page = program.page("law")
+    page = manual.page("law")
     assert not page.isascii()
     assert held.getvalue() == f"{page}\n".encode("ascii", "backslashreplace")
 

@@ -233,7 +233,7 @@ def test_help_and_refusals_start_no_heavy_import(folder: Path) -> None:
 def test_readme_example_works(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
     for line in manual.block("fit").splitlines():
-        words = line.removeprefix(".venv/bin/ifrdem ").split(" > ")[0].split()
+        words = line.removeprefix("ifrdem ").split(" > ")[0].split()
         assert main(words) == 0
     shown = capsys.readouterr().out
     assert "preferred by the data" in shown

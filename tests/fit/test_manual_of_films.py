@@ -29,7 +29,7 @@ def test_commands_run_one_after_the_other(
     monkeypatch.chdir(tmp_path)
     fit_video.main(tmp_path)
     shown = ""
-    for marker in ("video", "table"):
+    for marker in ("video", "picture fit", "picture compared"):
         for line in block(marker).splitlines():
             program, *arguments = shlex.split(line, comments=True)
             assert program == "ifrdem"
@@ -47,24 +47,20 @@ def test_commands_from_a_film_to_a_gas(
     """As they stand, of a film of fewer impacts and with fewer and smaller runs; then the block of Python."""
     monkeypatch.chdir(tmp_path)
     fit_video.main(tmp_path, "12")
-    for line in block("film to gas").splitlines():
-        _, *arguments = shlex.split(line)
-        if arguments[0] == "study":
-            arguments += [
-                "--workers",
-                "0",
-                "--set",
-                "species[0].number=50",
-                "--set",
-                "run.collisions_per_disk=2",
-            ]
-        assert main(arguments) == 0, line
-    shown = capsys.readouterr().out
+    smaller = ["species[0].number=50", "run.collisions_per_disk=2"]
+    shown = ""
+    for marker in ("film to gas", "picture film_to_gas"):
+        for line in block(marker).splitlines():
+            program, *arguments = shlex.split(line)
+            if program == "python":
+                continue
+            if arguments[0] == "study":
+                arguments += ["--workers", "0", *(word for each in smaller for word in ("--set", each))]
+            assert main(arguments) == 0, line
+            shown += capsys.readouterr().out
     assert "20 sets of coefficients, Gaussian with the errors of the case" in shown
     assert Path("gas_T.png").exists()
-    # The study of the block has other cases, of which no run is done: that of the test has its results.
-    code = block("film to gas figure").replace(
-        "seeds=10", "seeds=5, set=['species[0].number=50', 'run.collisions_per_disk=2']"
-    )
-    exec(compile(code, "film-to-gas.md", "exec"), {})
-    assert Path("band.png").exists()
+    # The study of the script has other cases, of which no run is done: that of the test has its results.
+    code = block("script film_to_gas").replace("seeds=10", f"seeds=5, set={smaller}")
+    exec(compile(code, "film_to_gas.py", "exec"), {})
+    assert Path("film_to_gas.png").exists()

