@@ -35,6 +35,7 @@ from .tracks import (
     exchanges_in,
     nearest_pair,
     noise,
+    of_unknown_size,
 )
 from .tray import DIFFER, LEAST_FRAMES, LONGEST, Piece, TrayEstimate, estimate, frames_at_rest
 
@@ -234,10 +235,10 @@ def find(
         problems.append(f"{option_name('--noise', 'error')} = {error:g}: must be a positive finite number")
     moving = [wall for wall in walls if wall.changes_with_time or wall.piston is not None]
     problems += [f"{wall.shape} wall: must be at rest" for wall in moving]
-    of = {one: disks if isinstance(disks, Disk) else disks.get(one) for one in tracks.time}
-    problems += [f"disk {one}: its mass and radius are not given" for one, disk in of.items() if disk is None]
+    known = dict.fromkeys(tracks.time, disks) if isinstance(disks, Disk) else disks
+    problems += of_unknown_size(tracks, known)
     refuse(problems)
-    known = {one: disk for one, disk in of.items() if disk is not None}
+    known = {one: known[one] for one in tracks.time}
     radius = {one: float(np.asarray(disk.radius)) for one, disk in known.items()}
     exchanges = exchanges_in(tracks, radius)
     if repair_swaps:
@@ -582,12 +583,10 @@ class _Finder:
             t = self.tracks.time[one]
             step = self.step[one]
             inside = (t > low + 0.51 * step) & (t < high - 0.51 * step)
-            before, after = np.flatnonzero(inside & (t < at)), np.flatnonzero(inside & (t > at))
-            rows = np.concatenate(
-                [before[-self.window :], np.flatnonzero(inside & (t == at)), after[: self.window]]
-            )
-            rows = _without_gaps(t, rows, at, step)
+            rows = _without_gaps(t, np.flatnonzero(inside), at, step)
             rests.append(self._rest(one, rows, at))
+            before, after = rows[t[rows] < at], rows[t[rows] > at]
+            rows = np.concatenate([before[-self.window :], rows[t[rows] == at], after[: self.window]])
             rows_of_disks.append(
                 self._resting_rows(one, rows, at, rests[-1]) if any(rests[-1].certain) else rows
             )

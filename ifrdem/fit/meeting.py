@@ -19,6 +19,7 @@ from scipy.special import chdtrc
 from ..model.walls.wall import Wall
 from .data import NORMAL, Disk
 from .flight import Tray
+from .model import DIRECTION
 
 Array = NDArray[np.float64]
 
@@ -339,21 +340,21 @@ class Flights:
             moved = -wall.normal(p[1:3] + h * np.array([[1.0, 0.0], [0.0, 1.0]]))[0]
             turning[1:3] = (moved - normal) @ tangent / h
         if np.any(turning != 0.0):
-            by["normal"] = turning
+            by[DIRECTION] = turning
         approach, parting = np.zeros(len(p)), np.zeros(len(p))
         for i, sign in zip(range(len(self.sides)), (1.0, -1.0), strict=False):
             approach[3 + 6 * i : 5 + 6 * i] = sign * normal
             parting[5 + 6 * i : 7 + 6 * i] = sign * normal
         error = {
             name: math.sqrt(max(float(each @ covariance @ each), 0.0))
-            for name, each in (("speed", approach), ("change", approach - parting), ("normal", turning))
+            for name, each in (("speed", approach), ("change", approach - parting), (DIRECTION, turning))
         }
         speed, left = float(approach @ p), float(parting @ p)
         if (
             speed < _SURE * error["speed"]
             or left > _SURE * error["speed"] + 0.02 * speed
             or speed - left < _SURE * error["change"]
-            or error["normal"] > _NORMAL
+            or error[DIRECTION] > _NORMAL
         ):
             return None
         row = {"quality": self.quality, "quality_angles": self.quality_of_angles}
@@ -365,14 +366,14 @@ class Flights:
             by |= {f"vx_{i + 1}_after": unit[own + 2], f"vy_{i + 1}_after": unit[own + 3]}
             if k is not None:
                 by |= {f"spin_{i + 1}": unit[k + 1], f"spin_{i + 1}_after": unit[k + 2]}
-        row |= {name: float(each @ p) for name, each in by.items() if name != "normal"}
+        row |= {name: float(each @ p) for name, each in by.items() if name != DIRECTION}
         names, T = list(by), np.array(list(by.values()))
         C = T @ covariance @ T.T
         self._widen(C, names)
         for name, each in zip(names, np.sqrt(np.diag(C)), strict=True):
-            for key in NORMAL if name == "normal" else (name,):
+            for key in NORMAL if name == DIRECTION else (name,):
                 row[f"{key}_error"] = float(each)
-        if "normal" not in by:
+        if DIRECTION not in by:
             row |= {"nx_error": _WALL_ERROR, "ny_error": _WALL_ERROR}
         for i, a in enumerate(names):
             for j, b in enumerate(names[:i]):
@@ -402,7 +403,7 @@ class Flights:
         """
         known = []
         for i, name in enumerate(names):
-            if name == "normal":
+            if name == DIRECTION:
                 continue
             kind, number, *after = name.split("_")
             side, which = self.sides[int(number) - 1], int(kind == "spin")

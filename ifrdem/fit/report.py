@@ -18,7 +18,7 @@ from ..model.laws.files import source_of
 from ..tools.checked import Count, Seed, validated
 from ..tools.toml import toml
 from .data import Data
-from .model import MEASURED
+from .model import DIRECTION, MEASURED
 from .result import Fit, Fitted, Interval
 
 _UNITS = {"psi_transit": "deg", "rho": "length", "A": "speed^-1/5"}
@@ -117,7 +117,7 @@ def _disks(fit: Fit) -> Iterator[str]:
 def _unit(fit: Fit, name: str) -> str:
     if name in ("angles", "psi") or (name in MEASURED and MEASURED[name].unit == "deg"):
         return " deg"
-    return {"normal": " rad", "spins": " [rad/time]", "velocities": " [length/time]"}.get(name, "")
+    return {DIRECTION: " rad", "spins": " [rad/time]", "velocities": " [length/time]"}.get(name, "")
 
 
 def _errors(fit: Fit) -> Iterator[str]:
@@ -251,7 +251,7 @@ def figures(fit: Fit) -> dict[str, Any]:
     return _finite(
         {
             "source": data.source,
-            "units": {"angles": "deg", "normal": "rad", "rho": "unit of the radii"},
+            "units": {"angles": "deg", DIRECTION: "rad", "rho": "unit of the radii"},
             "pair": None if pair is None else asdict(pair),
             "data": {
                 **({"psi": data.psi.tolist()} if isinstance(data, Data) else {}),

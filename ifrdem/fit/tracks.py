@@ -422,6 +422,18 @@ def wall_of_numbers(numbers: Sequence[float], tracks: Tracks) -> Wall:
 _DISK_KINDS = {"id": "number", "mass": "mass", "radius": "length", "k": "number", "material": "text"}
 
 
+def of_unknown_size(tracks: Tracks, known: Collection[int]) -> list[str]:
+    """A line if the mass and radius of some disks are not known."""
+    unknown = [one for one in tracks.time if one not in known]
+    if not unknown:
+        return []
+    more = f" and {len(unknown) - 5} more" * (len(unknown) > 5)
+    named = f"disk{'s' * (len(unknown) > 1)} {', '.join(map(str, unknown[:5]))}{more}"
+    how = option_name("; --disk MASS,RADIUS,K without ID= gives those of all others", "")
+    note = f" ({tracks.note})" * bool(tracks.note)
+    return [f"{tracks.source}: {named}: mass and radius are not given{how}{note}"]
+
+
 def read_disks(path: Path | str) -> tuple[dict[int, Disk], dict[int, str]]:
     """Disks by id, and their materials, from a CSV file with columns id, mass, radius, and perhaps k and material.
 
