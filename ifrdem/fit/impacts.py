@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from ..errors import InputError, option_name, refuse
 from ..model.walls.wall import Wall
 from .data import Disk
 from .flight import LAWS, Tray
-from .meeting import LEAST, Flights, Side
+from .meeting import CONTACT, LEAST, Flights, Side
 from .meeting import fitted as fitted_flights
 from .tracks import (
     GAP,
@@ -509,17 +509,19 @@ class _Finder:
             if (nearest := nearest_pair(self.tracks, self.radius)) < 0.5:
                 why += f"; two disks come as near as {nearest:.3g} times the sum of their radii: "
                 why += "the radii or the unit of x and y are wrong"
+            elif 2.0 < nearest < math.inf:
+                why += f"; {cause_of_none(self.tracks, self.radius, with_walls=False)}"
             raise InputError(f"{source}: no impact was found{why}")
         bent = self._not_of_the_law()
-        if not bent:
-            self._check_sizes([(each.ids, fitted.gap) for each, fitted, _ in fits if each.wall is None])
+        of_pairs = [(each.ids, fitted.gap) for each, fitted, _ in fits if each.wall is None]
+        sizes = [] if bent else [*self._of_sizes(of_pairs)]
         pairs, walls = (
             _columns([row for each, _, row in fits if (each.wall is not None) is with_wall])
             for with_wall in (False, True)
         )
         warnings = _spin_warnings((pairs, walls), source, be_silent=bool(bent))
         return FoundCollisions(
-            pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, (*bent, *warnings), self.estimate,
+            pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, (*bent, *sizes, *warnings), self.estimate,
             self.of_kinds, self.window, self.tracks, float(np.median([*self.step.values()])), self.friction,
         )  # fmt: skip
 
@@ -560,8 +562,8 @@ class _Finder:
             (t for t in others if t >= at), default=math.inf
         )
 
-    def _check_sizes(self, fits: Sequence[tuple[tuple[int, ...], float]]) -> None:
-        """InputError if the paths of disks with some radii turn at another distance than their sum."""
+    def _of_sizes(self, fits: Sequence[tuple[tuple[int, ...], float]]) -> Iterator[str]:
+        """Warnings if the paths of disks with some radii turn at another distance than their sum; InputError if far."""
         of_radii: dict[tuple[float, ...], list[float]] = {}
         for ids, gap in fits:
             of_radii.setdefault(tuple(sorted(self.radius[one] for one in ids)), []).append(gap)
@@ -569,12 +571,16 @@ class _Finder:
             gaps = np.array(values)
             off = float(np.median(gaps))
             scatter = 1.4826 * float(np.median(np.abs(gaps - off))) / math.sqrt(len(gaps))
-            if len(gaps) >= 3 and abs(off) > max(_WRONG_SIZE, 4.0 * scatter):
-                raise InputError(
-                    f"{self.tracks.source}: the paths of disks of radii {a:g} and {b:g} turn at {1.0 + off:.3g} times "
-                    f"the sum of their radii (median of {len(gaps)} impacts, error {scatter:.2g}): the radii or the "
-                    "unit of x and y are wrong"
-                )
+            if len(gaps) < 3 or abs(off) < max(CONTACT, 4.0 * scatter):
+                continue
+            text = (
+                f"{self.tracks.source}: the paths of disks of radii {a:g} and {b:g} turn at {1.0 + off:.3g} times "
+                f"the sum of their radii (median of {len(gaps)} impacts, error {scatter:.2g}): the radii or the "
+                "unit of x and y are "
+            )
+            if abs(off) > _WRONG_SIZE:
+                raise InputError(f"{text}wrong")
+            yield f"{text}off, and normals of oblique impacts with them"
 
     def _fitted(self, meeting: _Encounter, bounds: Sequence[tuple[float, float]]) -> _Result:
         """The flights of a meeting between the times of other events of each disk."""

@@ -25,8 +25,9 @@ Array = NDArray[np.float64]
 
 LEAST = 3
 """Frames of a flight that are needed at least."""
+CONTACT = 5e-3
+"""How well the sum of the radii is known, over itself."""
 
-_CONTACT = 5e-3  # how well the sum of the radii is known, over itself
 _SURE = 4.0  # errors by which an impact must change the velocity along the normal
 _NORMAL = 0.1  # largest error of the normal of an impact [rad]
 _NEAR = 6  # frames from which a velocity is guessed
@@ -177,8 +178,8 @@ class _Model:
                     J[:, c + 2 + 2 * end + m] = -(turned[1 + m] - turned[0])[good] / h[m]
             jacobians.append(J / side.sigma_angle)
         distance, by = distance_of(p, self.wall)
-        residuals.append(np.array([(distance - self.contact) / (_CONTACT * self.contact)]))
-        jacobians.append(by[None] / (_CONTACT * self.contact))
+        residuals.append(np.array([(distance - self.contact) / (CONTACT * self.contact)]))
+        jacobians.append(by[None] / (CONTACT * self.contact))
         return np.concatenate(residuals), np.concatenate(jacobians)
 
     @property
@@ -317,7 +318,7 @@ class Flights:
     def gap(self) -> float:
         """Gap at the impact, over the sum of the radii, as the flights alone give it."""
         leverage = float(self.jacobian[-1] @ self.covariance @ self.jacobian[-1])
-        return float(self.residual[-1]) / max(1.0 - leverage, 1e-6) * _CONTACT
+        return float(self.residual[-1]) / max(1.0 - leverage, 1e-6) * CONTACT
 
     def doubting(self, i: int, doubt: tuple[float, float]) -> Flights:
         """These flights, with errors of the motion of disk i before."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -165,17 +166,26 @@ def test_wrong_units_and_sizes_are_named(
         impacts.find(loaded(tmp_path, text, 240.0), disks)
 
 
-@pytest.mark.parametrize(("off", "wrong"), [(0.07, False), (0.09, True), (-0.09, True)])
-def test_sizes_are_wrong_beyond_four_errors_of_the_median_gap(off: float, wrong: bool) -> None:
-    """Of 101 gaps, all but the median are 0.2 / 1.4826 away from it: four errors are 0.8 / sqrt(101) = 0.0796."""
-    gaps = off + np.append(np.repeat([-1.0, 1.0], 50), 0.0) * 0.2 / 1.4826
+@pytest.mark.parametrize(
+    ("off", "scatter", "says"),
+    [
+        (0.07, 0.02, ""), (0.09, 0.02, "wrong"), (-0.09, 0.02, "wrong"), (0.02, 0.002, "off"), (-0.02, 0.002, "off"),
+        (0.007, 0.002, ""), (0.004, 0.0002, ""),
+    ],
+)  # fmt: skip
+def test_sizes_are_off_beyond_four_errors_of_the_median_gap(off: float, scatter: float, says: str) -> None:
+    """Of 101 gaps, all but the median are 10/1.4826 of its error away from it; 0.005 is how well a sum of radii is known."""
+    gaps = off + np.append(np.repeat([-1.0, 1.0], 50), 0.0) * scatter * np.sqrt(101) / 1.4826
     fits = [((0, 1), float(gap)) for gap in gaps]
     finder: Any = SimpleNamespace(radius={0: 0.02, 1: 0.03}, tracks=SimpleNamespace(source="tracks.csv"))
-    if not wrong:
-        impacts._Finder._check_sizes(finder, fits)
+    text = rf"turn at {1.0 + off:.3g} times .*of 101 impacts, error {scatter:.2g}\): .* are {says}"
+    if says == "wrong":
+        with pytest.raises(InputError, match=text):
+            [*impacts._Finder._of_sizes(finder, fits)]
         return
-    with pytest.raises(InputError, match=rf"turn at {1.0 + off:.3g} times .*of 101 impacts, error 0.02\)"):
-        impacts._Finder._check_sizes(finder, fits)
+    found = [*impacts._Finder._of_sizes(finder, fits)]
+    assert len(found) == bool(says)
+    assert all(re.search(text, each) for each in found)
 
 
 def test_command_writes_tables_that_a_fit_takes(
