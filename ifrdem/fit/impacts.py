@@ -58,6 +58,7 @@ _SHORT = 12  # frames of a flight that are always enough
 _RESTS = 10.0  # errors by which a disk that moves would have left its place
 _SLOW = 4.0  # errors of a velocity that may be none
 _EXACT_ANGLE = 1e-6  # error of angles that do not scatter [rad]
+_FEW = f"a flight has fewer than {LEAST} frames"
 _WRONG_SIZE = 0.05  # of the distance at impacts from the sum of the radii
 
 
@@ -520,6 +521,10 @@ class _Finder:
             for with_wall in (False, True)
         )
         warnings = _spin_warnings((pairs, walls), source, be_silent=bool(bent))
+        short = sum(each.reason.startswith(_FEW) for each in left_out)
+        if short > len(fits):
+            text = f"of {short} encounters, more than were found, {_FEW}"
+            warnings.append(f"{source}: {text}: more frames per second, or fewer disks, keep them")
         return FoundCollisions(
             pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, (*bent, *sizes, *warnings), self.estimate,
             self.of_kinds, self.window, self.tracks, float(np.median([*self.step.values()])), self.friction,
@@ -598,13 +603,13 @@ class _Finder:
             )
         cut = dict[int, float]()
         fitted: Flights | str = ""
-        time, few = at, f"a flight has fewer than {LEAST} frames"
+        time = at
         certain = [rest.certain for rest in rests]
         for _ in range(4):
             for one, rows in zip(meeting.ids, rows_of_disks, strict=True):
                 t = self.tracks.time[one][rows]
                 if min(np.sum(t < time), np.sum(t > time)) < LEAST:
-                    return few + " without a change point" * bool(cut), cut
+                    return _FEW + " without a change point" * bool(cut), cut
             fitted = self._joint(meeting, rows_of_disks, certain, time)
             if isinstance(fitted, str):
                 return fitted, cut
@@ -617,7 +622,7 @@ class _Finder:
                 break
             rows_of_disks = kept
         if isinstance(fitted, str) or fitted.frames < LEAST:
-            return (fitted if isinstance(fitted, str) else few), cut
+            return (fitted if isinstance(fitted, str) else _FEW), cut
         return self._doubted(meeting, fitted, rows_of_disks, rests), cut
 
     def _resting_rows(self, one: int, rows: NDArray[np.int64], at: float, rest: _Rest) -> NDArray[np.int64]:

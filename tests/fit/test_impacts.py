@@ -99,6 +99,14 @@ def test_a_disk_that_rests_for_longer_than_the_window_is_at_rest() -> None:
     assert abs(row["vx_1"] - 0.5) < 4.0 * row["vx_1_error"]
 
 
+def test_too_few_frames_per_second_are_named(tmp_path: Path) -> None:
+    motion = simulator.simulate(30.0, 2.0, seed=5)
+    found = impacts.find(loaded(tmp_path, simulator.film(motion, 3), 30.0), DISKS, walls=WALLS)
+    short = found.reasons["a flight has fewer than 3 frames"]
+    assert short > len(found)
+    assert any(f"of {short} encounters, more than were found" in each for each in found.warnings)
+
+
 @pytest.mark.full
 def test_walls_that_are_not_given_are_found_as_change_points(tmp_path: Path) -> None:
     motion = simulator.simulate(240.0, 3.0, seed=2)
