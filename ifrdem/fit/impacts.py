@@ -56,6 +56,7 @@ _TOUCH = 6.0  # errors of a gap that may be none
 _NU = 4.0  # degrees of freedom of the Student-t noise
 _SHORT = 12  # frames of a flight that are always enough
 _RESTS = 10.0  # errors by which a disk that moves would have left its place
+_STRAYS = 5.0  # errors by which frames of a disk at rest stray from their mean
 _SLOW = 4.0  # errors of a velocity that may be none
 _EXACT_ANGLE = 1e-6  # error of angles that do not scatter [rad]
 _FEW = f"a flight has fewer than {LEAST} frames"
@@ -386,7 +387,8 @@ class _Finder:
         """Rest of a disk before an impact, by the frames before it, the nearest ones first.
 
         It does for certain if it has one place in n frames next to it, and a disk that moves, however slowly, would
-        have left that place: by a T^2/2 at least, T the time of these frames and a the deceleration.
+        have left that place: by a T^2/2 at least, T the time of these frames and a the deceleration. It moves for
+        certain if it was farther away before than the deceleration allows.
         """
         tray, tracks, R = self.trays[one], self.tracks, self.radius[one]
         before = rows[tracks.time[one][rows] < at - 0.01 * self.step[one]][::-1]
@@ -396,12 +398,13 @@ class _Finder:
         if one in tracks.angle and math.isfinite(errors[1]):
             parts.append(tracks.angle[one][before][:, None] / errors[1])
         leaving = tray.leaving(R, self._kind(one)[2], *errors)
-        frames = [frames_at_rest(x) if a > 0.0 else 0 for x, a in zip(parts, leaving, strict=False)] + [0] * (
-            2 - len(parts)
-        )
+        most, frames = tray.stopping(R, self._kind(one)[2], *errors), [0, 0]
+        for i, x in enumerate(parts):
+            n = frames_at_rest(x) if leaving[i] > 0.0 else 0
+            if n >= LEAST and _could_stop(x, away, n, most[i]):
+                frames[i] = n
         if tray.coupled:  # both stop together
             frames = [min(frames)] * 2
-        frames = [n if n >= LEAST else 0 for n in frames]
         certain = [
             n > 0 and a * float(away[n - 1]) ** 2 / 2.0 >= _RESTS
             for n, a in zip(frames, leaving, strict=True)
@@ -720,6 +723,16 @@ class _Finder:
         if abs(found.time - meeting.time) > max(5.0, 0.5 * min(self.window, _SHORT)) * span:
             return "no time at which flights before and after meet"
         return found
+
+
+def _could_stop(x: Array, away: Array, n: int, most: float) -> bool:
+    """True if a disk that has one place in the nearest n frames can have come to rest there under a largest deceleration.
+
+    x (m, d), in units of its errors, at times (m,) before an impact; one frame may be misread.
+    """
+    farther = np.sqrt(np.sum((x - np.nanmean(x[:n], axis=0)) ** 2, axis=1))
+    time = np.maximum(away - away[LEAST - 1], 0.0)
+    return int(np.sum(farther > 1.5 * most * time**2 / 2.0 + _STRAYS)) <= 1
 
 
 def _ids(encounter: _Encounter) -> dict[str, float]:
