@@ -57,9 +57,7 @@ Indices = NDArray[np.intp]
 
 
 def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
-    stored.require_fields(
-        trajectory, "velocity", "angular_velocity", *["position"] * bool(trajectory.box.shear_rate)
-    )
+    stored.require_velocities(trajectory, "angular_velocity")
     used, disks = second_half(trajectory, frames), trajectory.disks
     results: dict[str, velocities.VelocityDistribution] = {}
     rows: list[Reading] = []

@@ -20,7 +20,7 @@ from ..tools.intervals import of_intensity
 from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import BoxLike, Positions, Times, blocks, cells_of, share_in_cell
-from .structure import Bins, mode_amplitudes, ring_edges
+from .structure import Bins, in_rings, mode_amplitudes, ring_edges
 
 MOST_PAIRS = 4_000_000
 """Most pairs of a frame that are counted (about 1 s). In larger gases centres are drawn at random."""
@@ -280,19 +280,14 @@ def velocity_spectrum(
     frames, (a, b) = 0, modes.astype(int).tolist()
     for x, v, when in _frames(position, velocity, time):
         k, v_k = mode_amplitudes(x, v.T, box, (a, b), time=when)
-        size = np.hypot(k[..., 0], k[..., 1])
-        half = np.zeros(size.shape, dtype=bool)
-        half[a + 1 :] = True
-        half[a, b + 1 :] = True
-        chosen = half & (size > edges[0]) & (size <= k_max)
-        e, amplitude = k[chosen] / size[chosen][:, None], v_k[:, chosen]
+        chosen, size, ring = in_rings(k, edges, edges[0], k_max)
+        e, amplitude = k[chosen] / size[:, None], v_k[:, chosen]
         parts = (
             np.abs(e[:, 0] * amplitude[1] - e[:, 1] * amplitude[0]) ** 2 / len(x),
             np.abs(e[:, 0] * amplitude[0] + e[:, 1] * amplitude[1]) ** 2 / len(x),
         )
-        ring = np.clip(np.searchsorted(edges, size[chosen]) - 1, 0, count - 1)
         number += np.bincount(ring, minlength=count)
-        sum_k += np.bincount(ring, size[chosen], minlength=count)
+        sum_k += np.bincount(ring, size, minlength=count)
         for i, part in enumerate(parts):
             sums[i] += np.bincount(ring, part, minlength=count)
             squares[i] += np.bincount(ring, part**2, minlength=count)

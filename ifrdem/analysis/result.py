@@ -55,6 +55,11 @@ def require_fields(trajectory: Trajectory, *fields: str) -> None:
         )
 
 
+def require_velocities(trajectory: Trajectory, *further: str) -> None:
+    """Raise InputError if velocities, in a sheared gas also positions, or `further` fields are missing."""
+    require_fields(trajectory, "velocity", *further, *["position"] * bool(trajectory.box.shear_rate))
+
+
 def series(trajectory: Trajectory, *names: str) -> tuple[Array, list[Array]]:
     """Times, and whole-gas quantities by name: from `timeseries`, or at the frames if there are more of these.
 

@@ -141,9 +141,7 @@ def _of_series(trajectory: Trajectory, names: list[str], span: tuple[float, floa
 
 def _of_frames(trajectory: Trajectory, groups: stored.Groups, used: Sequence[int]) -> _Rows:
     """Temperatures from velocities and spins of frames."""
-    stored.require_fields(
-        trajectory, "velocity", "angular_velocity", *["position"] * bool(trajectory.box.shear_rate)
-    )
+    stored.require_velocities(trajectory, "angular_velocity")
     disks, drift = trajectory.disks, stored.drift(trajectory, used).velocity
     T, T_rot = [], []
     for i in used:

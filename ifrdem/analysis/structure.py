@@ -404,6 +404,20 @@ def ring_edges(box: Box, k_max: float, rings: int) -> Array:
     return edges
 
 
+def in_rings(
+    k: Array, edges: Array, begin: float, end: float
+) -> tuple[NDArray[np.bool_], Array, NDArray[np.intp]]:
+    """Modes k (2 a + 1, 2 b + 1, 2), one of k and -k, beyond `begin` and up to `end`; their |k| and rings, (m,)."""
+    size = np.hypot(k[..., 0], k[..., 1])
+    a, b = (n // 2 for n in size.shape)
+    half = np.zeros(size.shape, dtype=bool)
+    half[a + 1 :] = True
+    half[a, b + 1 :] = True
+    chosen = half & (size > begin) & (size <= end)
+    ring = np.clip(np.searchsorted(edges, size[chosen]) - 1, 0, len(edges) - 2)
+    return chosen, size[chosen], ring
+
+
 @validated
 def structure_factor(
     position: Positions,
@@ -456,15 +470,10 @@ def structure_factor(
             if box.shear_rate:  # the skew moves k_y by up to k_x / 2 Lx / Ly
                 modes[1] += int(np.ceil(0.5 * modes[0])) + 1
             k, S = mode_intensities(points, box, (int(modes[0]), int(modes[1])), stride=stride, time=when)
-            size = np.hypot(k[..., 0], k[..., 1])
-            half = np.zeros(size.shape, dtype=bool)  # of k and -k one
-            half[modes[0] + 1 :] = True
-            half[modes[0], modes[1] + 1 :] = True
-            chosen = half & (size > begin) & (size <= end)
-            ring = np.clip(np.searchsorted(edges, size[chosen]) - 1, 0, count - 1)
+            chosen, size, ring = in_rings(k, edges, begin, end)
             number += np.bincount(ring, minlength=count)
             sum_S += np.bincount(ring, S[chosen], minlength=count)
-            sum_k += np.bincount(ring, size[chosen], minlength=count)
+            sum_k += np.bincount(ring, size, minlength=count)
             begin = end
             if box.shear_rate:
                 continue

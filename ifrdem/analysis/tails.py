@@ -180,7 +180,7 @@ def speed_tail(
 
 
 def of_tail(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
-    stored.require_fields(trajectory, "velocity", *["position"] * bool(trajectory.box.shear_rate))
+    stored.require_velocities(trajectory)
     used, disks = second_half(trajectory, frames), trajectory.disks
     results: dict[str, SpeedTail] = {}
     readings: list[Reading] = []

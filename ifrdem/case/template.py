@@ -93,11 +93,17 @@ output = { frames = 50 }""",
 }
 
 
-def write(kind: str) -> str:
-    """The text of a commented case file, by a key of `TEMPLATES`; an InputError says that there is none."""
+def _template(kind: str) -> Template:
+    """A template by its name; an InputError says that there is none."""
     if kind not in TEMPLATES:
         raise InputError(f"no template is called '{kind}'{there_are(kind, TEMPLATES)}")
-    template, values = TEMPLATES[kind], TEMPLATES[kind].values
+    return TEMPLATES[kind]
+
+
+def write(kind: str) -> str:
+    """The text of a commented case file, by a key of `TEMPLATES`; an InputError says that there is none."""
+    template = _template(kind)
+    values = template.values
     blocks = [
         _comment(template.title)
         + _comment(
@@ -118,9 +124,8 @@ def write(kind: str) -> str:
 
 def write_short(kind: str) -> str:
     """The text of a case file with the keys of a template alone, each with its unit, by a key of `TEMPLATES`."""
-    if kind not in TEMPLATES:
-        raise InputError(f"no template is called '{kind}'{there_are(kind, TEMPLATES)}")
-    template, values = TEMPLATES[kind], TEMPLATES[kind].values
+    template = _template(kind)
+    values = template.values
     more = f"`ifrdem new {kind}` explains every key, `ifrdem docs case` too."
     blocks = [_comment(template.title) + _comment(more)]
     for name, field in CaseSections.model_fields.items():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from ..errors import InputError, nearest, there_are
+from ..errors import InputError, nearest, refuse, there_are
 from ..tools.files import check_files, write_text
 from ..tools.values import Fraction, Integer, Natural, NonNegative, Number, Positive, Ratio, RatioOrZero, Real
 from .console import FAILED, complain, echo, note
@@ -716,10 +716,9 @@ def _tray(text: str, problems: OptionProblems) -> Any:
 def _estimated_walls(tracks: Any, disks: Mapping[int, Any]) -> list[Any]:
     """Walls from tracks; InputError if a disk is unknown."""
     from ..fit.estimated_walls import estimated
+    from ..fit.tracks import of_unknown_size
 
-    unknown = [f"disk {one}: its mass and radius are not given" for one in tracks.time if one not in disks]
-    if unknown:
-        raise InputError("\n".join(unknown))
+    refuse(of_unknown_size(tracks, disks))
     return estimated(tracks, {one: float(disk.radius) for one, disk in disks.items()})
 
 

@@ -28,7 +28,7 @@ from ..tools.checked import (
 )
 from ..tools.tables import TableFormat
 from .laws import LAWS
-from .model import MEASURED, AngleProblem, CollisionProblem, FitProblem, Pair, RowError
+from .model import DIRECTION, MEASURED, MOTION, AngleProblem, CollisionProblem, FitProblem, Pair, RowError
 
 Array = NDArray[np.float64]
 
@@ -47,12 +47,9 @@ _SPELLINGS: Mapping[str, str] = {
     **dict.fromkeys(("et*", "etstar", "etapp", "apparentet"), "e_t_apparent"),
 }
 
-MOTION = ("vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")
 AFTER = tuple(f"{name}_after" for name in MOTION)
 CENTRES = ("x_1", "y_1", "x_2", "y_2")
 NORMAL = ("nx", "ny")
-DIRECTION = "normal"
-"""The normal as one quantity, whose errors are in radians."""
 BEFORE = "before"
 """All of the motion before, which may be exact."""
 _DISKS = ("mass_1", "radius_1", "k_1", "mass_2", "radius_2", "k_2")
@@ -246,12 +243,12 @@ class Collisions:
         normal, positions = (all(name in self.measured for name in names) for names in (NORMAL, CENTRES))
         if not normal and not positions:
             text = "missing: give columns nx, ny or x_1, y_1, x_2, y_2"
-            problems.append(Problem("normal", None, text))
+            problems.append(Problem(DIRECTION, None, text))
         if not any(name in self.measured for name in AFTER):
             text = f"must have a quantity after the impact, one of {', '.join(AFTER)}"
             problems.append(Problem("measured", None, text))
-        given = {name: value for name, value in self.errors.items() if name != "normal"}
-        turned = [name for name in NORMAL if "normal" in self.errors and name in {*self.measured} - {*given}]
+        given = {name: value for name, value in self.errors.items() if name != DIRECTION}
+        turned = [name for name in NORMAL if DIRECTION in self.errors and name in {*self.measured} - {*given}]
         if problems and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
             how = option_name(f"--column {MOTION[0]}='HEADER'", f"columns = {{'{MOTION[0]}': 'HEADER'}}")
             problems.append(
@@ -265,7 +262,7 @@ class Collisions:
                 f"{a} and {b} must both be velocities or spins that were measured, or one the normal",
             )
             for a, b in _pairs(self.covariance)
-            if not {a, b} <= {"normal", *({*MOTION, *AFTER} & set(self.measured))} or a == b
+            if not {a, b} <= {DIRECTION, *({*MOTION, *AFTER} & set(self.measured))} or a == b
         ]
         refuse(problems, self.source)
         n = max(np.size(value) for value in self.measured.values())
@@ -276,7 +273,7 @@ class Collisions:
         arrays = {name: _column(self.source, name, value, n) for name, value in self.measured.items()}
         errors = {name: _column(self.source, f"error of {name}", value, n) for name, value in given.items()}
         if turned:  # an error [rad] of the direction, whatever the length of the normal
-            angle = _column(self.source, "error of normal", self.errors["normal"], n)
+            angle = _column(self.source, f"error of {DIRECTION}", self.errors[DIRECTION], n)
             x, y = (arrays.get(name, np.zeros(n)) for name in NORMAL)
             errors |= dict.fromkeys(turned, angle * np.hypot(x, y))
         found: list[RowProblem] = []
@@ -379,7 +376,7 @@ class Collisions:
         """The collisions as a fit sees them."""
         phi, s_phi = self.normal()
         moving = MOTION[:3] if self.wall else MOTION
-        names = ("normal", *moving, *(f"{name}_after" for name in moving))
+        names = (DIRECTION, *moving, *(f"{name}_after" for name in moving))
         none = np.full(len(self), math.nan)
         y = np.stack([phi, *(self.measured.get(name, none) for name in names[1:])], axis=-1)
         s = np.stack([s_phi, *(self.errors.get(name, none) for name in names[1:])], axis=-1)
@@ -444,7 +441,7 @@ def read(
     for i in "12":
         kinds[f"material_{i}"] = "text"
         spellings |= dict.fromkeys((f"material{i}", f"species{i}"), f"material_{i}")
-    moving = ("normal", *MOTION, *AFTER)
+    moving = (DIRECTION, *MOTION, *AFTER)
     kinds[DIRECTION], spellings[DIRECTION] = "direction", DIRECTION
     covariances = {f"{tables.COVARIANCE}{a}:{b}": (a, b) for a in moving for b in moving if a != b}
     kinds |= dict.fromkeys(covariances, "number")
@@ -556,7 +553,7 @@ def _given_errors(
         elif name in form.known:
             given[name] = np.zeros(n)
         elif by:
-            given["normal" if by[0] == "normal" else name] = np.full(n, errors[by[0]])
+            given[DIRECTION if by[0] == DIRECTION else name] = np.full(n, errors[by[0]])
         elif rest is not None:
             given[name] = np.full(n, rest)
         else:
@@ -649,8 +646,8 @@ def _missing(name: str) -> Problem:
 
 
 def _how_to_give(name: str) -> str:
-    group = "normal" if name in NORMAL else _group(name)
-    of_groups = {"angles": "DEGREES for all angles", "normal": "normal=RADIANS"}
+    group = DIRECTION if name in NORMAL else _group(name)
+    of_groups = {"angles": "DEGREES for all angles", DIRECTION: f"{DIRECTION}=RADIANS"}
     all_of = f" (or --error {of_groups.get(group, f'{group}=VALUE')})" if group != name else ""
     here = f"errors[{name!r}]{f' (or errors[{group!r}])' if group != name else ''}"
     return f"give a column {name}_error, {option_name(f'--error {name}=VALUE{all_of}, or --error estimate', here)}"

@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..tools.files import write_saved
 from .data import Data
 from .likelihood import Array
-from .model import MEASURED, CollisionProblem
+from .model import DIRECTION, MEASURED, CollisionProblem
 from .result import Fit, Fitted
 
 if TYPE_CHECKING:
@@ -288,7 +288,7 @@ def _derived(problem: CollisionProblem, y: Array) -> Array:
     """Angle of incidence [deg], -g_n'/g_n and g_t'/g_n, (3, n), of observed values (n, q)."""
     columns = dict(zip(problem.names, y.T, strict=True))
     _, R_1, _, _, R_2, _, *wall = problem.of_disks
-    n_x, n_y = np.cos(columns["normal"]), np.sin(columns["normal"])
+    n_x, n_y = np.cos(columns[DIRECTION]), np.sin(columns[DIRECTION])
     g = []
     for end in ("", "_after"):
         v_2x, v_2y, w_2 = (

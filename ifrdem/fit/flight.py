@@ -118,6 +118,11 @@ class Tray:
         least = float(np.min(slower * np.hypot(sine / sigma, cosine / (R * sigma_angle))))
         return least, least
 
+    def stopping(self, R: float, k: float, sigma: float, sigma_angle: float) -> tuple[float, float]:
+        """Largest deceleration of slow centres and angles, in units of their errors [1/time^2]: F and T are at most 1."""
+        of_spin = k * self.a0 / R if self.coupled else self.b0
+        return (self.a0 + math.hypot(self.gx, self.gy)) / sigma, of_spin / sigma_angle
+
     def flight(
         self, tau: Array, v: Array, w: Array, R: float | Array, k: float | Array
     ) -> tuple[Array, Array]:

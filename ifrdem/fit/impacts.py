@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from ..errors import InputError, option_name, refuse
 from ..model.walls.wall import Wall
 from .data import Disk
 from .flight import LAWS, Tray
-from .meeting import LEAST, Flights, Side
+from .meeting import CONTACT, LEAST, Flights, Side
 from .meeting import fitted as fitted_flights
 from .tracks import (
     GAP,
@@ -35,6 +35,7 @@ from .tracks import (
     exchanges_in,
     nearest_pair,
     noise,
+    of_unknown_size,
 )
 from .tray import DIFFER, LEAST_FRAMES, LONGEST, Piece, TrayEstimate, estimate, frames_at_rest
 
@@ -55,8 +56,10 @@ _TOUCH = 6.0  # errors of a gap that may be none
 _NU = 4.0  # degrees of freedom of the Student-t noise
 _SHORT = 12  # frames of a flight that are always enough
 _RESTS = 10.0  # errors by which a disk that moves would have left its place
+_STRAYS = 5.0  # errors by which frames of a disk at rest stray from their mean
 _SLOW = 4.0  # errors of a velocity that may be none
 _EXACT_ANGLE = 1e-6  # error of angles that do not scatter [rad]
+_FEW = f"a flight has fewer than {LEAST} frames"
 _WRONG_SIZE = 0.05  # of the distance at impacts from the sum of the radii
 
 
@@ -234,10 +237,10 @@ def find(
         problems.append(f"{option_name('--noise', 'error')} = {error:g}: must be a positive finite number")
     moving = [wall for wall in walls if wall.changes_with_time or wall.piston is not None]
     problems += [f"{wall.shape} wall: must be at rest" for wall in moving]
-    of = {one: disks if isinstance(disks, Disk) else disks.get(one) for one in tracks.time}
-    problems += [f"disk {one}: its mass and radius are not given" for one, disk in of.items() if disk is None]
+    known = dict.fromkeys(tracks.time, disks) if isinstance(disks, Disk) else disks
+    problems += of_unknown_size(tracks, known)
     refuse(problems)
-    known = {one: disk for one, disk in of.items() if disk is not None}
+    known = {one: known[one] for one in tracks.time}
     radius = {one: float(np.asarray(disk.radius)) for one, disk in known.items()}
     exchanges = exchanges_in(tracks, radius)
     if repair_swaps:
@@ -384,7 +387,8 @@ class _Finder:
         """Rest of a disk before an impact, by the frames before it, the nearest ones first.
 
         It does for certain if it has one place in n frames next to it, and a disk that moves, however slowly, would
-        have left that place: by a T^2/2 at least, T the time of these frames and a the deceleration.
+        have left that place: by a T^2/2 at least, T the time of these frames and a the deceleration. It moves for
+        certain if it was farther away before than the deceleration allows.
         """
         tray, tracks, R = self.trays[one], self.tracks, self.radius[one]
         before = rows[tracks.time[one][rows] < at - 0.01 * self.step[one]][::-1]
@@ -394,12 +398,13 @@ class _Finder:
         if one in tracks.angle and math.isfinite(errors[1]):
             parts.append(tracks.angle[one][before][:, None] / errors[1])
         leaving = tray.leaving(R, self._kind(one)[2], *errors)
-        frames = [frames_at_rest(x) if a > 0.0 else 0 for x, a in zip(parts, leaving, strict=False)] + [0] * (
-            2 - len(parts)
-        )
+        most, frames = tray.stopping(R, self._kind(one)[2], *errors), [0, 0]
+        for i, x in enumerate(parts):
+            n = frames_at_rest(x) if leaving[i] > 0.0 else 0
+            if n >= LEAST and _could_stop(x, away, n, most[i]):
+                frames[i] = n
         if tray.coupled:  # both stop together
             frames = [min(frames)] * 2
-        frames = [n if n >= LEAST else 0 for n in frames]
         certain = [
             n > 0 and a * float(away[n - 1]) ** 2 / 2.0 >= _RESTS
             for n, a in zip(frames, leaving, strict=True)
@@ -508,17 +513,23 @@ class _Finder:
             if (nearest := nearest_pair(self.tracks, self.radius)) < 0.5:
                 why += f"; two disks come as near as {nearest:.3g} times the sum of their radii: "
                 why += "the radii or the unit of x and y are wrong"
+            elif 2.0 < nearest < math.inf:
+                why += f"; {cause_of_none(self.tracks, self.radius, with_walls=False)}"
             raise InputError(f"{source}: no impact was found{why}")
         bent = self._not_of_the_law()
-        if not bent:
-            self._check_sizes([(each.ids, fitted.gap) for each, fitted, _ in fits if each.wall is None])
+        of_pairs = [(each.ids, fitted.gap) for each, fitted, _ in fits if each.wall is None]
+        sizes = [] if bent else [*self._of_sizes(of_pairs)]
         pairs, walls = (
             _columns([row for each, _, row in fits if (each.wall is not None) is with_wall])
             for with_wall in (False, True)
         )
         warnings = _spin_warnings((pairs, walls), source, be_silent=bool(bent))
+        short = sum(each.reason.startswith(_FEW) for each in left_out)
+        if short > len(fits):
+            text = f"of {short} encounters, more than were found, {_FEW}"
+            warnings.append(f"{source}: {text}: more frames per second, or fewer disks, keep them")
         return FoundCollisions(
-            pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, (*bent, *warnings), self.estimate,
+            pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, (*bent, *sizes, *warnings), self.estimate,
             self.of_kinds, self.window, self.tracks, float(np.median([*self.step.values()])), self.friction,
         )  # fmt: skip
 
@@ -559,8 +570,8 @@ class _Finder:
             (t for t in others if t >= at), default=math.inf
         )
 
-    def _check_sizes(self, fits: Sequence[tuple[tuple[int, ...], float]]) -> None:
-        """InputError if the paths of disks with some radii turn at another distance than their sum."""
+    def _of_sizes(self, fits: Sequence[tuple[tuple[int, ...], float]]) -> Iterator[str]:
+        """Warnings if the paths of disks with some radii turn at another distance than their sum; InputError if far."""
         of_radii: dict[tuple[float, ...], list[float]] = {}
         for ids, gap in fits:
             of_radii.setdefault(tuple(sorted(self.radius[one] for one in ids)), []).append(gap)
@@ -568,12 +579,16 @@ class _Finder:
             gaps = np.array(values)
             off = float(np.median(gaps))
             scatter = 1.4826 * float(np.median(np.abs(gaps - off))) / math.sqrt(len(gaps))
-            if len(gaps) >= 3 and abs(off) > max(_WRONG_SIZE, 4.0 * scatter):
-                raise InputError(
-                    f"{self.tracks.source}: the paths of disks of radii {a:g} and {b:g} turn at {1.0 + off:.3g} times "
-                    f"the sum of their radii (median of {len(gaps)} impacts, error {scatter:.2g}): the radii or the "
-                    "unit of x and y are wrong"
-                )
+            if len(gaps) < 3 or abs(off) < max(CONTACT, 4.0 * scatter):
+                continue
+            text = (
+                f"{self.tracks.source}: the paths of disks of radii {a:g} and {b:g} turn at {1.0 + off:.3g} times "
+                f"the sum of their radii (median of {len(gaps)} impacts, error {scatter:.2g}): the radii or the "
+                "unit of x and y are "
+            )
+            if abs(off) > _WRONG_SIZE:
+                raise InputError(f"{text}wrong")
+            yield f"{text}off, and normals of oblique impacts with them"
 
     def _fitted(self, meeting: _Encounter, bounds: Sequence[tuple[float, float]]) -> _Result:
         """The flights of a meeting between the times of other events of each disk."""
@@ -582,24 +597,22 @@ class _Finder:
             t = self.tracks.time[one]
             step = self.step[one]
             inside = (t > low + 0.51 * step) & (t < high - 0.51 * step)
-            before, after = np.flatnonzero(inside & (t < at)), np.flatnonzero(inside & (t > at))
-            rows = np.concatenate(
-                [before[-self.window :], np.flatnonzero(inside & (t == at)), after[: self.window]]
-            )
-            rows = _without_gaps(t, rows, at, step)
+            rows = _without_gaps(t, np.flatnonzero(inside), at, step)
             rests.append(self._rest(one, rows, at))
+            before, after = rows[t[rows] < at], rows[t[rows] > at]
+            rows = np.concatenate([before[-self.window :], rows[t[rows] == at], after[: self.window]])
             rows_of_disks.append(
                 self._resting_rows(one, rows, at, rests[-1]) if any(rests[-1].certain) else rows
             )
         cut = dict[int, float]()
         fitted: Flights | str = ""
-        time, few = at, f"a flight has fewer than {LEAST} frames"
+        time = at
         certain = [rest.certain for rest in rests]
         for _ in range(4):
             for one, rows in zip(meeting.ids, rows_of_disks, strict=True):
                 t = self.tracks.time[one][rows]
                 if min(np.sum(t < time), np.sum(t > time)) < LEAST:
-                    return few + " without a change point" * bool(cut), cut
+                    return _FEW + " without a change point" * bool(cut), cut
             fitted = self._joint(meeting, rows_of_disks, certain, time)
             if isinstance(fitted, str):
                 return fitted, cut
@@ -612,7 +625,7 @@ class _Finder:
                 break
             rows_of_disks = kept
         if isinstance(fitted, str) or fitted.frames < LEAST:
-            return (fitted if isinstance(fitted, str) else few), cut
+            return (fitted if isinstance(fitted, str) else _FEW), cut
         return self._doubted(meeting, fitted, rows_of_disks, rests), cut
 
     def _resting_rows(self, one: int, rows: NDArray[np.int64], at: float, rest: _Rest) -> NDArray[np.int64]:
@@ -710,6 +723,16 @@ class _Finder:
         if abs(found.time - meeting.time) > max(5.0, 0.5 * min(self.window, _SHORT)) * span:
             return "no time at which flights before and after meet"
         return found
+
+
+def _could_stop(x: Array, away: Array, n: int, most: float) -> bool:
+    """True if a disk that has one place in the nearest n frames can have come to rest there under a largest deceleration.
+
+    x (m, d), in units of its errors, at times (m,) before an impact; one frame may be misread.
+    """
+    farther = np.sqrt(np.sum((x - np.nanmean(x[:n], axis=0)) ** 2, axis=1))
+    time = np.maximum(away - away[LEAST - 1], 0.0)
+    return int(np.sum(farther > 1.5 * most * time**2 / 2.0 + _STRAYS)) <= 1
 
 
 def _ids(encounter: _Encounter) -> dict[str, float]:

@@ -31,6 +31,7 @@ that are linear in one another.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,6 +52,10 @@ _ROUNDING = 1e-13  # the same over the distance
 _SHORTEST = 1e-4  # length of a step, over that of Gauss-Newton
 _LARGEST_GAIN = 10.0  # decrease that is still possible at most, over the gain of the next step
 _LN_2_PI = float(np.log(2.0 * np.pi))
+_SINGULAR = (
+    1e-12  # of the largest eigenvalue, in units of single coefficients: below it there is no information
+)
+_NOTHING_LEFT = 1e-8  # of a derivative by a coefficient, where the true motion follows
 _RIDGE = 1e-12  # fixes a direction that no measured value determines
 
 
@@ -209,6 +214,9 @@ class Likelihood:
         along = _solve(slope, by_value)
         residual = np.einsum("nab,nb->na", problem.white, y - np.where(np.isnan(problem.y), 0.0, f))
         jacobian, scale = slope @ along - by_value, problem.step * 1e6
+        # Of a coefficient that the true motion makes up for entirely, rounding is left.
+        left, all_of_it = (np.sum(each**2, axis=(0, 1)) for each in (jacobian, by_value))
+        jacobian[:, :, left < _NOTHING_LEFT**2 * all_of_it] = 0.0
         return Points(x, residual, slope, jacobian, self.robust, problem.redundancy, tangents, scale)
 
     def rough(self, values: Array) -> float:
@@ -343,12 +351,16 @@ def _inverse(positive: Array) -> Array:
 
 
 def covariance_of(information: Array) -> Array:
-    """Inverse of (p, p), infinite if there is none."""
-    unit = unit_of(information)
-    scaled = information * np.outer(unit, unit)
-    if np.any(np.diag(information) <= 0.0) or np.linalg.cond(scaled) > 1e12:
+    """Inverse of (p, p), infinite for coefficients that have a part in a combination without information."""
+    if not np.isfinite(information).all():
         return np.full_like(information, np.inf)
-    return np.asarray(np.linalg.inv(scaled) * np.outer(unit, unit))
+    unit = unit_of(information)
+    values, vectors = np.linalg.eigh(information * np.outer(unit, unit))
+    known = values > _SINGULAR * values[-1]
+    inverse = (vectors[:, known] / values[known]) @ vectors[:, known].T * np.outer(unit, unit)
+    lost = np.any(np.abs(vectors[:, ~known]) > math.sqrt(_SINGULAR), axis=1)
+    inverse[lost, :] = inverse[:, lost] = np.inf
+    return np.asarray(inverse)
 
 
 def unit_of(information: Array) -> Array:

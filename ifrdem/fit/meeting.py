@@ -19,13 +19,15 @@ from scipy.special import chdtrc
 from ..model.walls.wall import Wall
 from .data import NORMAL, Disk
 from .flight import Tray
+from .model import DIRECTION
 
 Array = NDArray[np.float64]
 
 LEAST = 3
 """Frames of a flight that are needed at least."""
+CONTACT = 5e-3
+"""How well the sum of the radii is known, over itself."""
 
-_CONTACT = 5e-3  # how well the sum of the radii is known, over itself
 _SURE = 4.0  # errors by which an impact must change the velocity along the normal
 _NORMAL = 0.1  # largest error of the normal of an impact [rad]
 _NEAR = 6  # frames from which a velocity is guessed
@@ -176,8 +178,8 @@ class _Model:
                     J[:, c + 2 + 2 * end + m] = -(turned[1 + m] - turned[0])[good] / h[m]
             jacobians.append(J / side.sigma_angle)
         distance, by = distance_of(p, self.wall)
-        residuals.append(np.array([(distance - self.contact) / (_CONTACT * self.contact)]))
-        jacobians.append(by[None] / (_CONTACT * self.contact))
+        residuals.append(np.array([(distance - self.contact) / (CONTACT * self.contact)]))
+        jacobians.append(by[None] / (CONTACT * self.contact))
         return np.concatenate(residuals), np.concatenate(jacobians)
 
     @property
@@ -316,7 +318,7 @@ class Flights:
     def gap(self) -> float:
         """Gap at the impact, over the sum of the radii, as the flights alone give it."""
         leverage = float(self.jacobian[-1] @ self.covariance @ self.jacobian[-1])
-        return float(self.residual[-1]) / max(1.0 - leverage, 1e-6) * _CONTACT
+        return float(self.residual[-1]) / max(1.0 - leverage, 1e-6) * CONTACT
 
     def doubting(self, i: int, doubt: tuple[float, float]) -> Flights:
         """These flights, with errors of the motion of disk i before."""
@@ -339,21 +341,21 @@ class Flights:
             moved = -wall.normal(p[1:3] + h * np.array([[1.0, 0.0], [0.0, 1.0]]))[0]
             turning[1:3] = (moved - normal) @ tangent / h
         if np.any(turning != 0.0):
-            by["normal"] = turning
+            by[DIRECTION] = turning
         approach, parting = np.zeros(len(p)), np.zeros(len(p))
         for i, sign in zip(range(len(self.sides)), (1.0, -1.0), strict=False):
             approach[3 + 6 * i : 5 + 6 * i] = sign * normal
             parting[5 + 6 * i : 7 + 6 * i] = sign * normal
         error = {
             name: math.sqrt(max(float(each @ covariance @ each), 0.0))
-            for name, each in (("speed", approach), ("change", approach - parting), ("normal", turning))
+            for name, each in (("speed", approach), ("change", approach - parting), (DIRECTION, turning))
         }
         speed, left = float(approach @ p), float(parting @ p)
         if (
             speed < _SURE * error["speed"]
             or left > _SURE * error["speed"] + 0.02 * speed
             or speed - left < _SURE * error["change"]
-            or error["normal"] > _NORMAL
+            or error[DIRECTION] > _NORMAL
         ):
             return None
         row = {"quality": self.quality, "quality_angles": self.quality_of_angles}
@@ -365,14 +367,14 @@ class Flights:
             by |= {f"vx_{i + 1}_after": unit[own + 2], f"vy_{i + 1}_after": unit[own + 3]}
             if k is not None:
                 by |= {f"spin_{i + 1}": unit[k + 1], f"spin_{i + 1}_after": unit[k + 2]}
-        row |= {name: float(each @ p) for name, each in by.items() if name != "normal"}
+        row |= {name: float(each @ p) for name, each in by.items() if name != DIRECTION}
         names, T = list(by), np.array(list(by.values()))
         C = T @ covariance @ T.T
         self._widen(C, names)
         for name, each in zip(names, np.sqrt(np.diag(C)), strict=True):
-            for key in NORMAL if name == "normal" else (name,):
+            for key in NORMAL if name == DIRECTION else (name,):
                 row[f"{key}_error"] = float(each)
-        if "normal" not in by:
+        if DIRECTION not in by:
             row |= {"nx_error": _WALL_ERROR, "ny_error": _WALL_ERROR}
         for i, a in enumerate(names):
             for j, b in enumerate(names[:i]):
@@ -402,7 +404,7 @@ class Flights:
         """
         known = []
         for i, name in enumerate(names):
-            if name == "normal":
+            if name == DIRECTION:
                 continue
             kind, number, *after = name.split("_")
             side, which = self.sides[int(number) - 1], int(kind == "spin")

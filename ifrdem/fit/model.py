@@ -26,6 +26,11 @@ from .laws import LARGEST, SMALLEST, Law
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+MOTION = ("vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")
+"""The motion of two disks, by the names of its columns."""
+DIRECTION = "normal"
+"""The normal as one quantity, whose errors are in radians."""
+
 
 class Measurable(NamedTuple):
     """A measured quantity: its symbol in a picture, its unit, "deg" or "1", and the check of its values."""
@@ -408,15 +413,14 @@ class CollisionProblem(FitProblem):
             value = columns[name]
             return np.nan_to_num(np.where(np.isnan(value), columns[f"{name}_after"], value))
 
-        v_1x, v_1y, w_1 = (before(name) for name in ("vx_1", "vy_1", "spin_1"))
-        v_2x, v_2y, w_2 = wall if self.wall else [before(name) for name in ("vx_2", "vy_2", "spin_2")]
-        phi = np.nan_to_num(columns["normal"])
+        v_1x, v_1y, w_1 = (before(name) for name in MOTION[:3])
+        v_2x, v_2y, w_2 = wall if self.wall else [before(name) for name in MOTION[3:]]
+        phi = np.nan_to_num(columns[DIRECTION])
         n_x, n_y = np.cos(phi), np.sin(phi)
         g_n = (v_1x - v_2x) * n_x + (v_1y - v_2y) * n_y
         g_t = (v_1y - v_2y) * n_x - (v_1x - v_2x) * n_y + R_1 * w_1 + R_2 * w_2
         G = np.maximum(np.hypot(g_n, g_t), 1e-6 * self.speed)
-        before_names = ("normal", "vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")
-        measured = [name for name in before_names if name in self.names]
+        measured = [name for name in (DIRECTION, *MOTION) if name in self.names]
         whole = np.all([~np.isnan(columns[name]) for name in measured], axis=0)
         apart = g_n < -4.0 * np.nan_to_num(errors["vx_1"] + errors["vy_1"]) - 0.05 * G
         self.separating: NDArray[np.bool_] = whole & (apart | ((g_n == 0.0) & (g_t == 0.0)))
@@ -432,7 +436,7 @@ class CollisionProblem(FitProblem):
             np.nan_to_num(errors[name], nan=np.inf) ** 2 * lever.get(name, 1.0) ** 2 for name in measured[1:]
         )
         variance = sum(squares)
-        self.spread: Array = np.where(whole, np.sqrt(variance) / G + errors["normal"], np.inf)
+        self.spread: Array = np.where(whole, np.sqrt(variance) / G + errors[DIRECTION], np.inf)
         spin = self.speed / float(np.median(R_1))
         scale = [1.0, 1.0, self.speed, spin] if self.wall else [1.0, 1.0, *[self.speed] * 3, spin, spin]
         self.step: Array = 1e-6 * np.array(scale)

@@ -18,7 +18,7 @@ from ..model.laws.files import source_of
 from ..tools.checked import Count, Seed, validated
 from ..tools.toml import toml
 from .data import Data
-from .model import MEASURED
+from .model import DIRECTION, MEASURED
 from .result import Fit, Fitted, Interval
 
 _UNITS = {"psi_transit": "deg", "rho": "length", "A": "speed^-1/5"}
@@ -54,7 +54,7 @@ def table(fit: Fit) -> str:
         lines += ["", f"{name}: {fitted.law.about}{mark}"]
         if fitted.errors:
             errors = fitted.errors.items()
-            listed = ", ".join(f"{group} {each:.3g}{_unit(fit, group)}" for group, each in errors)
+            listed = ", ".join(f"{group} {each:.3g}{_unit(group)}" for group, each in errors)
             lines.append(f"  errors estimated from the residuals (one sigma): {listed}{likelihood}")
         lines += _fitted(fit, fitted)
     if fit.warnings:
@@ -114,10 +114,10 @@ def _disks(fit: Fit) -> Iterator[str]:
         yield f"materials: {'; '.join(dict.fromkeys(fit.data.materials))}"
 
 
-def _unit(fit: Fit, name: str) -> str:
+def _unit(name: str) -> str:
     if name in ("angles", "psi") or (name in MEASURED and MEASURED[name].unit == "deg"):
         return " deg"
-    return {"normal": " rad", "spins": " [rad/time]", "velocities": " [length/time]"}.get(name, "")
+    return {DIRECTION: " rad", "spins": " [rad/time]", "velocities": " [length/time]"}.get(name, "")
 
 
 def _errors(fit: Fit) -> Iterator[str]:
@@ -128,7 +128,7 @@ def _errors(fit: Fit) -> Iterator[str]:
             continue
         low, high = np.nanmin(error), np.nanmax(error)
         end = "" if high - low <= 1e-6 * high else f" to {high:.3g}"
-        yield f"{name} {low:.3g}{end}{_unit(fit, name)}"
+        yield f"{name} {low:.3g}{end}{_unit(name)}"
 
 
 def _comparison(fit: Fit) -> Iterator[str]:
@@ -251,7 +251,7 @@ def figures(fit: Fit) -> dict[str, Any]:
     return _finite(
         {
             "source": data.source,
-            "units": {"angles": "deg", "normal": "rad", "rho": "unit of the radii"},
+            "units": {"angles": "deg", DIRECTION: "rad", "rho": "unit of the radii"},
             "pair": None if pair is None else asdict(pair),
             "data": {
                 **({"psi": data.psi.tolist()} if isinstance(data, Data) else {}),

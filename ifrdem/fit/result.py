@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from ..errors import InputError, option_name
 from ..model.laws.ifr import Admissibility, IFRLaw, Regime
 from ..tools.checked import Count, Positive, Seed, choice, validated
-from .data import Collisions, Data
+from .data import BEFORE, Collisions, Data
 from .laws import Law, ifr_law
 from .likelihood import Array
 from .missing import helpful
-from .model import MEASURED, CollisionProblem, FitProblem, Pair
+from .model import DIRECTION, MEASURED, CollisionProblem, FitProblem, Pair
 from .trends import Trends
 
 CONFIDENCE = 0.95
@@ -454,7 +454,7 @@ def _systematic(fitted: Fitted) -> list[str]:
     if not p < _NO_CHANCE:
         return []
     exact = option_name(
-        "--error estimate --error before=0 --error normal=0", "errors = {'before': 0, 'normal': 0}"
+        f"--error estimate --error {BEFORE}=0 --error {DIRECTION}=0", f"errors = {{{BEFORE!r}: 0, {DIRECTION!r}: 0}}"
     )
     text = (
         f"residuals of {name} follow psi: neighbours have one sign in {100.0 * part:.0f} % of cases (p = {p:.1g}): these are "

@@ -98,7 +98,7 @@ def _number(text: str) -> str | None:
 def _table(
     path: Path, program: str, header: str, rows: Sequence[str], problems: Sequence[str], note: str
 ) -> Converted:
-    refuse(problems, path)
+    refuse(problems, path, most=5)
     return Converted(program, "\n".join((header, *rows)) + "\n", note)
 
 
@@ -179,7 +179,8 @@ def _tracker(path: Path) -> Converted:
             found = []
             for name in ("t", "x", "y"):
                 at = mass.get(name, len(cells))
-                text = _number(cells[at]) if at < len(cells) else ""
+                cell = cells[at] if at < len(cells) else ""
+                text = _number(cell if sign == "," else cell.replace(",", "."))  # by the language of its user
                 if text is None:
                     problems.append(f"line {number}: {name} of {titles[one]} = {cells[at]}: must be a number")
                 found.append(text or "")

@@ -94,8 +94,8 @@ def read(
 ) -> Tracks:
     """Read tracks: a line a frame and disk, with columns id, x, y, and t or frame; angle if disks were seen to turn.
 
-    A column clip numbers clips of one film, each of which has its own ids; without it a gap in time that no disk can
-    have crossed so parts two.
+    A column clip numbers clips of one film, each of which has its own ids; without it times that begin anew, or a gap
+    in time that no disk can have crossed so, part two.
 
     `fps`, frames per time, is needed with a column frame; `form` gives other names, units and signs of the file; axes
     in `flip`, of `FLIPS`, are reversed.
@@ -127,26 +127,31 @@ def read(
     for name in {*flip} & {*columns}:
         columns[name] = -columns[name]
     times = columns["t"] if "t" in columns else columns["frame"] / float(fps or 1.0)
-    clips, times, bad_clips = _clips(columns.get("clip"), times)
     ids = columns["id"]
+    if "clip" not in columns and (number := _counted_anew(times, ids)) is not None:
+        columns["clip"] = number
+    clips, times, bad_clips = _clips(columns.get("clip"), times)
     whole = np.all([~np.isnan(each) for each in (times, ids, columns["x"], columns["y"])], axis=0)
     if not whole.any():
         raise InputError(f"{source}: no line has an id, a time and a position")
     bad = np.flatnonzero(whole & (ids != np.round(ids)))
     found = [f"line {table.line[i]}: id = {ids[i]:g}: must be an integer" for i in bad]
     found += [f"line {table.line[i]}: clip = {columns['clip'][i]:g}: must be an integer" for i in bad_clips]
-    time, position, angle = {}, {}, {}
+    time, position, angle, twice = {}, {}, {}, list[str]()
     for one in np.unique(ids[whole]) if not found else ():
         rows = np.flatnonzero(whole & (ids == one))
         rows = rows[np.argsort(times[rows], kind="stable")]
-        twice = np.flatnonzero(np.diff(times[rows]) <= 0.0)
-        found += [f"line {table.line[rows[i + 1]]}: disk {one:g} has two rows at one time" for i in twice]
+        again = rows[1:][np.diff(times[rows]) <= 0.0]
+        twice += [f"line {table.line[i]}: disk {one:g} has two rows at one time" for i in again]
         time[int(one)] = times[rows]
         position[int(one)] = np.stack([columns["x"][rows], columns["y"][rows]], axis=-1)
         if "angle" in columns:
             angle[int(one)] = value = np.radians(columns["angle"][rows])
             measured = ~np.isnan(value)
             value[measured] = np.unwrap(value[measured])
+    if twice:
+        found += [*twice[:5], *[f"and {len(twice) - 5} more such lines"] * (len(twice) > 5)]
+        found.append("a column clip numbers clips whose frames, or times, begin anew")
     if "clip" not in columns and not found:
         clips = _gaps(time, position)
     if len(time) > _MOST_DISKS:
@@ -172,6 +177,25 @@ def _table(path: Path, form: TableFormat) -> tuple[tables.ReadTable, str]:
 
 
 Clips = tuple[tuple[float, float, int], ...]
+
+
+def _counted_anew(times: Array, ids: Array) -> Array | None:
+    """Numbers of clips (n,) from 1, whose times begin anew below the last line of the one before.
+
+    None if no disk has two lines at one time, also if that happens within a part, or parts are those of one disk each.
+    """
+    good = np.flatnonzero(~np.isnan(times) & ~np.isnan(ids))
+    t, one = times[good], ids[good]
+    part = np.concatenate([[1.0], 1.0 + np.cumsum(np.diff(t) < 0.0)])[: len(good)]
+    if np.unique(np.stack([one, t]), axis=1).shape[1] == len(good):
+        return None
+    if np.unique(np.stack([part, one, t]), axis=1).shape[1] < len(good):
+        return None
+    if np.min(np.unique(np.unique(np.stack([part, one]), axis=1)[0], return_counts=True)[1]) < 2:
+        return None
+    number = np.ones(len(times))
+    number[good] = part
+    return np.asarray(np.maximum.accumulate(number))
 
 
 def _clips(number: Array | None, times: Array) -> tuple[Clips, Array, NDArray[np.int64]]:
@@ -420,6 +444,18 @@ def wall_of_numbers(numbers: Sequence[float], tracks: Tracks) -> Wall:
 
 
 _DISK_KINDS = {"id": "number", "mass": "mass", "radius": "length", "k": "number", "material": "text"}
+
+
+def of_unknown_size(tracks: Tracks, known: Collection[int]) -> list[str]:
+    """A line if the mass and radius of some disks are not known."""
+    unknown = [one for one in tracks.time if one not in known]
+    if not unknown:
+        return []
+    more = f" and {len(unknown) - 5} more" * (len(unknown) > 5)
+    named = f"disk{'s' * (len(unknown) > 1)} {', '.join(map(str, unknown[:5]))}{more}"
+    how = option_name("; --disk MASS,RADIUS,K without ID= gives those of all others", "")
+    note = f" ({tracks.note})" * bool(tracks.note)
+    return [f"{tracks.source}: {named}: mass and radius are not given{how}{note}"]
 
 
 def read_disks(path: Path | str) -> tuple[dict[int, Disk], dict[int, str]]:

@@ -422,7 +422,7 @@ def _panel(
         if rows and count == 1:
             look["marker"] = ""
         if rows and {*ROWS} & {*dims} and name not in ADDING:
-            _start(axes, results, x, where, panel, colour)
+            _start(axes, results, where, panel, colour)
         axes.plot(where, y, lw=1.4, label=label, **look)
         if wide is not None and rows:
             axes.fill_between(where, y - wide, y + wide, color=colour, alpha=WIDE, lw=0)
@@ -485,9 +485,7 @@ def _bar(figure: Figure, panels: Sequence[Axes], text: str) -> None:
     figure.colorbar(meshes[0], ax=panels, label=text)
 
 
-def _start(
-    axes: Axes, results: Results, x: str, where: NDArray[Any], panel: Mapping[str, int], colour: Any
-) -> None:
+def _start(axes: Axes, results: Results, where: NDArray[Any], panel: Mapping[str, int], colour: Any) -> None:
     """A dotted line where the steady window of a point begins, on the axis of a clock; once for all curves that agree."""
     start = float(window_starts(results)[tuple(panel[dim] for dim in results.axes)])
     place = float(np.interp(start, results.row_places, where))

@@ -122,6 +122,11 @@ class Results:
         return found
 
     @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of values along the swept dimensions."""
+        return tuple(len(self.values(axis)) for axis in self.axes)
+
+    @property
     def row_axis(self) -> str:
         """The dimension of series: what ends the runs. InputError if the results have none."""
         for name in ROWS:
@@ -439,7 +444,7 @@ def with_theory(results: Results) -> Results:
     """
     if "path" not in results.attributes or "temperature_mean" not in results.variables:
         raise InputError("the results hold no case of their gas, from which theory would begin")
-    shape = tuple(len(results.values(axis)) for axis in results.axes)
+    shape = results.shape
     points = {at: stored_case(results, dict(zip(results.axes, at, strict=True))) for at in np.ndindex(shape)}
     cases = {at: (file.case, file.path.parent) for at, file in points.items()}
     equilibrated = EQUILIBRATED in results.attributes
@@ -542,7 +547,7 @@ def averaged(results: Results, start: float | None = None, option: str = "start"
     `option` is the name of `start` in the message. Raises InputError if no row after the first is as late.
     """
     row_axis, places = results.row_axis, results.row_places
-    shape = tuple(len(results.values(axis)) for axis in results.axes)
+    shape = results.shape
     starts = window_starts(results) if start is None else np.full(shape, start)
     weights = np.zeros((*shape, len(places)))
     for at in np.ndindex(shape):
@@ -583,7 +588,7 @@ def window_starts(results: Results) -> NDArray[np.float64]:
 
     A point has one if its gas is driven, sheared or between walls, or if the study sets analyses_from.
     """
-    shape = tuple(len(results.values(axis)) for axis in results.axes)
+    shape = results.shape
     n_eff = results.variables.get(f"temperature{N_EFF}")
     if START not in results.variables or n_eff is None:  # cooling gases, or of another version
         return np.full(shape, np.nan)

@@ -38,7 +38,6 @@ VIRIAL = (
 # is 1e-4 too small at phi = 0.3 and 3.5 % at 0.6; this product is almost constant and its series is not.
 _RESUMMED = np.convolve(VIRIAL, (1.0, -1.0, 0.25))[: len(VIRIAL)]
 
-CONTACT = ("virial", "henderson", "dilute")
 Contact = Literal["virial", "henderson", "dilute"]
 """Source of the contact value of equal disks; "dilute" is g = 1, Boltzmann's gas."""
 

@@ -106,6 +106,18 @@ def test_noise_in_everything_gives_chi_square_and_honest_errors() -> None:
     assert 0.4 < np.sqrt(np.mean(pulls**2)) < 1.7
 
 
+def test_without_spins_e_n_has_its_error_and_friction_none() -> None:
+    """e_n = -(v_n after)/(v_n before): 25 speeds of approach of 0.26 to 1 m/s, each with an error of 0.01 sqrt(2)."""
+    data = observed(25)
+    seen = {name: each for name, each in data.measured.items() if not name.startswith("spin")}
+    found = fitted(replace(data, measured=seen, errors={name: data.errors[name] for name in seen}))
+    e_n = found.estimates["e_n"]
+    assert abs(e_n.value - TRUTH["e_n"]) < 4.0 * e_n.standard_error
+    least = 0.01 * np.sqrt(2.0 * (1.0 + TRUTH["e_n"] ** 2) / 25)
+    assert 0.8 * least < e_n.standard_error < 3.0 * least
+    assert np.isinf([found.estimates[name].standard_error for name in ("e_t", "mu")]).any()
+
+
 def test_errors_are_estimated_from_the_residuals() -> None:
     data = observed(40)
     estimated = fitted(replace(data, errors=dict.fromkeys(data.errors, np.nan)))

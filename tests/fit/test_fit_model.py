@@ -12,7 +12,7 @@ from ifrdem.errors import InputError
 from ifrdem.fit import missing
 from ifrdem.fit.data import Data
 from ifrdem.fit.laws import LAWS, Law
-from ifrdem.fit.likelihood import Likelihood
+from ifrdem.fit.likelihood import Likelihood, covariance_of
 from ifrdem.fit.maximum import _rolling, _Scoring
 from ifrdem.fit.model import MEASURED as QUANTITIES
 from ifrdem.fit.model import AngleProblem, Pair
@@ -346,3 +346,15 @@ def test_a_slip_that_is_kept_sticks_at_all_angles_or_at_none(mu: float, psi_tran
         np.array([0.87, -1.0, mu]), blank(("delta_1",), Pair(M=1.0), 1).probe()
     )
     assert transition == pytest.approx(psi_transit, abs=1e-12)
+
+
+def test_what_no_value_determines_takes_no_error_from_the_rest() -> None:
+    """The second and third coefficient are known as a sum only, of the fourth nothing: the first has 1/sqrt(4)."""
+    information = np.zeros((4, 4))
+    information[0, 0], information[1:3, 1:3] = 4.0, 1.0
+    covariance = covariance_of(information)
+    assert covariance[0, 0] == pytest.approx(0.25)
+    assert np.isinf(covariance[1:]).all()
+    assert np.isinf(covariance[0, 1:]).all()
+    regular = np.array([[4.0, 1.0], [1.0, 1e6]])
+    np.testing.assert_allclose(covariance_of(regular), np.linalg.inv(regular))

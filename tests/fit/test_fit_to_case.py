@@ -110,6 +110,7 @@ def test_tables_of_disks_and_walls_become_a_gas_that_a_study_draws_from(
             assert 1e-5 < each["errors"][name] < 0.05
         assert set(each["correlations"]["e_n"]) == {"e_t", "mu"}
     assert {each["name"]: (each["mass"], each["radius"]) for each in case["species"]} == SIZES
+    assert [each["number"] for each in case["species"]] == [2000, 2000]
     assert case["box"]["material"] == "wall"
     assert case["run"]["name"] == "a_gas"
     assert case["species"][0]["speed_rms"] == pytest.approx(

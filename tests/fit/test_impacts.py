@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from ifrdem import fit
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.fit import impacts, tracks
+from ifrdem.fit.flight import Tray
 
 MATERIAL = np.arange(20) % 2
 DISKS = {i: fit.Disk(mass=simulator.MASS[m], radius=simulator.RADIUS[m]) for i, m in enumerate(MATERIAL)}
@@ -75,6 +77,46 @@ def test_impacts_in_a_walled_tray_are_right_within_their_errors(
     assert len(good) > 0.7 * len(motion.impacts)
     assert max(worst(row, motion) for row in good) < 5.0
     assert len(found.exchanges) == spoilt.get("swaps", 0)
+
+
+@pytest.mark.parametrize(("a", "v"), [(2.0, 0.0), (0.02, 0.165)], ids=["rests", "moves"])
+def test_rest_before_an_impact_is_told_from_motion(a: float, v: float) -> None:
+    """By all frames before: errors are those of a velocity that is known, or of 12 frames, 0.1 mm sqrt(12/12^3)/1 ms.
+
+    Under 2 m/s2 and with noise of 0.1 mm, 12 frames of 1 ms do not tell rest from a stop (0.14 mm), 80 do (6.4 mm). At
+    0.165 m/s a disk is in four frames within the noise of one place, and 13 mm away in the first one: under 0.02 m/s2 a
+    disk that stops was 0.06 mm away.
+    """
+    t = np.arange(-80, 81) / 1000.0
+
+    def path(before: float, after: float) -> Any:
+        stop = np.clip(t, 0.0, after / a)
+        return np.where(
+            t < 0.0, before * t - 0.5 * a * t**2 * (before > 0.0), after * stop - 0.5 * a * stop**2
+        )
+
+    change = 0.9 * (0.5 - v)  # e_n = 0.8, head-on, equal masses
+    rng = np.random.default_rng(1)
+    place = {
+        i: np.stack([x, 0.0 * x], axis=-1) + 1e-4 * rng.standard_normal((len(t), 2))
+        for i, x in enumerate((path(0.5, 0.5 - change), 0.02 + path(v, v + change)))
+    }
+    film = tracks.Tracks(dict.fromkeys(place, t), place, {}, "film")
+    found = impacts.find(film, fit.Disk(mass=1.0, radius=0.01), friction=Tray(a0=a))
+    (row,) = rows(found.pairs)
+    moving = 0.1 * np.sqrt(12.0 / 12.0**3)
+    assert row["vx_2_error"] == pytest.approx(moving if v else 0.2 * row["vx_1_error"], rel=0.3)
+    assert abs(row["vx_2"] - v) < 4.0 * row["vx_2_error"]
+    assert abs(row["vx_1"] - 0.5) < 4.0 * row["vx_1_error"]
+    assert bool(row["vx_2"] == row["vy_2"] == 0.0) is (v == 0.0)
+
+
+def test_too_few_frames_per_second_are_named(tmp_path: Path) -> None:
+    motion = simulator.simulate(30.0, 2.0, seed=5)
+    found = impacts.find(loaded(tmp_path, simulator.film(motion, 3), 30.0), DISKS, walls=WALLS)
+    short = found.reasons["a flight has fewer than 3 frames"]
+    assert short > len(found)
+    assert any(f"of {short} encounters, more than were found" in each for each in found.warnings)
 
 
 @pytest.mark.full
@@ -144,17 +186,26 @@ def test_wrong_units_and_sizes_are_named(
         impacts.find(loaded(tmp_path, text, 240.0), disks)
 
 
-@pytest.mark.parametrize(("off", "wrong"), [(0.07, False), (0.09, True), (-0.09, True)])
-def test_sizes_are_wrong_beyond_four_errors_of_the_median_gap(off: float, wrong: bool) -> None:
-    """Of 101 gaps, all but the median are 0.2 / 1.4826 away from it: four errors are 0.8 / sqrt(101) = 0.0796."""
-    gaps = off + np.append(np.repeat([-1.0, 1.0], 50), 0.0) * 0.2 / 1.4826
+@pytest.mark.parametrize(
+    ("off", "scatter", "says"),
+    [
+        (0.07, 0.02, ""), (0.09, 0.02, "wrong"), (-0.09, 0.02, "wrong"), (0.02, 0.002, "off"), (-0.02, 0.002, "off"),
+        (0.007, 0.002, ""), (0.004, 0.0002, ""),
+    ],
+)  # fmt: skip
+def test_sizes_are_off_beyond_four_errors_of_the_median_gap(off: float, scatter: float, says: str) -> None:
+    """Of 101 gaps, all but the median are 10/1.4826 of its error away from it; 0.005 is how well a sum of radii is known."""
+    gaps = off + np.append(np.repeat([-1.0, 1.0], 50), 0.0) * scatter * np.sqrt(101) / 1.4826
     fits = [((0, 1), float(gap)) for gap in gaps]
     finder: Any = SimpleNamespace(radius={0: 0.02, 1: 0.03}, tracks=SimpleNamespace(source="tracks.csv"))
-    if not wrong:
-        impacts._Finder._check_sizes(finder, fits)
+    text = rf"turn at {1.0 + off:.3g} times .*of 101 impacts, error {scatter:.2g}\): .* are {says}"
+    if says == "wrong":
+        with pytest.raises(InputError, match=text):
+            [*impacts._Finder._of_sizes(finder, fits)]
         return
-    with pytest.raises(InputError, match=rf"turn at {1.0 + off:.3g} times .*of 101 impacts, error 0.02\)"):
-        impacts._Finder._check_sizes(finder, fits)
+    found = [*impacts._Finder._of_sizes(finder, fits)]
+    assert len(found) == bool(says)
+    assert all(re.search(text, each) for each in found)
 
 
 def test_command_writes_tables_that_a_fit_takes(

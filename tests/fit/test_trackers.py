@@ -46,9 +46,10 @@ ONE_MASS = "mass_A\nt\tx\ty\n0.000000000E0\t1.5E0\t2.5E0\n1.0E-1\t1.6E0\t2.6E0\n
         (INDIVIDUALS, 10.0, [0.4], {0: [[1.5, 2.5]], 1: [[7.0, 8.0]]}),
         (TRACKER, None, [0.0, 0.1], {0: [[1.5, 2.5], [1.6, 2.6]], 1: [[7.0, 8.0]]}),
         (TRACKER.replace("\t", ";"), None, [0.0, 0.1], {0: [[1.5, 2.5], [1.6, 2.6]], 1: [[7.0, 8.0]]}),
+        (TRACKER.replace(".", ","), None, [0.0, 0.1], {0: [[1.5, 2.5], [1.6, 2.6]], 1: [[7.0, 8.0]]}),
         (ONE_MASS, None, [0.0, 0.1], {0: [[1.5, 2.5], [1.6, 2.6]]}),
     ],
-    ids=["TrackMate", "DeepLabCut", "individuals", "Tracker", "Tracker ;", "one mass"],
+    ids=["TrackMate", "DeepLabCut", "individuals", "Tracker", "Tracker ;", "Tracker 0,1", "one mass"],
 )
 def test_layouts_are_read(
     text: str, fps: float | None, time: list[float], places: dict[int, list[list[float]]], tmp_path: Path
@@ -89,6 +90,7 @@ def test_frames_of_openptv_are_linked_by_rows(tmp_path: Path) -> None:
         (TRACKER.replace("2.6", "abc"), r"line 5: y of mass A = abc: must be a number"),
         (TRACKMATE.replace("20000", "abc"), r"\(of TrackMate\): line 6: y = abc: must be a number"),
         (DEEPLABCUT, "requires fps"),
+        (DEEPLABCUT + 9 * "2,a,b,1,7,8,0.98\n", "and 13 more mistakes like these"),
         ("#multi:\n", "is a file of Tracker without values"),
         (
             DEEPLABCUT.replace("bodyparts,red,red,red,blue,blue,blue", "bodyparts,red"),

@@ -154,6 +154,24 @@ def test_wrong_tracks_are_refused(
     assert not Path("tracks_collisions.csv").exists()
 
 
+def test_clips_whose_frames_begin_anew_are_told_apart(tmp_path: Path) -> None:
+    """Two clips of two frames and two disks, frame by frame; sorted by disk, nothing tells them apart."""
+    path = tmp_path / "twice.csv"
+    clip = [f"{frame},{one},{frame + one},0" for frame in (0, 1) for one in (3, 5)]
+    path.write_text("\n".join(["frame,id,x,y", *clip, *clip]), encoding="utf-8")
+    found = tracks.read(path, fps=10.0)
+    assert [number for _, _, number in found.clips] == [1, 2]
+    np.testing.assert_array_equal(found.position[5][:, 0], [5.0, 6.0, 5.0, 6.0])
+    assert np.all(np.diff(found.time[5]) > 0.0)
+    path.write_text(
+        "\n".join(["frame,id,x,y", *sorted([*clip, *clip], key=lambda row: row[2])]), encoding="utf-8"
+    )
+    with pytest.raises(
+        InputError, match=r"(?s)line 4: disk 3 has two rows .*\n.*: a column clip numbers clips"
+    ):
+        tracks.read(path, fps=10.0)
+
+
 TRACKMATE = "TRACK_ID,POSITION_T (sec),POSITION_X (micron),POSITION_Y (micron)"
 """Columns of TrackMate (its names of columns and its units)."""
 

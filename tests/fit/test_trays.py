@@ -145,7 +145,10 @@ def test_estimated_polygonal_and_given_walls_find_the_same_impacts(
         ("id,mass,radius\n0.5,1,1\n", "line 2: id = 0.5: must be an integer"),
         ("id,mass\n0,1\n", "missing column radius; there are id, mass"),
         ("id,mass,radius\n0,1,\n", "radius = nothing: must be a finite number"),
-        ("id,mass,radius\n0,1,1\n", "disk 1: its mass and radius are not given"),
+        (
+            "id,mass,radius\n0,1,1\n",
+            "tracks.csv: disks 1, 2, 3, 4, 5 and 14 more: mass and radius are not given; --disk MASS,RADIUS,K",
+        ),
     ],
 )
 def test_bad_tables_of_disks_are_refused(
