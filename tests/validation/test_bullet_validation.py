@@ -163,7 +163,7 @@ def test_without_pymunk_the_report_says_that_it_was_not_measured(monkeypatch: py
 
 def test_manual_has_the_command_and_the_picture() -> None:
     text = manual.page("validation.md")
-    assert "pip install -e '.[bullet]' && .venv/bin/ifrdem validate bullet -o bullet-report\n" in text
+    assert "pip install 'ifrdem[bullet]' && ifrdem validate bullet -o bullet-report\n" in text
     assert "](gallery/bullet.png)" in text
     assert (manual.DOCS / "gallery" / "bullet.png").read_bytes().startswith(b"\x89PNG")
 

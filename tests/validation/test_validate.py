@@ -426,7 +426,7 @@ def test_environment_of_the_report_names_versions():
 def test_manual_lists_every_case():
     text = manual.page("validation.md")
     assert re.findall(r"^\| `(\w+)` \|", text, flags=re.MULTILINE) == list(registry.CASES)
-    assert ".venv/bin/ifrdem validate -o validation-report\n" in text
+    assert "\nifrdem validate -o validation-report\n" in text
 
 
 def test_a_lower_bound_passes_values_that_are_not_below_it() -> None:
