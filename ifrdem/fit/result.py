@@ -454,7 +454,8 @@ def _systematic(fitted: Fitted) -> list[str]:
     if not p < _NO_CHANCE:
         return []
     exact = option_name(
-        f"--error estimate --error {BEFORE}=0 --error {DIRECTION}=0", f"errors = {{{BEFORE!r}: 0, {DIRECTION!r}: 0}}"
+        f"--error estimate --error {BEFORE}=0 --error {DIRECTION}=0",
+        f"errors = {{{BEFORE!r}: 0, {DIRECTION!r}: 0}}",
     )
     text = (
         f"residuals of {name} follow psi: neighbours have one sign in {100.0 * part:.0f} % of cases (p = {p:.1g}): these are "
