@@ -167,8 +167,10 @@ def speed_tail(
     of_blocks = of_blocks / (len(c) * np.bincount(block)[:, None])
     # Of all bins together: that of one bin is not known well from 20 blocks.
     counted = float(np.sum(p * (1.0 - p)))
-    independent = counted / (float(np.sum(np.var(of_blocks, axis=0, ddof=1))) / BLOCKS or counted / disks)
-    independent = float(np.clip(independent, disks, c.size))
+    spread = float(np.sum(np.var(of_blocks, axis=0, ddof=1))) / BLOCKS
+    independent = (
+        float(np.clip(counted / spread, disks, c.size)) if spread > 0.0 else float(disks)
+    )  # one bin: p = 1
     share = error_of_share(p * independent, independent)
     return SpeedTail(
         edges, counts, counts / (c.size * area), share / area, first,
