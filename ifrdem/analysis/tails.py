@@ -167,7 +167,8 @@ def speed_tail(
     of_blocks = of_blocks / (len(c) * np.bincount(block)[:, None])
     # Of all bins together: that of one bin is not known well from 20 blocks.
     counted = float(np.sum(p * (1.0 - p)))
-    independent = counted / (float(np.sum(np.var(of_blocks, axis=0, ddof=1))) / BLOCKS or counted / disks)
+    scatter = float(np.sum(np.var(of_blocks, axis=0, ddof=1))) / BLOCKS
+    independent = counted / (scatter or counted / disks or 1.0)  # a single bin has neither
     independent = float(np.clip(independent, disks, c.size))
     share = error_of_share(p * independent, independent)
     return SpeedTail(
