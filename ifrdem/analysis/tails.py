@@ -168,9 +168,9 @@ def speed_tail(
     # Of all bins together: that of one bin is not known well from 20 blocks.
     counted = float(np.sum(p * (1.0 - p)))
     spread = float(np.sum(np.var(of_blocks, axis=0, ddof=1))) / BLOCKS
-    independent = (
-        float(np.clip(counted / spread, disks, c.size)) if spread > 0.0 else float(disks)
-    )  # one bin: p = 1
+    independent = float(disks)  # blocks that do not differ, as of one bin with all, tell nothing
+    if spread > 0.0:
+        independent = float(np.clip(counted / spread, disks, c.size))
     share = error_of_share(p * independent, independent)
     return SpeedTail(
         edges, counts, counts / (c.size * area), share / area, first,
