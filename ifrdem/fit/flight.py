@@ -40,6 +40,7 @@ NAMES = ("a0", "a1", "b0", "b1", "gx", "gy")
 """Constants of a tray: a0, gx, gy [length/time^2], a1, b1 [1/time], b0 [rad/time^2]."""
 
 _START = 1e-7  # distance of the tables' first angles from pure sliding and pure spinning [rad]
+_FAR = 100.0  # exponents of growth from which a disk may have come from anywhere
 _AT_LIMIT = 1e-6  # distance from the limit at which a path is on it [rad]
 _END, _STEP = 90.0, 0.002  # of the stretched time: q falls to exp(-90 F) at least
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(
@@ -106,22 +107,32 @@ class Tray:
     def leaving(self, R: float, k: float, sigma: float, sigma_angle: float) -> tuple[float, float]:
         """Least acceleration with which centres and angles of disks that come to rest have approached their place.
 
-        In units of their errors [1/time^2]. Under a coupled law one number for both, the least over all directions of
-        approach.
+        In units of their errors [1/time^2]; not positive where a tray is so steep that none comes to rest. Under a
+        coupled law one number for both, the least over all directions of approach.
         """
+        downhill = math.hypot(self.gx, self.gy)
         if not self.coupled:
-            return self.a0 / sigma, self.b0 / sigma_angle
+            return (self.a0 - downhill) / sigma, self.b0 / sigma_angle
         theta = np.linspace(0.0, 0.5 * math.pi, 91)
         sine, cosine = np.sin(theta), np.cos(theta)
         F, T = FRICTION[self.law](sine, cosine)
-        slower = self.a0 * (F * sine + k * T * cosine)
+        slower = self.a0 * (F * sine + k * T * cosine) - downhill * sine
         least = float(np.min(slower * np.hypot(sine / sigma, cosine / (R * sigma_angle))))
         return least, least
 
-    def stopping(self, R: float, k: float, sigma: float, sigma_angle: float) -> tuple[float, float]:
-        """Largest deceleration of slow centres and angles, in units of their errors [1/time^2]: F and T are at most 1."""
+    def stopping(
+        self, time: Array, R: float, k: float, sigma: float, sigma_angle: float
+    ) -> tuple[Array, Array]:
+        """Largest distances (m,) of centres and angles, in units of their errors, at times (m,) before they come to rest.
+
+        Under a coupled law F and T are at most 1.
+        """
+        uphill = self.a0 + math.hypot(self.gx, self.gy)
         of_spin = k * self.a0 / R if self.coupled else self.b0
-        return (self.a0 + math.hypot(self.gx, self.gy)) / sigma, of_spin / sigma_angle
+        return (
+            uphill * _stopped_from(time, self.a1) / sigma,
+            of_spin * _stopped_from(time, self.b1) / sigma_angle,
+        )
 
     def flight(
         self, tau: Array, v: Array, w: Array, R: float | Array, k: float | Array
@@ -196,6 +207,11 @@ def _rest_of(t: Array, rate: float) -> Array:
     if abs(rate) * float(np.max(np.abs(t), initial=0.0)) < 1e-3:
         return np.asarray(t**2 / 2.0 - rate * t**3 / 6.0 + rate**2 * t**4 / 24.0)
     return np.asarray((t - _decayed(t, rate)) / rate)
+
+
+def _stopped_from(t: Array, rate: float) -> Array:
+    """Distance at times before rest under ds/dt = -(1 + rate s): (exp(rate t) - 1 - rate t)/rate^2."""
+    return _rest_of(np.minimum(t, _FAR / max(rate, 1e-300)), -rate)
 
 
 def _braked(tau: Array, s: Array, a0: float, a1: float) -> tuple[Array, Array]:

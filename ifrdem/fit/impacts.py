@@ -393,15 +393,19 @@ class _Finder:
         tray, tracks, R = self.trays[one], self.tracks, self.radius[one]
         before = rows[tracks.time[one][rows] < at - 0.01 * self.step[one]][::-1]
         away = at - tracks.time[one][before]
-        errors = float(np.max(self.noise.position[one])), self.noise.angle
-        parts = [tracks.position[one][before] / self.noise.position[one]]
+        own, k = self.noise.position[one], self._kind(one)[2]
+        errors = float(np.max(own)), self.noise.angle
+        parts = [tracks.position[one][before] / own]
         if one in tracks.angle and math.isfinite(errors[1]):
             parts.append(tracks.angle[one][before][:, None] / errors[1])
-        leaving = tray.leaving(R, self._kind(one)[2], *errors)
-        most, frames = tray.stopping(R, self._kind(one)[2], *errors), [0, 0]
+        leaving, frames = tray.leaving(R, k, *errors), [0, 0]
         for i, x in enumerate(parts):
             n = frames_at_rest(x) if leaving[i] > 0.0 else 0
-            if n >= LEAST and _could_stop(x, away, n, most[i]):
+            if n < LEAST:
+                continue
+            # It is at rest in the nearest frames, and may have stopped just before them.
+            time = np.maximum(away - away[LEAST - 1], 0.0)
+            if _could_stop(x, n, tray.stopping(time, R, k, float(np.min(own)), errors[1])[i]):
                 frames[i] = n
         if tray.coupled:  # both stop together
             frames = [min(frames)] * 2
@@ -725,14 +729,13 @@ class _Finder:
         return found
 
 
-def _could_stop(x: Array, away: Array, n: int, most: float) -> bool:
-    """True if a disk that has one place in the nearest n frames can have come to rest there under a largest deceleration.
+def _could_stop(x: Array, n: int, farthest: Array) -> bool:
+    """True if a disk that has one place in the nearest n frames was nowhere beyond the distance from which it can stop.
 
-    x (m, d), in units of its errors, at times (m,) before an impact; one frame may be misread.
+    x (m, d) and the largest distances (m,) in units of errors; one frame may be misread.
     """
     farther = np.sqrt(np.sum((x - np.nanmean(x[:n], axis=0)) ** 2, axis=1))
-    time = np.maximum(away - away[LEAST - 1], 0.0)
-    return int(np.sum(farther > 1.5 * most * time**2 / 2.0 + _STRAYS)) <= 1
+    return int(np.sum(farther > 1.5 * farthest + _STRAYS)) <= 1
 
 
 def _ids(encounter: _Encounter) -> dict[str, float]:

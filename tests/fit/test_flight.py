@@ -108,6 +108,28 @@ def test_flights_follow_an_integration_forward_and_backward(
     np.testing.assert_allclose(angle[0], expected[:3, 2] - end[4], atol=2e-4)
 
 
+@pytest.mark.parametrize("g", [(0.0, 0.0), (0.15, -0.1), (-0.15, 0.1), (0.1, 0.15)])
+def test_bounds_before_rest_hold_flights_that_stop(g: tuple[float, float]) -> None:
+    """Backward from rest, down the tilt, up and across, with a1 T = 2.5 on a level tray; of spins by the same equation.
+
+    There the upper bound is the distance (a0/a1^2)(exp(a1 T) - 1 - a1 T), 2.8 times a0 T^2/2 at a1 T = 2.5. A disk that
+    slides down stops by a0 - |g|: near the stop by less than a0.
+    """
+    tray = Tray(a0=0.5, a1=4.0, gx=g[0], gy=g[1])
+    times = np.linspace(0.0, 1.5, 6001)
+    place, _ = flown(tray, np.array([1.2, -0.8]), 0.0, times, 2.0)
+    left = np.hypot(*(place[-1] - place)[:, :2].T)
+    moves = left > 1e-7
+    left, T = left[moves], times[np.argmin(moves)] - times[moves]
+    assert T[0] > 0.4
+    most, least = tray.stopping(T, RADIUS, 2.0, 1.0, 1.0)[0], tray.leaving(RADIUS, 2.0, 1.0, 1.0)[0]
+    assert np.all(left < 1.02 * most + 2e-5)
+    assert np.all(left > 0.98 * least * T**2 / 2.0 - 2e-5)
+    if g == (0.0, 0.0):
+        np.testing.assert_allclose(left, most, rtol=0.02, atol=3e-5)
+        np.testing.assert_array_equal(Tray(b0=0.5, b1=4.0).stopping(T, RADIUS, 2.0, 1.0, 1.0)[1], most)
+
+
 def test_constants_that_a_law_does_not_have_are_refused() -> None:
     with pytest.raises(InputError, match=r"a1 = 0.1: the law coin has no such constant"):
         Tray(law="coin", a0=1.0, a1=0.1)

@@ -79,15 +79,25 @@ def test_impacts_in_a_walled_tray_are_right_within_their_errors(
     assert len(found.exchanges) == spoilt.get("swaps", 0)
 
 
-@pytest.mark.parametrize(("a", "v"), [(2.0, 0.0), (0.02, 0.165)], ids=["rests", "moves"])
-def test_rest_before_an_impact_is_told_from_motion(a: float, v: float) -> None:
+@pytest.mark.parametrize(
+    ("a", "v", "rested", "noise"),
+    [
+        (2.0, 0.0, np.inf, (1e-4, 1e-4)),
+        (0.02, 0.165, np.inf, (1e-4, 1e-4)),
+        (2.0, 0.0, 0.02, (1e-5, 3e-5)),
+    ],
+    ids=["rests", "moves", "stops"],
+)
+def test_rest_before_an_impact_is_told_from_motion(
+    a: float, v: float, rested: float, noise: tuple[float, float]
+) -> None:
     """By all frames before: errors are those of a velocity that is known, or of 12 frames, 0.1 mm sqrt(12/12^3)/1 ms.
 
     Under 2 m/s2 and with noise of 0.1 mm, 12 frames of 1 ms do not tell rest from a stop (0.14 mm), 80 do (6.4 mm). At
     0.165 m/s a disk is in four frames within the noise of one place, and 13 mm away in the first one: under 0.02 m/s2 a
-    disk that stops was 0.06 mm away.
+    disk that stops was 0.06 mm away. One that stopped 20 ms before was 3.6 mm away along x, 360 errors of x or 120 of y.
     """
-    t = np.arange(-80, 81) / 1000.0
+    t = np.arange(-80, 161) / 1000.0
 
     def path(before: float, after: float) -> Any:
         stop = np.clip(t, 0.0, after / a)
@@ -98,13 +108,14 @@ def test_rest_before_an_impact_is_told_from_motion(a: float, v: float) -> None:
     change = 0.9 * (0.5 - v)  # e_n = 0.8, head-on, equal masses
     rng = np.random.default_rng(1)
     place = {
-        i: np.stack([x, 0.0 * x], axis=-1) + 1e-4 * rng.standard_normal((len(t), 2))
+        i: np.stack([x, 0.0 * x], axis=-1) + noise * rng.standard_normal((len(t), 2))
         for i, x in enumerate((path(0.5, 0.5 - change), 0.02 + path(v, v + change)))
     }
+    place[1][:, 0] -= 0.5 * a * np.maximum(-rested - t, 0.0) ** 2
     film = tracks.Tracks(dict.fromkeys(place, t), place, {}, "film")
     found = impacts.find(film, fit.Disk(mass=1.0, radius=0.01), friction=Tray(a0=a))
     (row,) = rows(found.pairs)
-    moving = 0.1 * np.sqrt(12.0 / 12.0**3)
+    moving = noise[0] * 1000.0 * np.sqrt(12.0 / 12.0**3)
     assert row["vx_2_error"] == pytest.approx(moving if v else 0.2 * row["vx_1_error"], rel=0.3)
     assert abs(row["vx_2"] - v) < 4.0 * row["vx_2_error"]
     assert abs(row["vx_1"] - 0.5) < 4.0 * row["vx_1_error"]
