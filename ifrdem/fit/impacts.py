@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
-from ..errors import InputError, option_name, refuse
+from ..errors import InputError, counted, option_name, refuse
 from ..model.walls.wall import Wall
 from .data import Disk
 from .flight import LAWS, Tray
@@ -530,8 +530,8 @@ class _Finder:
         warnings = _spin_warnings((pairs, walls), source, be_silent=bool(bent))
         short = sum(each.reason.startswith(_FEW) for each in left_out)
         if short > len(fits):
-            text = f"of {short} encounters, more than were found, {_FEW}"
-            warnings.append(f"{source}: {text}: more frames per second, or fewer disks, keep them")
+            text = f"in {short} encounters {_FEW}; {counted(len(fits), 'impact')} were found"
+            warnings.append(f"{source}: {text}. Film at more frames per second, or with fewer disks")
         return FoundCollisions(
             pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, (*bent, *sizes, *warnings), self.estimate,
             self.of_kinds, self.window, self.tracks, float(np.median([*self.step.values()])), self.friction,
@@ -588,11 +588,11 @@ class _Finder:
             text = (
                 f"{self.tracks.source}: the paths of disks of radii {a:g} and {b:g} turn at {1.0 + off:.3g} times "
                 f"the sum of their radii (median of {len(gaps)} impacts, error {scatter:.2g}): the radii or the "
-                "unit of x and y are "
+                "unit of x and y are wrong"
             )
             if abs(off) > _WRONG_SIZE:
-                raise InputError(f"{text}wrong")
-            yield f"{text}off, and normals of oblique impacts with them"
+                raise InputError(text)
+            yield f"{text} by that much; normals of oblique impacts too"
 
     def _fitted(self, meeting: _Encounter, bounds: Sequence[tuple[float, float]]) -> _Result:
         """The flights of a meeting between the times of other events of each disk."""

@@ -152,16 +152,21 @@ class Points:
 
     @property
     def bread(self) -> Array:
-        """H (p, p) of the covariance H^-1 V H^-1: `curvature`, or `information` where that is no minimum's."""
-        curvature = self.curvature
-        return self.information if np.linalg.eigvalsh(curvature)[0] <= 0.0 else curvature
+        """H (p, p) of the covariance H^-1 V H^-1: `curvature`, or `information` where that is no minimum's.
+
+        It is a minimum's if it is flat along a combination of coefficients.
+        """
+        information, curvature = self.information, self.curvature
+        unit = unit_of(information)
+        values = np.linalg.eigvalsh(curvature * np.outer(unit, unit))
+        return information if values[0] < -_SINGULAR * values[-1] else curvature
 
     @property
     def known(self) -> Array:
         """Information (p, p) of the impacts on the coefficients, the inverse of their covariance: H V^-1 H."""
         if (scatter := self.scatter) is None:
             return self.information
-        return np.asarray(self.bread @ _inverse(scatter) @ self.bread)
+        return np.asarray(self.bread @ inverse_of(scatter) @ self.bread)
 
     @property
     def optimism(self) -> float:
@@ -172,7 +177,7 @@ class Points:
         """
         if (scatter := self.scatter) is None:
             return 2.0 * self.jacobian.shape[-1]
-        return 2.0 * float(np.trace(scatter @ _inverse(self.bread)))
+        return 2.0 * float(np.trace(scatter @ inverse_of(self.bread)))
 
 
 class Likelihood:
@@ -343,21 +348,23 @@ def _solve(A: Array, B: Array) -> Array:
     return np.linalg.solve(normal, np.swapaxes(A, 1, 2) @ B) / scale[..., None]
 
 
-def _inverse(positive: Array) -> Array:
+def inverse_of(positive: Array) -> Array:
     """Inverse of (p, p), without the directions in which it is 0."""
     unit = unit_of(positive)
     scaled = positive * np.outer(unit, unit)
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) * np.outer(unit, unit))
 
 
-def covariance_of(information: Array) -> Array:
-    """Inverse of (p, p), infinite for coefficients that have a part in a combination without information."""
+def covariance_of(information: Array, scatter: Array | None = None) -> Array:
+    """Inverse H^-1 of (p, p), or H^-1 V H^-1 with a scatter V, infinite for coefficients in a combination without information."""
     if not np.isfinite(information).all():
         return np.full_like(information, np.inf)
     unit = unit_of(information)
     values, vectors = np.linalg.eigh(information * np.outer(unit, unit))
     known = values > _SINGULAR * values[-1]
     inverse = (vectors[:, known] / values[known]) @ vectors[:, known].T * np.outer(unit, unit)
+    if scatter is not None:
+        inverse = inverse @ scatter @ inverse
     lost = np.any(np.abs(vectors[:, ~known]) > math.sqrt(_SINGULAR), axis=1)
     inverse[lost, :] = inverse[:, lost] = np.inf
     return np.asarray(inverse)

@@ -17,7 +17,7 @@ from ..tools.checked import Integer, NonNegative, Number, Positive, Seed, valida
 from . import laws as of_laws
 from .data import Collisions, Data
 from .laws import IFR, Law, Range
-from .likelihood import NU, Array, Likelihood, Points, covariance_of, unit_of
+from .likelihood import NU, Array, Likelihood, Points, covariance_of, inverse_of, unit_of
 from .model import AngleProblem, CollisionProblem, FitProblem, Pair
 from .result import (
     CONFIDENCE,
@@ -218,11 +218,9 @@ class Search:
         each = zip(law.free, values.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
         found = {name: (value, error, law.ranges[name]) for name, value, error in each}
         if self.transits:
-            at, error, steepest = self.transition(values), float("inf"), values.copy()
+            at, steepest = self.transition(values), values.copy()
             steepest[law.free.index("mu")] = law.ranges["mu"][1]
-            if np.isfinite(covariance).all():
-                by = self._transition_slope(values)
-                error = float(np.sqrt(by @ covariance @ by))
+            error = float(np.sqrt(_variance(covariance, self._transition_slope(values))))
             found[TRANSIT] = at, error, (0.0, self.transition(steepest))
         return found
 
@@ -242,11 +240,8 @@ class Search:
             directions[TRANSIT] = self._transition_slope(values)
         found = {}
         for name, by in directions.items():
-            ratio = (
-                float(by @ covariance @ by) / max(float(by @ plain @ by), 1e-300)
-                if np.isfinite(plain).all()
-                else 1.0
-            )
+            alone = _variance(plain, by)
+            ratio = _variance(covariance, by) / max(alone, 1e-300) if np.isfinite(alone) else 1.0
             found[name] = ratio if ratio > 0.0 else 1.0
         return found
 
@@ -674,19 +669,23 @@ def covariance_at(points: Points) -> tuple[Array, Array]:
 
     They differ for a robust likelihood, see `Points.scatter`.
     """
-    scatter, inverse = points.scatter, covariance_of(points.bread)
-    if scatter is None or not np.isfinite(inverse).all():
-        return inverse, inverse
-    return inverse @ scatter @ inverse, inverse
+    bread = points.bread
+    return covariance_of(bread, points.scatter), covariance_of(bread)
+
+
+def _variance(covariance: Array, by: Array) -> float:
+    """Variance of a quantity with derivatives `by` (p,) by the coefficients; infinite if it depends on one without error."""
+    some = by != 0.0
+    block = covariance[np.ix_(some, some)]
+    return float(by[some] @ block @ by[some]) if np.isfinite(block).all() else float("inf")
 
 
 def _flat(information: Array, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the coefficients along a combination of which the loss does not change, if there is one."""
+    """Names of the coefficients along combinations of which the loss does not change, if there are any."""
     unit = unit_of(information)
     values, vectors = np.linalg.eigh(information * np.outer(unit, unit))
-    if values[0] > 1e-10 * values[-1]:
-        return ()
-    return tuple(name for name, part in zip(names, vectors[:, 0], strict=True) if abs(part) > 0.05)
+    parts = np.linalg.norm(vectors[:, values <= 1e-10 * values[-1]], axis=1)
+    return tuple(name for name, part in zip(names, parts, strict=True) if part > 0.05)
 
 
 class _Scoring:
@@ -706,9 +705,8 @@ class _Scoring:
         length = np.sqrt(np.sum(A**2, axis=1, keepdims=True))
         A = A / np.where(length > 0.0, length, 1.0)  # whatever the units of latent coordinates
         Q = np.eye(q) - A @ np.linalg.pinv(A, rcond=1e-9)
-        covariance = covariance_of(points.information)
-        if np.isfinite(covariance).all():
-            Q = Q - w[:, None, None] * np.einsum("nqa,ab,nrb->nqr", J, covariance, J)
+        if np.isfinite(points.information).all():  # the same for every inverse where a combination is not determined
+            Q = Q - w[:, None, None] * np.einsum("nqa,ab,nrb->nqr", J, inverse_of(points.information), J)
         Q = np.where(present[:, :, None] & present[:, None, :], Q, 0.0)
         self.groups: tuple[str, ...] = problem.estimated
         of_group = np.array([[one == group for one in problem.groups] for group in self.groups])

@@ -168,10 +168,12 @@ def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
         yield "  fixed: " + ", ".join(f"{name} = {value:g}" for name, value in held.items())
     names = fitted.law.free
     pairs = (
-        f"{names[i]} {names[j]} {fitted.correlation[i, j]:.2f}" for i, j in combinations(range(len(names)), 2)
+        f"{names[i]} {names[j]} {fitted.correlation[i, j]:.2f}"
+        for i, j in combinations(range(len(names)), 2)
+        if math.isfinite(fitted.correlation[i, j])
     )
-    if len(names) > 1:
-        yield f"  correlation: {', '.join(pairs)}"
+    if text := ", ".join(pairs):
+        yield f"  correlation: {text}"
     known = math.isfinite(fitted.probability)
     tested = f", probability {fitted.probability:.3g}" if known else " (by the errors)"
     yield f"  chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}"
@@ -365,13 +367,18 @@ def law_lines(heading: Sequence[str], fitted: Fitted) -> list[str]:
             about = f"interval {_short(each.interval.low)} to {_short(each.interval.high)}"
         lines.append(f"{key} = {value!r}  # {unit}, {about}")
     lines += [] if law else [f'sticking = "{fitted.law.sticking}"']
-    names = fitted.law.free
-    if not np.isfinite(fitted.covariance).all():
-        return [*lines, f"# no errors: {', '.join(fitted.flat) or 'the coefficients'} are not determined"]
-    each_error = {name: float(f"{fitted.estimates[name].standard_error:.3g}") for name in names}
-    lines.append(f"errors = {toml(each_error)}")
+    names, lost = fitted.law.free, ~np.isfinite(np.diag(fitted.covariance))
+    if lost.any():
+        lines.append(f"# no errors: {', '.join(each for each, no in zip(names, lost, strict=True) if no)} not determined")
+    each_error = {
+        name: float(f"{fitted.estimates[name].standard_error:.3g}")
+        for name, no in zip(names, lost, strict=True)
+        if not no
+    }
+    if each_error:
+        lines.append(f"errors = {toml(each_error)}")
     pairs: dict[str, dict[str, float]] = {}
-    for i, j in combinations(range(len(names)), 2):
+    for i, j in combinations(np.flatnonzero(~lost).tolist(), 2):
         pairs.setdefault(names[i], {})[names[j]] = float(round(fitted.correlation[i, j], 4))
     return [*lines, f"correlations = {toml(pairs)}"] if pairs else lines
 

@@ -313,7 +313,7 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
         elif rolling.low_open:
             found.append(f"rho is compatible with 0: it is below {rolling.high:.3g}")
     if len(fitted.flat) > 1:
-        found.append(f"{', '.join(fitted.flat)} are determined in combination only: chi2 is flat along it")
+        found.append(f"{', '.join(fitted.flat)} are not determined: chi2 is flat along a combination of them")
     p = len(fitted.law.free)
     for i, j in zip(*np.triu_indices(p, 1), strict=True):
         if abs(fitted.correlation[i, j]) > _TIED:

@@ -106,16 +106,41 @@ def test_noise_in_everything_gives_chi_square_and_honest_errors() -> None:
     assert 0.4 < np.sqrt(np.mean(pulls**2)) < 1.7
 
 
-def test_without_spins_e_n_has_its_error_and_friction_none() -> None:
-    """e_n = -(v_n after)/(v_n before): 25 speeds of approach of 0.26 to 1 m/s, each with an error of 0.01 sqrt(2)."""
+def without_spins() -> fit.Collisions:
     data = observed(25)
     seen = {name: each for name, each in data.measured.items() if not name.startswith("spin")}
-    found = fitted(replace(data, measured=seen, errors={name: data.errors[name] for name in seen}))
+    return replace(data, measured=seen, errors={name: data.errors[name] for name in seen})
+
+
+def test_without_spins_e_n_has_its_error_and_friction_none() -> None:
+    """e_n = -(v_n after)/(v_n before): 25 speeds of approach of 0.26 to 1 m/s, each with an error of 0.01 sqrt(2)."""
+    whole = fit.fit(without_spins(), model=["ifr-percussion"], profile=False)
+    found = whole.laws["ifr-percussion"]
     e_n = found.estimates["e_n"]
     assert abs(e_n.value - TRUTH["e_n"]) < 4.0 * e_n.standard_error
     least = 0.01 * np.sqrt(2.0 * (1.0 + TRUTH["e_n"] ** 2) / 25)
     assert 0.8 * least < e_n.standard_error < 3.0 * least
-    assert np.isinf([found.estimates[name].standard_error for name in ("e_t", "mu")]).any()
+    assert np.isinf([found.estimates[name].standard_error for name in ("e_t", "mu", "psi_transit")]).all()
+    assert "nan" not in fit.table(whole)
+    assert "e_t, mu are not determined" in fit.table(whole)
+    written = fit.material(whole, "coins").splitlines()
+    assert written[-2:] == [
+        "# no errors: e_t, mu not determined",
+        f"errors = {{ e_n = {float(f'{e_n.standard_error:.3g}')} }}",
+    ]
+
+
+@pytest.mark.parametrize(("robust", "estimated"), [(True, False), (False, True)])
+def test_the_error_of_e_n_is_that_of_known_friction(robust: bool, estimated: bool) -> None:
+    """Without spins friction has no effect. The scatter of a robust fit is over n - p, of 25 impacts and 3 or 1 coefficients."""
+    data = without_spins()
+    if estimated:
+        data = replace(data, errors=dict.fromkeys(data.errors, np.nan) | {"nx": 0.01, "ny": 0.01})
+    free = fitted(data, robust=robust)
+    held = fitted(data, robust=robust, fix={name: free.estimates[name].value for name in ("e_t", "mu")})
+    assert free.errors == pytest.approx(held.errors, rel=1e-3)
+    expected = held.estimates["e_n"].standard_error * (np.sqrt(24 / 22) if robust else 1.0)
+    assert free.estimates["e_n"].standard_error == pytest.approx(expected, rel=2e-3)
 
 
 def test_errors_are_estimated_from_the_residuals() -> None:
