@@ -705,7 +705,9 @@ class _Scoring:
         length = np.sqrt(np.sum(A**2, axis=1, keepdims=True))
         A = A / np.where(length > 0.0, length, 1.0)  # whatever the units of latent coordinates
         Q = np.eye(q) - A @ np.linalg.pinv(A, rcond=1e-9)
-        if np.isfinite(points.information).all():  # the same for every inverse where a combination is not determined
+        if np.isfinite(
+            points.information
+        ).all():  # the same for every inverse where a combination is not determined
             Q = Q - w[:, None, None] * np.einsum("nqa,ab,nrb->nqr", J, inverse_of(points.information), J)
         Q = np.where(present[:, :, None] & present[:, None, :], Q, 0.0)
         self.groups: tuple[str, ...] = problem.estimated

@@ -369,7 +369,9 @@ def law_lines(heading: Sequence[str], fitted: Fitted) -> list[str]:
     lines += [] if law else [f'sticking = "{fitted.law.sticking}"']
     names, lost = fitted.law.free, ~np.isfinite(np.diag(fitted.covariance))
     if lost.any():
-        lines.append(f"# no errors: {', '.join(each for each, no in zip(names, lost, strict=True) if no)} not determined")
+        lines.append(
+            f"# no errors: {', '.join(each for each, no in zip(names, lost, strict=True) if no)} not determined"
+        )
     each_error = {
         name: float(f"{fitted.estimates[name].standard_error:.3g}")
         for name, no in zip(names, lost, strict=True)
