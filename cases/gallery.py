@@ -177,7 +177,7 @@ MIXTURE = """### A study: temperatures and stresses of a driven mixture
 
 ![Temperatures of two species, their ratio, and the pressure tensor over e_n](gallery/mixture_study.png)
 
-Bars: 95 % intervals of the mean over six seeds. Ticks: kinetic theory of a homogeneous mixture.
+Bars: 95 % intervals of the mean over six seeds. Dashed: kinetic theory of a homogeneous mixture.
 [Studies](studies.md#species-and-stresses) has the study file, the commands and the numbers.
 """
 
@@ -193,11 +193,11 @@ STUDIES: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "mixture_cooling": (
         ("species_T_ratio_light --over e_n --by mass",),
-        "Bars: 95 % intervals of the mean over 12 seeds. Ticks: kinetic theory.",
+        "Bars: 95 % intervals of the mean over 12 seeds. Dashed: kinetic theory.",
     ),
     "shear_stress": (
         ("stress_N_1 --over e_n", "stress_T_x_over_T_y --over e_n", "stress_friction --over e_n"),
-        "Bars: 95 % intervals of the mean over 8 seeds. Ticks: kinetic theory of the steady flow.",
+        "Bars: 95 % intervals of the mean over 8 seeds, beside kinetic theory of the steady flow.",
     ),
 }
 """Shipped studies: words of `ifrdem plot` for each picture, and what bars and lines are."""
