@@ -177,7 +177,7 @@ MIXTURE = """### A study: temperatures and stresses of a driven mixture
 
 ![Temperatures of two species, their ratio, and the pressure tensor over e_n](gallery/mixture_study.png)
 
-Bars: 95 % intervals of the mean over six seeds. Ticks: kinetic theory of a homogeneous mixture.
+Bars: 95 % intervals of the mean over six seeds. Dashed: kinetic theory of a homogeneous mixture.
 [Studies](studies.md#species-and-stresses) has the study file, the commands and the numbers.
 """
 
@@ -193,11 +193,11 @@ STUDIES: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "mixture_cooling": (
         ("species_T_ratio_light --over e_n --by mass",),
-        "Bars: 95 % intervals of the mean over 12 seeds. Ticks: kinetic theory.",
+        "Bars: 95 % intervals of the mean over 12 seeds. Dashed: kinetic theory.",
     ),
     "shear_stress": (
         ("stress_N_1 --over e_n", "stress_T_x_over_T_y --over e_n", "stress_friction --over e_n"),
-        "Bars: 95 % intervals of the mean over 8 seeds. Ticks: kinetic theory of the steady flow.",
+        "Bars: 95 % intervals of the mean over 8 seeds, beside kinetic theory of the steady flow.",
     ),
 }
 """Shipped studies: words of `ifrdem plot` for each picture, and what bars and lines are."""
@@ -397,12 +397,20 @@ def blocks(page: str) -> dict[str, str]:
     return dict(re.findall(r"^<!-- (.*?) -->\n```\w+\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL))
 
 
-FIRST = {"fit": (".", "video"), "compared": (".", "video"), "film_to_gas": (". 200", "film to gas")}
-"""Pictures of films: words that make the film, and the block of commands that comes before that of the picture."""
+FILMS = {"fit": ".", "compared": ".", "film_to_gas": ". 200"}
+"""Pictures of films: words that make the film."""
+FIRST = {
+    "fit": "video",
+    "compared": "video",
+    "film_to_gas": "film to gas",
+    "vortices": "picture own_time",
+    "vorticity": "picture own_time",
+}
+"""Pictures whose commands need those of another block, which comes before."""
 
 
 def drawn(name: str, runs: Path) -> None:
-    """Draw a picture of another page by its commands; runs and studies whose results are there are not repeated."""
+    """Draw a picture of another page by its commands; films, runs and studies that are there are not repeated."""
     page = page_with(f"picture {name}")
     folder, found = runs / page, blocks(page)
     folder.mkdir(parents=True, exist_ok=True)
@@ -410,8 +418,9 @@ def drawn(name: str, runs: Path) -> None:
         kind, _, file = marker.partition(" ")
         if kind in SUFFIXES:
             (folder / f"{file}{SUFFIXES[kind]}").write_text(code, encoding="utf-8")
-    film, before = FIRST.get(name, ("", ""))
-    lines = [f"python -m ifrdem.validation.fit_video {film}", *found[before].splitlines()] if before else []
+    lines = found[FIRST[name]].splitlines() if name in FIRST else []
+    if name in FILMS and not (folder / "tracks.csv").exists():
+        lines.insert(0, f"python -m ifrdem.validation.fit_video {FILMS[name]}")
     for line in (*lines, *found[f"picture {name}"].splitlines()):
         program, *words = shlex.split(line, comments=True)
         if program == "python":

@@ -283,10 +283,16 @@ def test_a_picture_stands_with_the_commands_that_draw_it(
 ) -> None:
     where = gallery.page_with(f"picture {name}")
     assert f"](gallery/{name}.png)" in page(f"{where}.md")
-    for line in gallery.blocks(where)[f"picture {name}"].splitlines():
+    found = gallery.blocks(where)
+    first = found[gallery.FIRST[name]].splitlines() if name in gallery.FIRST else []
+    made: set[str] = set()
+    for line in (*first, *found[f"picture {name}"].splitlines()):
         program, *words = shlex.split(line, comments=True)
         assert program in ("ifrdem", "python")
         assert program == "python" or words[0] in commands(capsys)
+        assert made.issuperset(word for word in words[1:] if word.endswith((".h5", "study.nc"))), line
+        if program == "ifrdem":
+            made |= {*gallery._results_of(words)}
     assert re.search(rf"\b{name}(\.py)?$", line)  # the last one writes the picture
 
 

@@ -547,9 +547,12 @@ class TableFrictionForce(SteppedForce):
     kind: Literal["table_friction"]
     mu: Ratio = field(0.2)
     """Sliding friction on the table [1]."""
-    gravity: Positive | None = field(EARTH, None)
-    """Acceleration that presses disks on the table [m/s^2]; in SI units that of the Earth without it, `EARTH` of
-    `ifrdem.model.gravity`."""
+    gravity: Positive | None = field(
+        EARTH,
+        None,
+        description=f"acceleration that presses disks on the table [m/s^2]; without it {EARTH} in SI units, "
+        "required in reduced units",
+    )
 
     @property
     def has_medium(self) -> bool:

@@ -44,7 +44,7 @@ def validate(
     ] = "validation-report",
     force: Annotated[bool, flag("replace a report that is there")] = False,
 ) -> int:
-    """Reproduce the paper through the kernels.
+    """Compare the program with the paper, the literature and other codes.
 
     Collides disks as the paper does, and compares with its equations, tables and figures; `validate bullet` compares
     with PyBullet and pymunk instead, `validate lammps` with LAMMPS, `validate gas` holds gases of many disks against the literature, `validate device`

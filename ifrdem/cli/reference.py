@@ -1,4 +1,5 @@
-"""The generated parts of the manual: keys of cases, options of commands, the Python interface, columns of a table.
+"""The generated parts of the manual: keys of cases, options of commands, the Python interface, columns of a table,
+admissible coefficients.
 
 `python -m ifrdem.cli.reference` writes them into the pages; a test compares them.
 """
@@ -39,6 +40,14 @@ def columns() -> str:
     return "\n".join(("| column | meaning | dimension |", "|---|---|---|", *rows))
 
 
+def admissible() -> str:
+    """Coefficients with which the IFR law adds no energy in Markdown, with the derivation."""
+    from ..model.laws.ifr import IFRLaw
+
+    notes = inspect.cleandoc(IFRLaw.__doc__ or "").partition("\nNotes\n-----\n")[2]
+    return notes.partition("\n\nExamples\n")[0]
+
+
 def commands() -> str:
     """Arguments and options of all commands in Markdown."""
     from .main import COMMANDS, app
@@ -54,11 +63,13 @@ def commands() -> str:
 
 
 def _usage(function: Callable[..., Any]) -> str:
-    """A command with its arguments."""
+    """A command with its arguments, and the options that it must have."""
     from .main import app
 
-    words = [
-        _word(each) for each in _arguments(app[function.__name__]) if not each.names[0].startswith(("-", "*"))
+    found = [each for each in _arguments(app[function.__name__]) if each.names[0] != "*"]
+    words = [_word(each) for each in found if not each.names[0].startswith("-")]
+    words += [
+        f"{each.names[0]} {_word(each)}" for each in found if each.names[0].startswith("-") and each.required
     ]
     return f"ifrdem {' '.join([function.__name__, *words])}"
 
@@ -109,6 +120,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "cli": commands,
     "api": python,
     "exports": columns,
+    "law": admissible,
 }
 """Topic of the manual -> the generated part of its page."""
 

@@ -30,6 +30,7 @@ from .results import (
     predicted,
     row_weights,
     stored_case,
+    window_starts,
 )
 
 FINE = 41
@@ -72,8 +73,7 @@ def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]
     swept, keys = results.values(x), json.loads(results.attributes["keys"])
     row_axis, places = results.row_axis, results.row_places
     at = tuple(fixed.get(dim, slice(None)) for dim in results.axes)
-    begins = SERIES_FROM if name in THEORY else START
-    starts = results.values(begins)[at] if begins in results.variables else np.full(len(swept), np.nan)
+    starts = _starts(results, SERIES_FROM if name in THEORY else START)[at]
     times = places if row_axis == "time" else results.values("time_mean")[at]
     low, high = float(swept.min()), float(swept.max())
     space = np.geomspace if low > 0.0 and high > 10.0 * low else np.linspace
@@ -92,6 +92,16 @@ def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]
     if not np.isfinite(theory).any():
         return reason or f"no theory of {name} between them"
     return TheoryLine(np.asarray(values, dtype=float), theory)
+
+
+def _starts(results: Results, name: str) -> NDArray[np.float64]:
+    """Places of points from which means over rows begin; nan for those that have none."""
+    if name not in results.variables:
+        return np.full(results.shape, np.nan)
+    starts = results.values(name)
+    if name == START:  # it is 0 where analyses are of the second half, too
+        starts = np.where(starts > 0.0, starts, window_starts(results))
+    return np.asarray(starts)
 
 
 _Value = Callable[[CaseFile, Rows], float]

@@ -33,7 +33,7 @@ from ..theory.mixtures import MixtureTemperatures
 from ..tools import files
 from ..tools.checked import is_number
 from ..tools.files import NO_VALUES
-from ..tools.intervals import student_t
+from ..tools.intervals import PERCENT, student_t
 from ..tools.versions import __version__, revision
 from ..trajectory.descriptions import REDUCED
 from ..trajectory.file import new_file
@@ -65,8 +65,11 @@ SHORT = {"T": "temperature", "T_rot": "rotational_temperature", "tau": "collisio
 """Symbols for names, on the command line and on axes."""
 BY_COEFFICIENTS = "_by_coefficients"
 """Ending of what errors of coefficients make of the spread (`pooled`)."""
+HALF_INTERVAL = "_half_interval"
+"""Ending of half the 95 % interval of a prediction, by both parts of its spread."""
 STATISTICS = {
     BY_COEFFICIENTS: ": standard deviation by errors of coefficients",
+    HALF_INTERVAL: f": half the {PERCENT} interval, by seeds and errors of coefficients",
     N_EFF: ": number of independent values with the same error, in the window of a run",
     RUN_ERROR: ": standard error within a run, over its window",
     "_theory": ": kinetic theory",

@@ -30,7 +30,7 @@ from ..tools.progress import clock_face, quiet
 from ..tools.values import Several
 from . import workers
 from .plan import ClusterSection, Plan, read, weight
-from .pooled import pooled
+from .pooled import pooled, with_half_intervals
 from .results import ENDING, RUNS, Results, averaged, collect, warnings_of
 from .task import Task, load
 from .workers import check_jobs
@@ -487,11 +487,11 @@ class Study:
         """The results with means over drawn coefficients and seeds, as `dataset`.
 
         NAME_error is the standard error of NAME_mean over seeds, NAME_by_coefficients the standard deviation that the
-        errors of the coefficients give to it.
+        errors of the coefficients give to it, NAME_half_interval half the 95 % interval by both, as in figures.
 
         Raises InputError as `dataset`, or if the study draws no coefficients.
         """
-        return pooled(self.results()).to_xarray()
+        return with_half_intervals(pooled(self.results())).to_xarray()
 
     def _repr_html_(self) -> str:
         """The plan as a table, and the first of the results if there are some, for a notebook."""

@@ -2,7 +2,7 @@
 
 Every standard error and every "!" that `ifrdem analyse` prints has a line here. A 95 % interval is value +- Student's t
 times the error, with n_eff - 1 degrees of freedom, or has ends of its own. Of 300 trials at 95 % fewer than 91 % hold
-once in 1000 times; an error that is halved gives 68 %. The manual has the shares of more trials (analysis.md).
+once in 1000 times; an error that is halved gives 68 %. The manual has the shares of more trials (errors.md).
 """
 
 from __future__ import annotations

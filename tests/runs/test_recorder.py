@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import ifrdem
+from ifrdem.quantities import MECHANISMS
 from ifrdem.runs.recorder import BYTES_AT_ONCE, WAIT, Recorder
-from ifrdem.runs.run import RootOutput
+from ifrdem.runs.run import RootOutput, _mechanisms
 from ifrdem.trajectory.background import AsyncWriter
 
 
@@ -72,3 +73,13 @@ def test_a_frame_is_written_before_a_run_with_low_memory_goes_on(low: bool) -> N
     output.frame("rows", "measure")
     output.recorder.frame.assert_called_once_with("rows", "measure")
     assert writer.flush.call_count == low
+
+
+@pytest.mark.parametrize(("part", "shown"), [(1e-13, False), (1e-11, True), (-1e-13, False), (-1e-11, True)])
+def test_a_mechanism_that_is_rounding_is_not_printed(part: float, shown: bool) -> None:
+    """A part is rounding below 1e-12 of all; one below 0 that is more has a line that says why."""
+    dissipated = np.zeros(len(MECHANISMS))
+    dissipated[[MECHANISMS.index("normal"), MECHANISMS.index("sliding")]] = 2.0, 2.0 * part
+    first, *others = _mechanisms(dissipated, " J")
+    assert first == f"by mechanism: normal 2{f', sliding {2.0 * part:.4g}' * shown} J"
+    assert [line.split(" below 0")[0] for line in others] == ["  sliding"] * (shown and part < 0.0)

@@ -174,9 +174,14 @@ def test_prediction_table_and_figure_have_both_parts(study: ifrdem.Study) -> Non
     wide, narrow = (paths[0].vertices for paths in bands if paths)  # others are of the legend
     last = narrow[:, 0].max()
     high, low = (np.ptp(each[each[:, 0] == last, 1]) for each in (wide, narrow))
-    half = pooled.half_of_both(pooled.pooled(study.results()), "temperature")
-    assert half is not None
-    assert high == pytest.approx(2.0 * half[-1])
+    half = float(found.temperature_half_interval[-1])
+    assert high == pytest.approx(2.0 * half)
+    # Student's t of 2 seeds and of 4 draws, whose mean is off by a further quarter of their variance.
+    parts = 12.706 * found.temperature_error[-1], 3.1824 * 1.25**0.5 * found.temperature_by_coefficients[-1]
+    assert half == pytest.approx(np.hypot(*map(float, parts)), rel=1e-4)
+    assert found.temperature_half_interval.long_name.endswith(
+        ": half the 95 % interval, by seeds and errors of coefficients"
+    )
     assert low == pytest.approx(
         2.0 * 12.706 * float(found.temperature_error[-1]), rel=1e-4
     )  # t of one degree of freedom

@@ -103,8 +103,9 @@ class IFRLaw(CollisionLaw):
 
     Notes
     -----
-    With kbar = (k_i m_j + k_j m_i) / (m_i + m_j), a = 1 + kbar, c = 1/2 (percussion centre) or 1/a (contact point) and
-    e_s = e_t + a c, no collision adds energy if and only if e_n <= 1, -1 <= e_t <= 1, and where mu > 0 also e_t < 1 and
+    With kbar = (k_i m_j + k_j m_i) / (m_i + m_j), a = m_n / m_t = 1 + kbar, c = 1/2 (percussion centre) or 1/a (contact
+    point) and e_s = e_t + a c, no collision of two disks adds energy if and only if e_n <= 1, -1 <= e_t <= 1, and where
+    mu > 0 also e_t < 1 and
 
     1. a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2, and
     2. where e_t a c > 1 - e_t^2, also (1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n).
@@ -113,7 +114,7 @@ class IFRLaw(CollisionLaw):
     e_n) / (2 m_n (1 + e_n)). With x = m_t |g_t| / P_n and P_f = P_n min(mu, a c x) the sum is, but for a
     positive factor, (min(mu, a c x) + e_t x)^2 - x^2 - (1 - e_n) / (a (1 + e_n)). Its largest value lies at
     the boundary of sticking, x = mu / (a c), which is 1, or inside the sliding range, at x = mu e_t / (1 -
-    e_t^2), which is 2. The tangential impulses alone never add energy if e_s <= 1 as well: e_t <= 0 (contact
+    e_t^2), which is 2. The tangential impulses alone never add energy if mu = 0, or e_s <= 1: e_t <= 0 (contact
     point), or e_t <= (1 - kbar) / 2 (percussion centre). Rolling friction only takes energy.
 
     The sets shrink as kbar grows, and kbar lies between k_i and k_j whatever the masses. In a collision with
