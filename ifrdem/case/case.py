@@ -644,7 +644,7 @@ class StartSection(Section):
         if "file" in data:
             if "motion" in data:
                 return [
-                    "motion cannot be combined with file, whose columns of velocities and spins are taken by themselves: leave it out"
+                    "motion: leave it out with file; velocities and spins of the file are always taken"
                 ]
             return exclusive_with(data, "file", "positions")
         of_file = [key for key in ("columns", "units", "delimiter", "decimal", "relax") if key in data]
