@@ -643,9 +643,7 @@ class StartSection(Section):
             return [f'{", ".join(scan)}: requires positions = "{IMPACT_SCAN}"']
         if "file" in data:
             if "motion" in data:
-                return [
-                    "motion: leave it out with file; velocities and spins of the file are always taken"
-                ]
+                return ["motion: leave it out with file; velocities and spins of the file are always taken"]
             return exclusive_with(data, "file", "positions")
         of_file = [key for key in ("columns", "units", "delimiter", "decimal", "relax") if key in data]
         return [f"{', '.join(of_file)}: requires file"] * bool(of_file and file is None)

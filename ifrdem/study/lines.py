@@ -123,7 +123,7 @@ def _gas(file: CaseFile) -> TheoryGas:
 
 
 def _of_flow(key: str) -> Callable[[TheoryGas, CaseSections], float]:
-    return lambda gas, case: gas.of_flow(case.box.shear_rate)[key]
+    return lambda gas, case: gas.of_flow(case.box.shear_rate)[key].mean
 
 
 def _of_elastic(key: str) -> Callable[[TheoryGas, CaseSections], float]:
@@ -163,7 +163,9 @@ def _of_series(name: str, file: CaseFile, rows: Rows) -> float:
 def _of_curves(name: str, curves: Predicted, rows: Rows) -> float:
     """A quantity of `THEORY`, averaged over rows; nan beyond the curves. theta is a mean of ratios, as that of rows."""
     weights = row_weights(rows.places, rows.start)
-    T, T_rot = (_at(curves, each, rows, weights > 0.0) for each in (curves.temperature, curves.rotational_temperature))
+    T, T_rot = (
+        _at(curves, each, rows, weights > 0.0) for each in (curves.temperature, curves.rotational_temperature)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         values = {"temperature": T, "rotational_temperature": T_rot, "theta": T_rot / T}[name]
     return float(np.average(values, weights=weights[weights > 0.0]))

@@ -130,7 +130,10 @@ def test_ratios_of_species_are_means_over_the_rows_of_the_analysis() -> None:
 
 
 def test_a_single_value_has_a_mark_of_theory_and_no_line() -> None:
-    assert theory_between(results("material[0].e_n", [0.8], FLOW), "stress_N_1", "e_n", {}) == "e_n has one value"
+    assert (
+        theory_between(results("material[0].e_n", [0.8], FLOW), "stress_N_1", "e_n", {})
+        == "e_n has one value"
+    )
 
 
 @pytest.mark.parametrize(
