@@ -356,10 +356,9 @@ def _draw(
         from .analyses import PANELS, stress_in_flow
 
         evaluation = FUNCTIONS[what](trajectory, frames, **options)
-        draw: Callable[..., None] = PANELS[what].draw
-        if what == "stress" and len(axes) == 3:
-            draw = stress_in_flow
-        draw(*axes, trajectory, evaluation, **({"over": over} if what == "species" else {}))
+        of_flow = what == "stress" and len(axes) == 3
+        panels = PANELS[what]._replace(draw=stress_in_flow) if of_flow else PANELS[what]
+        panels.draw(*axes, trajectory, evaluation, **({"over": over} if what == "species" else {}))
         return evaluation
     return None
 
