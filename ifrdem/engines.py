@@ -119,9 +119,9 @@ def collide_step(
     Raises
     ------
     InputError
-        If a shape does not fit, a value is not finite, arrays share memory, or the law can add energy for a pair; if a disk of infinite mass
-        moves; or if two disks move, relative to each other, by more than half a periodic side less their contact
-        distance within the step.
+        If a shape does not fit, a number is not finite or beyond 1e50 in size, arrays share memory, the law is a class,
+        or can add energy for a pair; if a disk of infinite mass moves; or if two disks move, relative to each other, by
+        more than half a periodic side less their contact distance within the step.
     InelasticCollapse
         If a disk collides again and again in one step.
 

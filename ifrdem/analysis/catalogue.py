@@ -720,7 +720,7 @@ def _flow_by_theory(
         return [str(error)]
     for key, value in of_theory.items():
         of = of_viscosity if key == "viscosity" else ""
-        rows.append(Reading(f"{FLOW[key]} by {name_of_theory()}", value, unit=of, key=f"{key}_theory"))
+        rows.append(Reading.of(f"{FLOW[key]} by {name_of_theory()}", value, of, f"{key}_theory"))
     if not is_closed():
         return ["DSMC: of a homogeneous flow from the temperatures of the first frame, over the same times"]
     return ["kinetic theory: steady state of a homogeneous flow (`theory.steady_flow`)"]

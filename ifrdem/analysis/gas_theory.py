@@ -24,6 +24,8 @@ from ..tools.checked import Array
 from ..tools.old_words import present_force
 from ..trajectory.reader import Trajectory
 from . import result
+from .common import MeanValue
+from .stress import mean_stress
 
 
 class Curves(NamedTuple):
@@ -42,6 +44,8 @@ VELOCITIES = {"gaussian": "Gaussian", "sonine": "Sonine", "dsmc": "DSMC"}
 """Words for `theory.Prediction.velocities` in legends."""
 FLOW = {"N_1": "N_1", "friction": "friction", "T_x_over_T_y": "T_x / T_y", "viscosity": "viscosity"}
 """Numbers of `analyse stress` in a flow for which there is a theory: their keys, and what they are called."""
+RATIOS = ("normal_difference", "friction", "temperature_ratio")
+"""Properties of `Stress` that the first of `FLOW` are."""
 FLOW_ROWS = 201
 """Times at which DSMC of a flow is sampled."""
 LONGER = 1e6
@@ -110,22 +114,30 @@ class TheoryGas:
                     raise InputError(f"{text}: no kinetic theory here")
             return steady_flow(*self.one_kind, shear_rate)
 
-    def of_flow(self, shear_rate: float, span: tuple[float, float] = (0.0, 0.0)) -> dict[str, float]:
+    def of_flow(self, shear_rate: float, span: tuple[float, float] = (0.0, 0.0)) -> dict[str, MeanValue]:
         """Ratios of stresses and the viscosity [energy time/length^2] of a flow, by the keys of `FLOW`.
 
-        Of the steady flow; by DSMC means over a `span` of times after the first frame. InputError or TheoryError where
-        no theory describes the gas, InputError where there is no steady state.
+        Of the steady flow, without errors; by DSMC means over a `span` of times after the first frame, with errors.
+        InputError or TheoryError where no theory describes the gas, InputError where there is no steady state.
         """
         if not is_closed():
-            of_time = self.prediction(np.linspace(0.0, span[1], FLOW_ROWS), shear_rate).stress
-            assert of_time is not None
-            stress = of_time(span[0])
+            times = np.linspace(0.0, span[1], FLOW_ROWS)
+            parts = self.prediction(times, shear_rate).stress
+            assert parts is not None
+            kinetic, collisional = (each[1:].reshape(-1, 4) for each in parts)
+            found = mean_stress(times, kinetic + collisional, kinetic, span=span)
+            stress, shear = found.stress, (float(found.error[0, 1]), float(found.n_eff[0, 1]))
+            errors = {
+                each: (getattr(found, f"{each}_error"), getattr(found, f"{each}_n_eff")) for each in RATIOS
+            }
         elif (flow := self.steady_flow(shear_rate)) is None:
             raise InputError("no steady state by kinetic theory: the flow heats this gas without end")
         else:
-            stress = flow.stress
-        ratios = stress.normal_difference, stress.friction, stress.temperature_ratio
-        return dict(zip(FLOW, (*ratios, -float(stress.total[0, 1]) / shear_rate), strict=True))
+            stress, shear = flow.stress, (np.nan, np.nan)
+            errors = dict.fromkeys(RATIOS, shear)
+        ratios = [MeanValue(getattr(stress, each), *errors[each]) for each in RATIOS]
+        viscosity = MeanValue(float(stress.total[0, 1]), *shear).times(-1.0 / shear_rate)
+        return dict(zip(FLOW, (*ratios, viscosity), strict=True))
 
     def enskog(self, T: float, *, spins: bool) -> dict[str, float]:
         """eta [mass/time], D [length^2/time], and kappa [1/time] without `spins`, of equal smooth elastic disks.

@@ -646,9 +646,7 @@ class StartSection(Section):
             return [f'{", ".join(scan)}: requires positions = "{IMPACT_SCAN}"']
         if "file" in data:
             if "motion" in data:
-                return [
-                    "motion cannot be combined with file, whose columns of velocities and spins are taken by themselves: leave it out"
-                ]
+                return ["motion: leave it out with file; velocities and spins of the file are always taken"]
             return exclusive_with(data, "file", "positions")
         of_file = [key for key in ("columns", "units", "delimiter", "decimal", "relax") if key in data]
         return [f"{', '.join(of_file)}: requires file"] * bool(of_file and file is None)

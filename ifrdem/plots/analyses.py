@@ -663,14 +663,16 @@ def _pressure(axes: Axes, found: analysis.Pressure) -> None:
     grid(axes)
 
 
-def stress(left: Axes, right: Axes, *rest: Any) -> None:
-    """The pressure tensor in blocks of time, the kinetic and collisional part of its mean, and ratios in a flow.
+def stress_in_flow(
+    left: Axes, right: Axes, ratios: Axes, trajectory: Trajectory | None, evaluation: Evaluation
+) -> None:
+    """`stress` of a sheared gas, and ratios of its components."""
+    stress(left, right, trajectory, evaluation)
+    _flow_ratios(ratios, evaluation)
 
-    `rest`: the axes of these ratios or none, the trajectory or None, and the result.
-    """
-    *of_flow, trajectory, evaluation = rest
-    for axes in of_flow:
-        _flow_ratios(axes, evaluation)
+
+def stress(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
+    """The pressure tensor in blocks of time, and the kinetic and collisional part of its mean."""
     found = evaluation.result
     names, at = TENSOR, INDICES
     for name, (a, b), color in zip(names, at, COLORS, strict=True):
@@ -716,15 +718,16 @@ def _flow_ratios(axes: Axes, evaluation: Evaluation) -> None:
     axes.errorbar(
         place, [row.value for row in known], half, ms=6, capsize=3.0, label=f"disks, {PERCENT} intervals", **marks(TRANSLATION)
     )  # fmt: skip
-    of_theory = [
-        (at, rows[f"{row.key}_theory"].value)
-        for at, row in zip(place, known, strict=True)
-        if f"{row.key}_theory" in rows
-    ]
-    if of_theory:
+    of_theory = [rows.get(f"{row.key}_theory") for row in known]
+    there, by = np.array([each is not None for each in of_theory]), [each for each in of_theory if each]
+    if by:
+        values = [each.value for each in by]
         axes.plot(
-            *zip(*of_theory, strict=True), "_", ms=22, mew=1.8, color=ROTATION, label=f"{name_of_theory()} (homogeneous flow)"
+            place[there], values, "_", ms=22, mew=1.8, color=ROTATION, label=f"{name_of_theory()} (homogeneous flow)"
         )  # fmt: skip
+        if any(each.error > 0.0 for each in by):
+            wide = [float(student_t(each.n_eff)) * each.error for each in by]
+            axes.errorbar(place[there], values, wide, fmt="none", ecolor=ROTATION, capsize=6.0)
     axes.set_xticks(place, [RATIOS_OF_FLOW[row.key] for row in known])
     axes.set(xlim=(-0.5, len(known) - 0.5), ylabel="ratio of mean stresses, or temperatures")
     axes.set_ylim(bottom=min(0.0, *(row.value for row in known)))

@@ -240,11 +240,14 @@ def panels(
 ) -> None:
     """Draw into given axes, with options as for `figure`.
 
-    InputError if there are not as many as the picture has panels; a lower one may lack.
+    InputError if there are not as many as the picture has panels; a lower one, and that of ratios of stresses, may lack.
     """
     layout = _layout(trajectory, what, options.get("axis"))
     count = layout.get("ncols", 1) * layout.get("nrows", 1)
-    given = checked_axes(f"the picture {what}", axes, count, 1 if layout is UPPER_AND_LOWER else count)
+    least = (
+        1 if layout is UPPER_AND_LOWER else 2 if what == "stress" else count
+    )  # without the ratios of a flow
+    given = checked_axes(f"the picture {what}", axes, count, least)
     _check_over(what, options.get("over"))
     _draw(given, trajectory, what, _numbers(trajectory, frames), **options)
 
@@ -350,10 +353,12 @@ def _draw(
         draw(trajectory, over or "t", *axes)
     else:
         from ..analysis.catalogue import FUNCTIONS
-        from .analyses import PANELS
+        from .analyses import PANELS, stress_in_flow
 
         evaluation = FUNCTIONS[what](trajectory, frames, **options)
-        PANELS[what].draw(*axes, trajectory, evaluation, **({"over": over} if what == "species" else {}))
+        of_flow = what == "stress" and len(axes) == 3
+        panels = PANELS[what]._replace(draw=stress_in_flow) if of_flow else PANELS[what]
+        panels.draw(*axes, trajectory, evaluation, **({"over": over} if what == "species" else {}))
         return evaluation
     return None
 

@@ -80,7 +80,10 @@ def dsmc_prediction(
         "sheared" if shear_rate else "driven" if forces else "cooling"
     )
     whole = found.temperature[1:], found.rotational_temperature[1:], found.collisions_per_disk[1:]
-    return Prediction(name, *whole, *((None, "dsmc", found.stress) if shear_rate else (of, "dsmc")))
+    if not shear_rate:
+        return Prediction(name, *whole, of, "dsmc")
+    stress = found.kinetic_stress[1:], found.collisional_stress[1:]
+    return Prediction(name, *whole, None, "dsmc", stress)
 
 
 @contextlib.contextmanager

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..analysis.gas_theory import FLOW, TheoryGas
 from ..analysis.result import identifier
 from ..analysis.transport import NAMES as COEFFICIENTS
+from ..analysis.window import since
 from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
@@ -22,7 +23,6 @@ from ..theory.sonine import cooling_sonine
 from .results import (
     EQUILIBRATED,
     SERIES_FROM,
-    START,
     THEORY,
     Predicted,
     Results,
@@ -45,11 +45,11 @@ class TheoryLine(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Rows of a point that a mean is over: clock, places, weights, and the latest time [time]."""
+    """Rows of a point: clock, places, where its steady window begins, nan without one, and the latest time [time]."""
 
     clock: str
     places: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    start: float
     end: float
 
 
@@ -61,7 +61,7 @@ def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]
     dimensions.
     """
     if not is_closed():
-        return "DSMC is run for these"
+        return "DSMC is not run between swept values"
     if "path" not in results.attributes:
         return "the results hold no case of their gas"
     if EQUILIBRATED in results.attributes:
@@ -69,11 +69,18 @@ def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]
     if len(results.axes.get(x, ())) != 1 or results.values(x).dtype.kind not in "if":
         return f"{x} is not one numeric key"
     if (value_of := _function(name)) is None:
-        return f"no closed form of {name} between them"
+        return f"{name} has no closed form between swept values"
     swept, keys = results.values(x), json.loads(results.attributes["keys"])
+    if len(swept) < 2:
+        return f"{x} has one value"
     row_axis, places = results.row_axis, results.row_places
     at = tuple(fixed.get(dim, slice(None)) for dim in results.axes)
-    starts = _starts(results, SERIES_FROM if name in THEORY else START)[at]
+    if name not in THEORY:
+        starts = window_starts(results)[at]
+    elif SERIES_FROM in results.variables:
+        starts = results.values(SERIES_FROM)[at]
+    else:
+        starts = np.full(len(swept), np.nan)
     times = places if row_axis == "time" else results.values("time_mean")[at]
     low, high = float(swept.min()), float(swept.max())
     space = np.geomspace if low > 0.0 and high > 10.0 * low else np.linspace
@@ -82,7 +89,7 @@ def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]
     order, found, reason = np.argsort(swept), [], ""
     for value in values.tolist():
         start = float(np.interp(value, swept[order], starts[order]))
-        rows = Rows(row_axis, places, row_weights(places, start), float(np.nanmax(times)))
+        rows = Rows(row_axis, places, start, float(np.nanmax(times)))
         try:
             found.append(value_of(stored_case(results, fixed, f"{keys[x]}={value}"), rows))
         except (InputError, TheoryError) as error:  # not every value between has an admissible law
@@ -90,18 +97,8 @@ def theory_between(results: Results, name: str, x: str, fixed: Mapping[str, int]
             reason = str(error).splitlines()[0]
     theory = np.array(found)
     if not np.isfinite(theory).any():
-        return reason or f"no theory of {name} between them"
+        return reason or f"no theory of {name} between swept values"
     return TheoryLine(np.asarray(values, dtype=float), theory)
-
-
-def _starts(results: Results, name: str) -> NDArray[np.float64]:
-    """Places of points from which means over rows begin; nan for those that have none."""
-    if name not in results.variables:
-        return np.full(results.shape, np.nan)
-    starts = results.values(name)
-    if name == START:  # it is 0 where analyses are of the second half, too
-        starts = np.where(starts > 0.0, starts, window_starts(results))
-    return np.asarray(starts)
 
 
 _Value = Callable[[CaseFile, Rows], float]
@@ -126,12 +123,18 @@ def _gas(file: CaseFile) -> TheoryGas:
 
 
 def _of_flow(key: str) -> Callable[[TheoryGas, CaseSections], float]:
-    return lambda gas, case: gas.of_flow(case.box.shear_rate)[key]
+    return lambda gas, case: gas.of_flow(case.box.shear_rate)[key].mean
 
 
 def _of_elastic(key: str) -> Callable[[TheoryGas, CaseSections], float]:
-    """Its temperature is that of the start."""
-    return lambda gas, _: gas.enskog(float(gas.T0[0]), spins=bool(gas.T_rot0.any())).get(key, np.nan)
+    """Its temperature is that of the start, which a gas without driving keeps."""
+
+    def value(gas: TheoryGas, case: CaseSections) -> float:
+        if case.force or case.box.shear_rate:
+            raise InputError("the gas is driven: theory takes its measured temperature")
+        return gas.enskog(float(gas.T0[0]), spins=bool(gas.T_rot0.any())).get(key, np.nan)
+
+    return value
 
 
 def _of_smooth(formula: Callable[[float], float]) -> Callable[[TheoryGas, CaseSections], float]:
@@ -159,38 +162,41 @@ def _of_series(name: str, file: CaseFile, rows: Rows) -> float:
 
 def _of_curves(name: str, curves: Predicted, rows: Rows) -> float:
     """A quantity of `THEORY`, averaged over rows; nan beyond the curves. theta is a mean of ratios, as that of rows."""
-    T, T_rot = (_at(curves, each, rows) for each in (curves.temperature, curves.rotational_temperature))
+    weights = row_weights(rows.places, rows.start)
+    T, T_rot = (
+        _at(curves, each, rows, weights > 0.0) for each in (curves.temperature, curves.rotational_temperature)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
-        return _mean({"temperature": T, "rotational_temperature": T_rot, "theta": T_rot / T}[name], rows)
+        values = {"temperature": T, "rotational_temperature": T_rot, "theta": T_rot / T}[name]
+    return float(np.average(values, weights=weights[weights > 0.0]))
 
 
-def _at(curves: Predicted, values: NDArray[np.float64], rows: Rows) -> NDArray[np.float64]:
-    """A curve at the rows that have weights, nan beyond its end."""
+def _at(
+    curves: Predicted, values: NDArray[np.float64], rows: Rows, used: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """A curve at the rows that are used, nan beyond its end."""
     base = curves.times if rows.clock == "time" else curves.collisions_per_disk
-    places = rows.places[rows.weights > 0.0]
-    return np.asarray(np.interp(places, base, values, right=np.nan))
-
-
-def _mean(values: NDArray[np.float64], rows: Rows) -> float:
-    return float(np.average(values, weights=rows.weights[rows.weights > 0.0]))
+    return np.asarray(np.interp(rows.places[used], base, values, right=np.nan))
 
 
 def _of_species(name: str, file: CaseFile, rows: Rows) -> float:
-    """A ratio of temperatures of species, a mean over rows, which are the second half of a gas that cools."""
+    """A ratio of temperatures of species, the mean of `analyse species`: over the window, or the second half of rows.
+
+    All rows count the same there.
+    """
     gas, curves = _gas(file), predicted(file.case, file.path.parent, rows.end)
     species = CaseGas.from_case(file.case, file.path.parent).species
     if curves is None or curves.species is None:
         return np.nan
-    if np.count_nonzero(rows.weights) < 2:  # no steady window
-        late = np.arange(len(rows.places)) >= len(rows.places) // 2
-        rows = rows._replace(weights=late.astype(float))
+    steady = since(rows.places, rows.start)
+    used = steady if steady.any() else np.arange(len(rows.places)) >= len(rows.places) // 2
     ends = np.cumsum([each.number for each in species])
     T, T_rot = {}, {}
     for each, end in zip(species, ends.tolist(), strict=True):
         kinds = np.bincount(gas.kind[end - each.number : end], minlength=gas.kinds) / each.number
-        T[each.name] = _at(curves, curves.species.temperature @ kinds, rows)
-        T_rot[each.name] = _at(curves, curves.species.rotational_temperature @ kinds, rows)
+        T[each.name] = _at(curves, curves.species.temperature @ kinds, rows, used)
+        T_rot[each.name] = _at(curves, curves.species.rotational_temperature @ kinds, rows, used)
     first = next(iter(T))
     known = {f"{RATIO}{identifier(one)}": T[one] / T[first] for one in T}
     known |= {f"{THETA}{identifier(one)}": T_rot[one] / T[one] for one in T}
-    return _mean(known[name], rows) if name in known else np.nan
+    return float(np.mean(known[name])) if name in known else np.nan

@@ -592,6 +592,10 @@ def read(
         study.equilibrate,
         draws,
     )
+    if study.equilibrate is not None:
+        known = {key for axis in axes for key in axis.keys}
+        removed = [key for key in study.equilibrate.remove if key not in known]
+        _refuse_absent_in_all(variants or (main,), study.equilibrate.set, removed)
     runs = math.prod(plan.shape)
     if runs > MOST_RUNS:
         raise InputError(f"{runs} runs: a study can have {MOST_RUNS} at most")
@@ -658,6 +662,20 @@ def _refuse_absent(raw: Mapping[str, Any], changes: Sequence[str], keys: Sequenc
                 node = node[step]
             except (KeyError, IndexError, TypeError):
                 raise InputError(f"remove: {key}: there is no such key in the case{near}") from None
+
+
+def _refuse_absent_in_all(bases: Sequence[Base], changes: Sequence[str], keys: Sequence[str]) -> None:
+    """Raise InputError for the first of the keys to remove for `equilibrate` that none of the cases has."""
+    for key in keys:
+        errors = []
+        for base in bases:
+            try:
+                raw = case_file.load_text(base.text, base.path)
+                _refuse_absent(raw, [*base.overrides, *changes], [key])
+            except InputError as error:
+                errors.append(error)
+        if len(errors) == len(bases):
+            raise InputError(f"equilibrate: {errors[0]}") from None
 
 
 def axis_of(text: str) -> dict[str, Any]:

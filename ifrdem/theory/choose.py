@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
-from ..model.observables import Stress
 from ..model.state import Disks
 from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, Positive, Real, validated
 from ..tools.reprs import Brief
@@ -38,8 +37,9 @@ class Prediction(Brief):
     """Temperatures of each species, in the order of `Mixture.of`; None in a sheared gas."""
     velocities: Literal["gaussian", "sonine", "dsmc"] = "gaussian"
     """Velocities that the theory takes: Gaussian, with cumulants (`rough_cooling`), or those of a DSMC gas."""
-    stress: Callable[[float], Stress] | None = None
-    """Mean pressure tensor from a time on [energy/length^2], of a sheared DSMC gas; None of others."""
+    stress: tuple[Array, Array] | None = None
+    """Kinetic and collisional pressure tensor of a sheared DSMC gas [energy/length^2], shape (steps, 2, 2) each, the second
+    a mean since the time before, nan at first; None of others."""
 
     @property
     def theta(self) -> Array:

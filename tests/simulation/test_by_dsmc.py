@@ -65,7 +65,8 @@ def test_driven_and_sheared_gases_are_followed() -> None:
 
 
 def test_stresses_of_a_flow_are_those_of_dsmc() -> None:
-    """Smooth disks, e_n = 0.8: anisotropic Gaussians are within 6 % of Enskog's equation (`theory.steady_flow`)."""
+    """Smooth disks, e_n = 0.8: anisotropic Gaussians are within 6 % of Enskog's equation (`theory.steady_flow`), and
+    below it in all ratios: 20,000 disks over 40 times have N_1 = 0.308(6) for 0.297, friction 0.434(3) for 0.426."""
     disks = Disks(100, 1.0, 0.5)
     smooth = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)
     gas = TheoryGas(
@@ -74,9 +75,12 @@ def test_stresses_of_a_flow_are_those_of_dsmc() -> None:
     closed = gas.of_flow(0.5)
     with theory_by(dsmc=True):
         found = gas.of_flow(0.5, (15.0, 40.0))
-    assert found != closed
     assert {*found} == {*closed}
-    np.testing.assert_allclose([*found.values()], [*closed.values()], rtol=0.1)
+    for key, of in found.items():
+        assert np.isnan(closed[key].error)
+        assert 0.005 < of.error / of.mean < 0.05  # by 25 times, of which 3 to 8 are independent
+        assert of.mean == pytest.approx(closed[key].mean, abs=4.0 * of.error)
+        assert (of.mean > closed[key].mean) == (key != "viscosity")
 
 
 def test_pictures_take_dsmc_also_of_laws_without_theory(

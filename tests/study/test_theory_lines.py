@@ -12,7 +12,7 @@ from support.cases import case_text
 from ifrdem import IFRLaw, theory
 from ifrdem.study.figure import AT_POINTS, draw
 from ifrdem.study.lines import TheoryLine, theory_between
-from ifrdem.study.results import START, Results
+from ifrdem.study.results import Results
 from ifrdem.study.task import Variable
 
 FLOW: dict[str, Any] = {
@@ -21,9 +21,9 @@ FLOW: dict[str, Any] = {
 }  # fmt: skip
 
 
-def results(key: str, values: Any, changes: dict[str, Any], **more: Any) -> Results:
-    """Results of a study over one key, with rows at 0 to 40 collisions per disk and the quantities in `more`."""
-    x, tau = key.rpartition(".")[2], np.linspace(0.0, 40.0, 5)
+def results(key: str, values: Any, changes: dict[str, Any], end: float = 40.0, **more: Any) -> Results:
+    """Results of a study over one key, with rows at 0 to `end` collisions per disk and the quantities in `more`."""
+    x, tau = key.rpartition(".")[2], np.linspace(0.0, end, 5)
     variables = {
         x: Variable((x,), np.array(values)),
         "collisions_per_disk": Variable(("collisions_per_disk",), tau),
@@ -69,6 +69,12 @@ def test_transport_of_elastic_disks_over_the_density() -> None:
     assert isinstance(found, TheoryLine)
     expected = [theory.shear_viscosity(float(phi), 2.0, 1.0, 0.5) for phi in found.values]
     assert found.theory == pytest.approx(expected)
+    kicked = elastic | {"force": [{"kind": "random_kicks", "power": 0.1, "step": 1.0}]}
+    of_kicked = theory_between(
+        results("box.packing_fraction", [0.05, 0.4], kicked), "transport_eta", "packing_fraction", {}
+    )
+    assert isinstance(of_kicked, str)
+    assert "the gas is driven" in of_kicked
     assert isinstance(
         of_e_n := theory_between(results("material[0].e_n", [0.8, 0.9], elastic), "transport_eta", "e_n", {}),
         str,
@@ -85,21 +91,49 @@ def test_velocities_and_diffusion_of_smooth_disks() -> None:
         assert found.theory == pytest.approx([formula(float(e_n)) for e_n in found.values])
 
 
+DISKS = {"material": "coin", "number": 50, "diameter": 1.0}
+MIXTURE = FLOW | {
+    "box.shear_rate": None, "box.packing_fraction": 0.02,
+    "species": [{"name": "light", "mass": 1.0, "speed_rms": 1.0, **DISKS}, {"name": "heavy", "mass": 4.0, "speed_rms": 0.5, **DISKS}],
+}  # fmt: skip
+
+
+def mixture(e_n: float) -> theory.Mixture:
+    return theory.Mixture([1.0, 4.0], [0.5, 0.5], IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), 0.02)
+
+
 def test_ratios_of_species_are_those_of_equal_cooling_rates() -> None:
-    """The second half of 40 collisions per disk is steady. Results of gases without a window hold 0 as its start."""
-    disks = {"material": "coin", "number": 50, "diameter": 1.0}
-    mixture = FLOW | {
-        "box.shear_rate": None, "box.packing_fraction": 0.02,
-        "species": [{"name": "light", "mass": 1.0, "speed_rms": 1.0, **disks}, {"name": "heavy", "mass": 4.0, "speed_rms": 50.0, **disks}],
-    }  # fmt: skip
-    of = results("material[0].e_n", [0.6, 0.9], mixture)
-    of.variables[START] = Variable(("e_n",), np.zeros(2))
+    """The second half of 40 collisions per disk is steady."""
+    of = results("material[0].e_n", [0.6, 0.9], MIXTURE)
     found = theory_between(of, "species_T_ratio_heavy", "e_n", {})
     assert isinstance(found, TheoryLine)
     assert np.isfinite(found.theory).all()
-    gas = theory.Mixture([1.0, 4.0], [0.5, 0.5], IFRLaw(e_n=0.6, e_t=-1.0, mu=0.0), 0.02)
-    T, _ = theory.mixture_cooling_ratios(gas)
+    T, _ = theory.mixture_cooling_ratios(mixture(0.6))
     assert found.theory[0] == pytest.approx(float(T[1] / T[0]), rel=1e-3)
+
+
+def test_ratios_of_species_are_means_over_the_rows_of_the_analysis() -> None:
+    """`analyse species` takes the second half of a gas that cools, rows 2 to 4 of 5; all rows count the same.
+
+    Its frames begin at 0 (`analyses_from`), which is no steady window: the ratio begins at 1, and relaxes over these
+    rows. With a window, which has a number of independent values, rows count from its start on.
+    """
+    steps = np.linspace(0.0, 200.0, 4001)
+    cooling = theory.mixture_cooling(mixture(0.6), [0.5, 0.5], 0.0, steps)
+    at_rows = np.interp(np.linspace(0.0, 4.0, 5), cooling.collisions_per_disk.mean(axis=1), cooling.temperature[:, 1] / cooling.temperature[:, 0])  # fmt: skip
+    for start, n_eff, first in ((0.0, np.nan, 2), (0.0, 9.0, 0), (1.0, 9.0, 1)):
+        of = results("material[0].e_n", [0.6, 0.9], MIXTURE, end=4.0, analyses_from=start)
+        of.variables["temperature_n_eff"] = Variable(("e_n", "seed"), np.full((2, 1), n_eff))
+        found = theory_between(of, "species_T_ratio_heavy", "e_n", {})
+        assert isinstance(found, TheoryLine)
+        assert found.theory[0] == pytest.approx(at_rows[first:].mean(), rel=1e-4)
+
+
+def test_a_single_value_has_a_mark_of_theory_and_no_line() -> None:
+    assert (
+        theory_between(results("material[0].e_n", [0.8], FLOW), "stress_N_1", "e_n", {})
+        == "e_n has one value"
+    )
 
 
 @pytest.mark.parametrize(
@@ -108,7 +142,7 @@ def test_ratios_of_species_are_those_of_equal_cooling_rates() -> None:
         ({"equilibrate": "{}"}, "runs begin with the ends of others"),
         ({"path": None}, "the results hold no case"),
         ({"axes": '{"e_n": ["e_n", "mu"]}'}, "e_n is not one numeric key"),
-        ({}, "no closed form of stress_p"),
+        ({}, "stress_p has no closed form between swept values"),
         ({"case": case_text({**FLOW, "material[0].rho": 0.1})}, "rolling friction"),
     ],
 )

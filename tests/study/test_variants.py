@@ -110,6 +110,7 @@ def test_options_of_analyses_reach_them(study):
         ('case = "other.toml"', 'set = ["run.collisions_per_disk=3"]', "same end, rows and names of species"),
         ("bins = 3", "bins = 0", r"profiles\.bins.* 0: must be"),
         ("[0].rho", "[0].roh", r"variants: smooth: remove: material\[0\]\.roh: there is no such key in the case \(did you mean 'rho'\?\)"),
+        ("[ensemble]", 'remove = ["material[0].rho", "material[0].roh"]\n[ensemble]', r"equilibrate: remove: material\[0\]\.roh: there is no such key in the case \(did you mean 'rho'\?\)"),
         ('"material[0].e_n" = [0.7', 'variant = [1, 2]\n"material[0].e_n" = [0.7', "variant: is no key of a case that can be swept"),
         ("bins = 3", "bin = 3", r"profiles\.bin: no option of profiles \(did you mean 'bins'\?\)"),
         ('"1:"', '"one"', r"profiles\.frames = one: must be a number or a:b:c"),

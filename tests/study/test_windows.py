@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.signal import lfilter
 from support.cases import case_text
 from test_study import CASE
@@ -435,6 +436,8 @@ def test_ratios_of_stresses_are_drawn_beside_theory(sheared: ifrdem.Study) -> No
     with ifrdem.Trajectory(path) as run:
         rows = {row.key: row.value for row in FUNCTIONS["stress"](run, None).rows}
         *_, axes = plots.figure(run, "stress").axes
+        run.plot("stress", ax=(two := Figure().subplots(1, 2)))  # without the ratios
+    assert all(each.has_data() for each in two)
     (seen,) = (each for each in axes.lines if "kinetic theory" in each.get_label())
     names = ("N_1", "friction", "T_x_over_T_y")
     assert seen.get_ydata() == pytest.approx([rows[f"{name}_theory"] for name in names])
