@@ -409,7 +409,7 @@ def test_theory_of_theta_between_points_is_a_mean_of_ratios_as_that_of_the_rows(
     """Rows at 1 and 2 with T = 1, 2 and T_rot = 1, 1: the mean of ratios is 3/4, the ratio of means 2/3."""
     places = np.array([0.0, 1.0, 2.0])
     curves = Predicted(places, places, np.array([9.0, 1.0, 2.0]), np.array([9.0, 1.0, 1.0]), "Gaussian", None)
-    rows = Rows("time", places, np.array([0.0, 1.0, 1.0]), 2.0)
+    rows = Rows("time", places, 0.0, 2.0)
     assert [_of_curves(name, curves, rows) for name in THEORY] == [1.5, 1.0, 0.75]
     assert np.isnan(_of_curves("theta", curves, rows._replace(places=places + 1.0)))  # beyond the curves
 
