@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.stats import beta
@@ -12,7 +9,7 @@ from support import serial_reference
 from support.serial_reference import simulate
 
 from ifrdem import analysis, laws, theory
-from ifrdem.analysis import motion
+from ifrdem.analysis.gas_theory import TheoryGas
 from ifrdem.errors import InputError
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
@@ -515,9 +512,7 @@ def test_frames_that_do_not_match_are_refused() -> None:
     ],
     ids=["smooth", "without friction", "rough", "of the speed"],
 )
-def test_theory_of_smooth_disks_is_for_smooth_disks_only(
-    monkeypatch: pytest.MonkeyPatch, law: laws.CollisionLaw, e_n: float | None
-) -> None:
-    monkeypatch.setattr(motion, "gas_of", lambda _: SimpleNamespace(kinds=1, one_kind=(law,)))
-    unread: Any = None
-    assert motion.smooth_restitution(unread) == e_n
+def test_theory_of_smooth_disks_is_for_smooth_disks_only(law: laws.CollisionLaw, e_n: float | None) -> None:
+    disks, zero = Disks(2, mass=1.0, radius=0.5), np.zeros(2, dtype=np.int64)
+    gas = TheoryGas(disks, [[law]], 0.1, T0=np.ones(1), T_rot0=np.zeros(1), forces=[], kind=zero)
+    assert gas.smooth_restitution == e_n
