@@ -133,8 +133,8 @@ def test_marks_of_a_steady_gas_are_as_rare_as_they_are_said_to_be(memory: float)
     cells = modes = 0
     for _ in range(1000):
         where = [rng.random((200, 2)) * BOX.lengths] * 10
-        noise = np.empty((10, 200))
-        waves = np.empty((10, 32), dtype=complex)
+        noise = np.zeros((10, 200))
+        waves = np.zeros((10, 32), dtype=complex)
         for i in range(10):
             new, wave = rng.normal(size=200), rng.normal(size=32) + 1j * rng.normal(size=32)
             share = memory if i else 0.0
