@@ -1,4 +1,4 @@
-"""What is made for the site: its navigation, the docstrings of each public name, run notebooks."""
+"""Makes the navigation of the site, pages of docstrings and notebooks with their results."""
 
 from __future__ import annotations
 

@@ -477,7 +477,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "lammps": contacts,
     **{name: partial(drawn, name) for name in DRAWN},
 }
-"""How each picture, or group of pictures, is made, in an order in which runs are there when others need them."""
+"""Functions that make each picture, or group of pictures; those that need a run come after those that make it."""
 
 
 def main(runs: Path, names: Sequence[str] = ()) -> None:

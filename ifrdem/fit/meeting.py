@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 LEAST = 3
 """Frames of a flight that are needed at least."""
 CONTACT = 5e-3
-"""How well the sum of the radii is known, over itself."""
+"""Relative error of the sum of two radii as they are given."""
 
 _SURE = 4.0  # errors by which an impact must change the velocity along the normal
 _NORMAL = 0.1  # largest error of the normal of an impact [rad]

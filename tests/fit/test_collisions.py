@@ -555,7 +555,7 @@ def test_exact_values_give_exact_coefficients_and_those_nearest_of_another_law(t
 def test_the_manual_s_command_fits_impacts_of_another_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What is exact has an error of 0, and the rest is estimated: what the law is off."""
+    """Velocities before an impact and normals have errors of 0; those of velocities after it are estimated."""
     (line,) = [
         each for each in manual.page("fit.md").splitlines() if each.startswith("ifrdem fit contacts.csv")
     ]

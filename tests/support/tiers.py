@@ -129,7 +129,7 @@ class Speed:
         self.seconds.append(time.process_time() - begin)
 
     def at_reference(self, seconds: float) -> float:
-        """What CPU time on this machine would be on the reference machine."""
+        """CPU time on the reference machine of work that took so many seconds on this one."""
         return seconds * self.REFERENCE / statistics.median(self.seconds)
 
 

@@ -47,7 +47,7 @@ def test_the_other_moment_of_inertia_is_seen(rows: Any, monkeypatch: pytest.Monk
 
 @needs_lammps
 def test_an_effective_mass_of_spheres_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where m_t alone is wrong, contacts that slide are right: those that stick see it."""
+    """A wrong m_t alone changes contacts that stick, and none that slide."""
     right = law_kernels.inverse_masses
 
     def wrong(im_i: Any, k_i: Any, im_j: Any, k_j: Any) -> Any:

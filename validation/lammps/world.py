@@ -29,7 +29,7 @@ NU = 0.33
 DISK, SPHERE = 2.0, 2.5
 """Shape numbers k in I = m R^2 / k."""
 MOVE = {DISK: "fix move all nve/sphere disc", SPHERE: "fix move all nve/sphere"}
-"""What moves particles of a shape number."""
+"""Commands of LAMMPS that move particles with these shape numbers."""
 
 
 class Contact(NamedTuple):
