@@ -127,3 +127,12 @@ def test_a_budget_is_in_seconds_of_the_reference_machine() -> None:
     assert speed.at_reference(3.0) == pytest.approx(1.5)
     speed.measure()
     assert 0.1 < speed.seconds[-1] / speed.REFERENCE < 10.0
+
+
+def test_tests_that_would_begin_too_late_are_skipped_with_the_reason(
+    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = suite.runpytest_inprocess(*OPTIONS, "--minutes", "0", "-rs")
+    run.assert_outcomes(skipped=len(DEFAULT))
+    run.stdout.fnmatch_lines(["*too slow: not begun within --minutes 0"])
+    assert set(ran(suite, "--minutes", "1e6")) == DEFAULT

@@ -13,6 +13,8 @@ import pytest
 from support import own_folders
 
 BEGIN = pytest.StashKey[float]()
+START = time.monotonic()
+"""When this process began, for `--minutes`."""
 RESTARTS = re.compile("thread|precision|f32|profiled?_")
 """In names of tests that restart the runtime, with which kernels are lost: they come last in their files."""
 
@@ -25,6 +27,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="fail if all tests take more CPU time, or one test more than a twentieth of it, at the speed of the "
         "reference machine",
     )  # fmt: skip
+    parser.addoption(
+        "--minutes",
+        type=float,
+        help="skip, and say so, tests that would begin after so long: for a slow machine",
+    )
     parser.addoption(
         "--costs", action="store_true", help="write the CPU time of each file to tests/costs.txt"
     )
@@ -100,6 +107,9 @@ def cpu_time() -> float:
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     item.stash[BEGIN] = cpu_time()
+    minutes = item.config.getoption("--minutes")
+    if minutes is not None and time.monotonic() - START > 60.0 * minutes:
+        pytest.skip(f"this machine is too slow: not begun within --minutes {minutes:g}")
 
 
 @pytest.hookimpl(tryfirst=True)
