@@ -126,7 +126,7 @@ class Speed:
     So it runs between tests, while the workers do.
     """
 
-    REFERENCE = 0.0045
+    REFERENCE = 0.003
     STEPS = 100_000
 
     def __init__(self) -> None:
