@@ -99,6 +99,7 @@ def test_wheel_holds_every_file_of_the_package(wheel):
         assert wheel[name] == path.read_bytes()
 
 
+@pytest.mark.full
 def test_wheel_holds_nothing_else(wheel):
     package = {name for name in wheel if ".dist-info/" not in name}
     assert package == {*files_on_disk(), COMMIT_FILE}

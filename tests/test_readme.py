@@ -413,6 +413,7 @@ def test_examples_for_notebooks_and_other_packages_run(
         np.testing.assert_allclose(found["atoms"].get_velocities()[:, :2], run[-1].velocity, rtol=1e-15)
 
 
+@pytest.mark.full
 def test_small_case_runs_as_the_page_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     case = block("small case")
@@ -434,6 +435,7 @@ def test_disks_that_are_no_coins_make_a_case() -> None:
     assert [verdict.strict for verdict in gas.verdicts] == [True]
 
 
+@pytest.mark.full
 def test_a_case_is_an_object_as_the_page_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

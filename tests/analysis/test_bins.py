@@ -107,7 +107,7 @@ def test_components_in_rings_are_radial_and_counter_clockwise() -> None:
     np.testing.assert_allclose(found, [[2.0, -0.5], [0.5, 2.0]])
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("kind", ["xy", "y", "r"])
 def test_free_areas_of_bins_are_those_of_points(kind: str) -> None:
     """Behind an oblique line, in a container and around a post, on a lattice of points: to half of one of its lines."""

@@ -22,6 +22,7 @@ def haff(t: np.ndarray, t_H: float = 5.0) -> np.ndarray:
     return 3.0 / (1.0 + t / t_H) ** 2
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(("points", "memory"), [(400, 0.0), (400, 0.8), (60, 0.0), (60, 0.4)])
 def test_noise_about_a_law_is_no_misfit(points: int, memory: float) -> None:
     """Of 120 series 0.1 have a probability below 1e-3 by chance; the test is about: some have it up to 1e-2."""
@@ -104,6 +105,7 @@ def collisions_of_a_gas(seed: int, n: int, e_n: float, steps: int) -> tuple[np.n
     return np.array(time)[::10], np.array(T)[::10]
 
 
+@pytest.mark.full
 def test_the_slow_scatter_of_few_disks_that_cool_by_haffs_law_is_no_misfit() -> None:
     """300 disks by Monte Carlo: T scatters slowly by 1 / sqrt(n), which noise of short memory does not explain."""
     found = [analysis.haff_fit(*collisions_of_a_gas(seed, 300, 0.8, 2000), disks=300) for seed in range(12)]

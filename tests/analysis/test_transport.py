@@ -130,6 +130,7 @@ def test_hard_disks_have_the_coefficients_of_enskog(gas: Path) -> None:
     assert [row[f"{name}_lag"].value for name in ("eta", "kappa", "D")] == pytest.approx([4.0] * 3)
 
 
+@pytest.mark.full
 def test_gases_that_cool_flow_or_have_walls_are_refused(gas: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sheared: Any = SimpleNamespace(box=ifrdem.Box((9.0, 9.0), shear_rate=0.1))
     with pytest.raises(InputError, match="without a flow; in a sheared box `analyse stress`"):

@@ -162,6 +162,7 @@ def test_kicks_at_random_times_have_a_rate_in_place_of_a_step(problems: Problems
                     "box.packing_fraction=") == []  # fmt: skip
 
 
+@pytest.mark.full
 def test_a_run_with_a_rate_records_it_and_keeps_its_ledger(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -258,6 +259,7 @@ def test_a_run_keeps_its_ledger(
     )
 
 
+@pytest.mark.full
 def test_the_picture_shows_theory_and_its_steady_state(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -95,6 +95,7 @@ def test_frames_and_series_have_the_position_of_the_piston(tmp_path: Path) -> No
         assert found["series_piston_energy"].dims == ("series_time", "piston")
 
 
+@pytest.mark.full
 def test_a_stopped_run_with_a_piston_resumes_to_the_same_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -113,6 +113,7 @@ def test_a_run_has_the_bits_of_the_same_law_from_python(toml: Path) -> None:
     assert (record["law"], record["path"]) == ("mylaw.py:SpeedDependent", str(file_of(toml).resolve()))
 
 
+@pytest.mark.full
 def test_the_law_of_a_trajectory_is_refused_without_its_file(toml: Path) -> None:
     out, law = toml.with_name("gas.h5"), file_of(toml)
     assert executed(toml, "run", "-o", out, *sets("run.collisions_per_disk=1.0")) == 0
@@ -261,6 +262,7 @@ SMOOTH = sets(
 )  # fmt: skip
 
 
+@pytest.mark.full
 def test_a_law_that_says_that_it_is_passive_is_checked_and_runs(
     toml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -346,6 +348,7 @@ def test_a_checkpoint_of_python_holds_the_law_by_its_file(toml: Path) -> None:
         ifrdem.Simulation.from_checkpoint(path)
 
 
+@pytest.mark.full
 def test_a_study_sweeps_a_coefficient_and_knows_a_changed_file(toml: Path) -> None:
     def study() -> ifrdem.Study:
         return ifrdem.Study(

@@ -29,7 +29,7 @@ VISCOELASTIC = [
 ]  # fmt: skip
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("settings", "law"),
     [

@@ -68,6 +68,7 @@ def test_a_case_of_1e9_disks_is_checked_without_an_array_of_them() -> None:
     assert estimate.collisions == 5e9
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("distribution", ['"uniform",low=0.4,high=0.6', '"gaussian",mean=0.5,deviation=0.05'])
 def test_a_case_with_a_radius_for_each_disk_is_checked_without_an_array_of_them(distribution: str) -> None:
     """8e6 disks: an array of a number for each would be 64 MB; one of a block is 2 MB."""

@@ -452,7 +452,7 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
     assert len(found.tables[""]["time"]) == 499
 
 
-@pytest.mark.full(keep=3)
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     "what",
     [
@@ -719,6 +719,7 @@ def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) 
         assert list(outcome.kinds(trajectory)) == ["disks of 300 kinds together, as if at one temperature"]
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     "box", [Box((40.0, 30.0), shear_rate=0.3), Box.open(), Box((40.0, 40.0), periodic=(False, False))]
 )

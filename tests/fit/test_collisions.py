@@ -130,6 +130,7 @@ def test_without_spins_e_n_has_its_error_and_friction_none() -> None:
     ]
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(("robust", "estimated"), [(True, False), (False, True)])
 def test_the_error_of_e_n_is_that_of_known_friction(robust: bool, estimated: bool) -> None:
     """Without spins friction has no effect. The scatter of a robust fit is over n - p, of 25 impacts and 3 or 1 coefficients."""

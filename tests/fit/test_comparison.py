@@ -269,7 +269,7 @@ def test_expected_gain_is_that_of_a_law_fitted_again(robust: bool) -> None:
 # -- Marks and errors on data of known truth -----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("tables", [20, pytest.param(100, marks=pytest.mark.full)])
+@pytest.mark.parametrize("tables", [20, 100])
 def test_marks_are_as_rare_as_promised_and_errors_cover(tables: int) -> None:
     """Of smooth disks: suspects in 1 % of tables, doubts about chi2 in 2 %.
 

@@ -67,6 +67,7 @@ def compared(sticking: str) -> fit.Fit:
 # -- What is recovered ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.full(keep=2)
 @BOTH
 @pytest.mark.parametrize(
     "names", [("delta_2",), ("delta_1", "delta_2"), ("delta_2", "e_t_apparent", "sqrt_d2_d1")]
@@ -129,6 +130,7 @@ def test_no_lower_minimum_is_found_by_differential_evolution() -> None:
 # -- How sure it is ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 def test_intervals_end_where_the_profile_has_risen_by_the_quantile() -> None:
     """Profiled again by Nelder-Mead, which knows no derivatives."""
     likelihood = Likelihood(impacts(noise=5).problem(Pair(M=1.0)), LAWS["ifr-percussion"])

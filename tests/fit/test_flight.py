@@ -87,6 +87,7 @@ CASES = [
 ]
 
 
+@pytest.mark.full(keep=4)
 @pytest.mark.parametrize(("law", "constants", "k"), CASES)
 @pytest.mark.parametrize("spin", [-12.0, 60.0])
 def test_flights_follow_an_integration_forward_and_backward(

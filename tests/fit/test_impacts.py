@@ -52,7 +52,7 @@ def rows(columns: Mapping[str, NDArray[np.float64]]) -> list[dict[str, float]]:
     return [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]
 
 
-@pytest.mark.full(keep=("240",))
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("fps", "spoilt"),
     [(120.0, {}), (240.0, {}), (1000.0, {}), (240.0, {"lost": 0.02}), (240.0, {"swaps": 4})],
@@ -173,6 +173,7 @@ def test_mirrored_pictures_are_found_by_the_spins(motion: simulator.Motion, tmp_
     assert not turned.warnings
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -221,6 +222,7 @@ def test_sizes_are_off_beyond_four_errors_of_the_median_gap(off: float, scatter:
     assert all(re.search(text, each) for each in found)
 
 
+@pytest.mark.full
 def test_command_writes_tables_that_a_fit_takes(
     motion: simulator.Motion,
     tmp_path: Path,

@@ -58,6 +58,7 @@ def test_the_law_and_its_constant_are_found(found: impacts.FoundCollisions) -> N
     assert found.tray_text()[0].startswith("coins slide and spin on their faces with mu g = 2.0")
 
 
+@pytest.mark.full
 def test_velocities_and_spins_at_impacts_are_those_of_the_film(
     found: impacts.FoundCollisions, coins: simulator.Motion
 ) -> None:
@@ -125,6 +126,7 @@ def test_straight_flights_on_such_a_tray_blame_the_tray(film: Path) -> None:
     assert found.tray_text()[0] == "flights are taken as straight"
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("slippery", [1.0, 0.7])
 def test_kinds_of_disks_that_differ_have_their_own_constants(slippery: float, tmp_path: Path) -> None:
     """On a tray that slows down material B by 0.7 times as much, or by as much."""

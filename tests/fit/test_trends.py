@@ -80,6 +80,7 @@ def test_restitution_that_falls_with_speed_is_found_and_fitted() -> None:
     assert any("e_n depends on g_n" in each for each in found.laws["ifr-percussion"].warnings)
 
 
+@pytest.mark.full
 def test_trends_and_coefficients_of_single_impacts_do_not_believe_wrong_errors() -> None:
     """Errors stated three times too small: a trend's own comes from the scatter. Of 20 a probability below 0.001 has a
     chance of 2 %, and of pulls of three standard errors nearly all tables would have one.

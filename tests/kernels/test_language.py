@@ -22,6 +22,7 @@ from ifrdem.simulation import backend
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("kind", ["f64", "f32", "i32"])
 @pytest.mark.parametrize("vector", [None, 3])
 @pytest.mark.parametrize("shape", [(7,), (4, 5), (2, 3, 4)])

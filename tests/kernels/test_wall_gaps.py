@@ -118,6 +118,7 @@ def first_contact(name: str, wall: Wall, disk: Array) -> float:
     return math.inf
 
 
+@pytest.mark.full(keep=6)
 @pytest.mark.parametrize(
     ("name", "motion"),
     [(name, motion) for name in PIECES for motion in MOTIONS if (name, motion) != ("line", "turn")],

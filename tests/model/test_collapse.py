@@ -171,6 +171,7 @@ def test_a_bouncing_ball_ends_with_bounces_shorter_than_the_contact_time() -> No
     assert 30.0 - 2.0 * speed <= state.latest_collision[0] <= 30.0
 
 
+@pytest.mark.full
 def test_a_column_of_disks_comes_to_rest_on_a_floor() -> None:
     """Ten disks fall onto each other. What is left is a jitter of bounces that are shorter than the contact time.
 

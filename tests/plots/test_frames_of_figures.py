@@ -25,6 +25,7 @@ def path(tmp_path: Path) -> Path:
     return write_cooling(tmp_path / "run.h5")
 
 
+@pytest.mark.full
 def test_panels_and_ends_of_axes_are_chosen(path: Path) -> None:
     with Trajectory(path) as run:
         whole = pictures.figure(run, "profiles", axis="x", bins=5)

@@ -260,6 +260,7 @@ def test_wrong_axes_are_refused(tmp_path: Path, three: ifrdem.Simulation) -> Non
         three.plot(3)  # type: ignore[arg-type]
 
 
+@pytest.mark.full
 def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
     with Trajectory(write_cooling(tmp_path / "run.h5")) as run:
         frames, box, radius = list(run), run.box, run.disks.radius

@@ -235,6 +235,7 @@ def assert_labels_are_apart(axes: Axes) -> None:
     assert all(left.x1 + gap < right.x0 for left, right in itertools.pairwise(extents))
 
 
+@pytest.mark.full(keep=10)
 @pytest.mark.parametrize("first", [1.0, 0.37, 0.071, 2.6e-7, 4.4e5])
 @pytest.mark.parametrize("span", [2.0, 2.5, 4.0, 5.0, 5.4, 7.0, 10.0, 20.0, 60.0, 100.0, 200.0])
 def test_labels_of_logarithmic_time_are_apart_and_at_least_two(first: float, span: float) -> None:

@@ -58,6 +58,7 @@ def test_forces_are_the_momentum_that_walls_take_over_the_time(tmp_path: Path) -
         figure.draw_without_rendering()
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     ("turning", "box", "says"),
     [

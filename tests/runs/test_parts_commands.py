@@ -65,7 +65,7 @@ def same(
     assert printed["one"] or wrote["one"]
 
 
-@pytest.mark.full(keep=("export FILE --to csv -o OUT",))
+@pytest.mark.full
 @pytest.mark.parametrize(
     "words",
     [
@@ -112,6 +112,7 @@ def test_the_objects_of_notebooks_are_the_same(runs):
         assert np.array_equal(parts[2].walls, one[2].walls)
 
 
+@pytest.mark.full
 def test_a_run_begins_with_a_frame_of_parts(runs, capsys, tmp_path):
     for name, path in runs.items():
         text = CASE.replace('name = "gas"', f'name = "{name}"').replace(

@@ -157,6 +157,7 @@ def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monk
     same(tmp_path / "gas.h5", whole)
 
 
+@pytest.mark.full
 def test_a_run_with_old_words_is_resumed(whole, tmp_path, stopping):
     """A checkpoint as an earlier version wrote it, beside the case file of its run, which the user has not changed."""
     shutil.copy(whole.parent / "gas.toml", case := tmp_path / "gas.toml")

@@ -35,6 +35,7 @@ opens_at = 1.0
 """
 
 
+@pytest.mark.full
 def test_sums_of_walls_are_columns_of_the_series(
     toml: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

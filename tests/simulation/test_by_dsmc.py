@@ -83,6 +83,7 @@ def test_stresses_of_a_flow_are_those_of_dsmc() -> None:
         assert (of.mean > closed[key].mean) == (key != "viscosity")
 
 
+@pytest.mark.full
 def test_pictures_take_dsmc_also_of_laws_without_theory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -75,7 +75,7 @@ CHANGES: dict[str, tuple[Callable[[Simulation], None], dict[str, Any]]] = {
 }
 
 
-@pytest.mark.full(keep=2)
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     ("kind", "change"),
     [
@@ -171,6 +171,7 @@ def test_histories_continue_across_a_change_of_velocities() -> None:
     np.testing.assert_allclose(kick.velocity_after[0], gas.state.velocity[4])
 
 
+@pytest.mark.full
 def test_a_custom_law_is_checked_when_it_is_set_and_used_in_the_next_run() -> None:
     """Smooth disks keep their spins, and lose energy where e < 1."""
     box, state, _ = setting("periodic")

@@ -363,6 +363,7 @@ def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch
         assert np.array_equal(column, events.columns()[name]), name
 
 
+@pytest.mark.full
 def test_writing_a_checkpoint_changes_nothing(tmp_path):
     plain, stored = driven(), driven()
     for end in (0.3, 0.6, 0.9):
@@ -384,6 +385,7 @@ def test_a_return_to_the_beginning_of_a_window_forgets_that_it_was_run(tmp_path)
     assert one.statistics.windows == 1
 
 
+@pytest.mark.full
 def test_the_checkpoint_of_another_gas_is_refused(tmp_path):
     make = dense()
     make().save_checkpoint(tmp_path / "a.h5")

@@ -160,6 +160,7 @@ def test_ctrl_c_during_a_window_takes_effect_at_its_end_and_the_gas_stays_usable
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("way", ["interrupt", "stop"])
 def test_a_run_stops_within_a_window_of_more_than_a_million_events(
     way: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path

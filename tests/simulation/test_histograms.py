@@ -36,6 +36,7 @@ def by_histories(events, disks, name):
     return np.array([np.histogram(value[counted & (pair == p)], edges)[0] for p in range(pairs)])
 
 
+@pytest.mark.full(keep=1)
 def test_histograms_are_those_of_the_histories_of_all_disks(device):
     """Three pairs of two species of unlike disks between walls, at which free times end; counted from a time on, too."""
     disks = mixture(600)
@@ -56,6 +57,7 @@ def test_histograms_are_those_of_the_histories_of_all_disks(device):
     assert later.total.sum() == gas.collisions - before.collisions
 
 
+@pytest.mark.full
 def test_copies_in_tiles_are_not_counted(device):
     """The counts of a gas in 16 tiles on two threads, whose windows are repeated where a tile missed something."""
     disks = equal_disks(600)

@@ -177,6 +177,7 @@ def test_the_ledger_closes_in_a_cooling_gas(device, n, law):
     assert max(abs(residual(measures[0], each)) for each in measures) < 1e-13
 
 
+@pytest.mark.full
 def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(device):
     disks = mixture(150)
     box = Box((20.0, 40.0), periodic=(False, False))
@@ -200,6 +201,7 @@ def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(devic
     assert abs(residual(measures[0], last)) < 1e-12
 
 
+@pytest.mark.full(keep=1)
 def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(device):
     disks, forces = equal_disks(400), [RandomKicks(0.05, power=0.5), Drag(0.05, rate=0.1)]
     driven = gas_of(disks, 0.3, COIN, device=device, record=["ledger"], forces=forces)

@@ -453,6 +453,7 @@ def test_custom_ones_are_refused_in_sheared_boxes() -> None:
         Simulation(disks, box, LOSSY, state, forces=[Andersen(1.0, temperature=1.0)])
 
 
+@pytest.mark.full
 def test_one_that_makes_a_velocity_infinite_stops_the_run() -> None:
     disks, box, state = still(4, mass=1.0 + np.arange(4) % 2)
     forces = among_all(PoissonKicks(1.0, power=1.0), Note(1.0, number=1e50))

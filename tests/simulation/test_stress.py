@@ -65,6 +65,7 @@ def test_the_virial_is_that_of_tracked_collisions(device):
     assert abs(found[0, 1] - found[1, 0]) > 1e-4 * found[0, 0]
 
 
+@pytest.mark.full
 def test_walls_and_posts_transfer_momentum_and_energy_from_where_they_are_touched(device):
     """Walls that move and heat, an arc, a post and gravity; the normal of an event points from the disk to the wall."""
     box = Box((12.0, 30.0), (False, False))
@@ -129,6 +130,7 @@ def sheared_gas(n: int = 60, rate: float = 0.4) -> Simulation:
     return Simulation(disks, box, ROUGH, state, record=["stress", "ledger"])
 
 
+@pytest.mark.full
 def test_viscous_heating_is_the_shear_stress_times_the_rate():
     """dE/dt + dissipation = -rate P_xy A, to rounding: E of velocities relative to the flow.
 
@@ -152,6 +154,7 @@ def test_viscous_heating_is_the_shear_stress_times_the_rate():
     assert heat > 10.0
 
 
+@pytest.mark.full
 def test_what_shear_stresses_differ_by_turns_the_spins():
     """Angular momentum: d(sum I w) = V_xy - V_yx, with V the virial, of laws without a rolling torque."""
     gas = sheared_gas()

@@ -55,6 +55,7 @@ def check_path(
         t, v, w = rows["time"][i], rows["velocity_after"][i], rows["spin_after"][i]
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("alone", [True, False])
 def test_paths_lead_through_every_collision(device, alone, monkeypatch):
     if not alone:

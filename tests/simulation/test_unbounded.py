@@ -81,6 +81,7 @@ def test_a_gas_that_flies_apart_costs_the_logarithm_of_the_time() -> None:
         engine.advance(collisions=engine.collisions + 1)
 
 
+@pytest.mark.full
 def test_no_pair_that_will_meet_is_taken_for_parted() -> None:
     """A disk that chases another one for 1e6 time units, in a gas that otherwise flies apart."""
     n = 40

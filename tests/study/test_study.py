@@ -654,7 +654,7 @@ def quiet(tmp_path_factory: pytest.TempPathFactory) -> ifrdem.Study:
     return study
 
 
-@pytest.mark.full(keep=("pool",))
+@pytest.mark.full
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
 @pytest.mark.parametrize("engine", ["pool", "dask"])
 def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(toml, quiet, tmp_path, engine):

@@ -102,6 +102,7 @@ def mixture(e_n: float) -> theory.Mixture:
     return theory.Mixture([1.0, 4.0], [0.5, 0.5], IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), 0.02)
 
 
+@pytest.mark.full
 def test_ratios_of_species_are_those_of_equal_cooling_rates() -> None:
     """The second half of 40 collisions per disk is steady."""
     of = results("material[0].e_n", [0.6, 0.9], MIXTURE)
@@ -112,6 +113,7 @@ def test_ratios_of_species_are_those_of_equal_cooling_rates() -> None:
     assert found.theory[0] == pytest.approx(float(T[1] / T[0]), rel=1e-3)
 
 
+@pytest.mark.full
 def test_ratios_of_species_are_means_over_the_rows_of_the_analysis() -> None:
     """`analyse species` takes the second half of a gas that cools, rows 2 to 4 of 5; all rows count the same.
 

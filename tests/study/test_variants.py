@@ -58,6 +58,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> ifrdem.Study:
     return found
 
 
+@pytest.mark.full
 def test_variants_are_an_axis_with_keys_set_and_removed_and_with_other_cases(study):
     found = study.results()
     assert found.values("variant").tolist() == ["rough", "smooth", "other"]
@@ -77,6 +78,7 @@ def test_variants_are_an_axis_with_keys_set_and_removed_and_with_other_cases(stu
         draw(found, "T", "tau", as_map=True)
 
 
+@pytest.mark.full
 def test_runs_begin_with_the_last_frame_of_their_own_equilibration(study):
     """Two values of e_n share the elastic gas of a seed, whose energy is that of the start."""
     found = study.results()

@@ -73,6 +73,7 @@ def normal_difference(stress: np.ndarray) -> np.ndarray:
     return 2.0 * (xx - yy) / (xx + yy)
 
 
+@pytest.mark.full
 def test_averages_of_all_seeds_begin_after_the_transient(sheared):
     """N_1 and the viscosity were means from t = 0 on: here 0.35 for 0.46, 0.61 for 0.49, 5 errors off."""
     found = sheared.results()

@@ -78,6 +78,7 @@ def sampled_changes(
     return samples.mean(axis=1), samples.std(axis=1) / math.sqrt(pairs)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("seed", [1, 2, 3, 4, 5])
 def test_rates_of_a_mixture_are_those_of_a_monte_carlo_of_the_law(seed: int) -> None:
     """Disk i meets n_j g_ij sigma_ij 2 pi <max(g_n, 0) ...> of species j: the law itself gives the changes."""

@@ -451,6 +451,7 @@ def test_theory_takes_equal_times_and_gives_equal_rows() -> None:
     np.testing.assert_array_equal(T[0], T[1])
 
 
+@pytest.mark.full
 def test_courses_that_do_not_end_are_refused() -> None:
     """Of temperatures 49 decades apart the integration of a mixture took no end of steps."""
     mixture = theory.Mixture([1.0, 4.0], [0.5, 1.0], IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), 0.2)

@@ -25,6 +25,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]:
     return attacks.made_once(tmp_path_factory.mktemp("made"), ())
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(("name", "cases"), [*SAMPLE, *MORE])
 def test_damaged_files_end_in_answers_or_messages(made, name, cases):

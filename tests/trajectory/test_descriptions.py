@@ -80,6 +80,7 @@ def test_each_dataset_of_a_run_has_units_and_a_description(described):
     assert units["observables/temperature/value"] == units["particles/all/dissipated/value"] == "J"
 
 
+@pytest.mark.full
 def test_the_example_of_the_manual_prints_a_description(described, tmp_path, monkeypatch, capsys):
     shutil.copy(described, tmp_path / "cooling.h5")
     monkeypatch.chdir(tmp_path)

@@ -135,6 +135,7 @@ def ends_well(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
                 read(path.with_name("repaired.h5"))
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("compression", ["none", "gzip"])
 @given(st.data())
 @examples(3)
@@ -323,7 +324,7 @@ def test_data_that_lie_elsewhere_are_refused(tmp_path, capsys, files, name):
     ends_well(path, capsys)
 
 
-@pytest.mark.full(keep=12)
+@pytest.mark.full(keep=3)
 @pytest.mark.parametrize("name", DAMAGED)
 def test_a_file_made_to_harm_is_refused(tmp_path, capsys, files, name):
     path = harmed(tmp_path, files["none"], DAMAGED[name])
@@ -332,7 +333,7 @@ def test_a_file_made_to_harm_is_refused(tmp_path, capsys, files, name):
     ends_well(path, capsys)
 
 
-@pytest.mark.full(keep=4)
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("name", HARMLESS)
 def test_frames_are_read_although_parameters_are_damaged(tmp_path, capsys, files, name):
     path = harmed(tmp_path, files["none"], HARMLESS[name])

@@ -275,7 +275,7 @@ def test_a_file_that_is_deleted_or_replaced_meanwhile_is_reported(tmp_path, queu
     assert path.read_text() == "other"  # the file there now belongs to another process
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("writes", range(8))
 def test_a_failing_drive_in_the_middle_of_a_frame_leaves_the_previous_frames(tmp_path, monkeypatch, writes):
     """From some write on nothing reaches the disk any more, not even when the file is closed."""

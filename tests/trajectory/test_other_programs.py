@@ -84,6 +84,7 @@ def once(pairs: np.ndarray, distances: np.ndarray) -> Pairs:
     return {(i, j): r for i, j, r in found}
 
 
+@pytest.mark.full(keep=1)
 def test_mdanalysis_finds_the_neighbours(written_for_others):
     from MDAnalysis.analysis.rdf import InterRDF
     from MDAnalysis.lib.distances import capped_distance, self_capped_distance, self_distance_array

@@ -296,6 +296,7 @@ def test_readers_and_repair_name_a_part_that_is_missing_or_changed(made, message
         assert not made.with_name("run.repaired.h5").exists()
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("message", [each for each in WRONG if "short" not in each])
 def test_what_does_not_need_a_missing_part_can_be_read(made, message, capsys, tmp_path):
@@ -506,7 +507,7 @@ def test_the_slowest_rank_decides(tmp_path):
         assert len(trajectory) == 3
 
 
-@pytest.mark.full(keep=("0-options0", "2-options1", "5-options0"))
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("options", [{}, SOME])
 @pytest.mark.parametrize("written", [0, 2, 5])
 def test_a_resumed_trajectory_is_that_of_an_uninterrupted_run(tmp_path, written, options):

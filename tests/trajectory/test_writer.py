@@ -197,6 +197,7 @@ def test_events_of_one_time_are_sorted_by_id(tmp_path):
         writer.write_histories(events, 1.0)
 
 
+@pytest.mark.full
 def test_a_million_events_are_one_call(tmp_path):
     count = 1_000_000
     events, end = batch(0, count)

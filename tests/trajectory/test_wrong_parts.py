@@ -73,7 +73,7 @@ def wrong(request: pytest.FixtureRequest, original: Path, tmp_path: Path, monkey
     return Path("run.h5")
 
 
-@pytest.mark.full(keep=2)
+@pytest.mark.full(keep=1)
 @pytest.mark.filterwarnings("default")
 def test_every_verb_names_the_part(wrong, request, capsys):
     kind = list(WRONG).index(request.node.callspec.params["wrong"])
@@ -87,6 +87,7 @@ def test_every_verb_names_the_part(wrong, request, capsys):
             assert "run.parts/0002.h5" in shown.err + shown.out, words
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.filterwarnings("ignore::ifrdem.errors.DamageWarning")
 def test_every_method_names_the_part(wrong):
     with no_hang(), Trajectory(wrong) as trajectory:

@@ -13,7 +13,7 @@ from ifrdem.validation.report.registry import Skip
 WITHOUT_GPU = pytest.mark.skipif(backend.cuda_absence() is None, reason="there is a GPU")
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("name", bits.EXACT)
 def test_tiles_of_few_disks_give_the_bits_of_one_tile_in_windows_of_one_length(name: str) -> None:
     """The state that a GPU is compared by: the state in one tile, after windows as short as its own."""

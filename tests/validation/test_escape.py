@@ -12,7 +12,7 @@ from ifrdem.tools.arguments import script
 from ifrdem.validation.gas import escape
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("where", "order", "hits"),
     [

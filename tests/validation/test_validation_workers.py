@@ -86,7 +86,7 @@ def test_a_case_with_a_dead_worker_fails_and_rows_keep_their_order(tmp_path, cap
     assert "no result: its process was killed" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_no_worker_outlives_the_command(tmp_path: Path, number: signal.Signals) -> None:
     """Ctrl-C, which a terminal sends to all processes of the command; and its death, which it cannot act upon."""

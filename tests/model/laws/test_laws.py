@@ -263,6 +263,7 @@ def test_restitution_at_a_speed_is_the_given_one() -> None:
         assert law.restitution(3.0, mass=2e-3, radius=0.01) == pytest.approx(e_n, abs=1e-12)
 
 
+@pytest.mark.full(keep=1)
 @EACH
 def test_ledger_closes_and_no_collision_adds_energy(law: laws.CollisionLaw) -> None:
     """Kinetic energy at the start less that at the end is what the mechanisms took."""

@@ -127,6 +127,7 @@ def place(way: str, free_area: FreeArea, radius: np.ndarray) -> np.ndarray:
     return placement.hexagonal_positions(free_area.box, radius, seed=3, walls=free_area.walls)
 
 
+@pytest.mark.full(keep=3)
 @pytest.mark.parametrize(("way", "phi"), [("random", 0.35), ("growth", 0.7), ("hexagonal", 0.5)])
 @pytest.mark.parametrize("name", ROOMS)
 def test_starts_keep_disks_off_walls(way: str, phi: float, name: str) -> None:

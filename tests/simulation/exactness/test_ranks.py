@@ -115,6 +115,7 @@ def test_ids_of_up_to_2_to_the_32_disks_have_32_bits(n: int) -> None:
     assert first == 0 or n > 2**31 - 1  # random numbers of smaller gases stay what they are
 
 
+@pytest.mark.full
 def test_a_plain_run_imports_no_mpi() -> None:
     code = (
         "import sys, ifrdem, numpy as np; d = ifrdem.Disks(2, mass=1.0, radius=0.5);"

@@ -325,7 +325,7 @@ def test_hashes_of_histories_that_nearly_agree_differ() -> None:
     assert len(set(found)) == 400
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("partners", [16, 10**6])
 def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> None:
     """Of 2^20 histories of two collisions, 2^39 pairs: 2^39 / 2^32 = 128 agree in one word of 32 bits, 3e-8 in both.

@@ -143,6 +143,7 @@ GASES = {
 }
 
 
+@pytest.mark.full(keep=5)
 @pytest.mark.parametrize("gas", GASES)
 @pytest.mark.parametrize("seed", range(5))
 def test_all_pairs_at_every_step_give_the_same_collisions(gas: str, seed: int) -> None:

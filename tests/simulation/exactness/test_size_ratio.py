@@ -64,6 +64,7 @@ def expected(name: str) -> tuple[Disks, Box, State, np.ndarray, np.ndarray]:
     )
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("order", ["serial", "tiled"])
 @pytest.mark.parametrize("name", GASES)
 def test_collisions_of_very_unequal_disks_are_those_of_the_serial_code(name: str, order: str) -> None:
@@ -78,6 +79,7 @@ def test_collisions_of_very_unequal_disks_are_those_of_the_serial_code(name: str
     placement.check_no_overlap(box, disks.radius, engine.state().position, tolerance=1e-11)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("along", [(1.0, 0.1), (-1.0, -0.1), (0.1, -1.0), (0.1, 1.0)])
 def test_small_disks_that_come_far_without_collisions_meet_a_large_one(along: tuple[float, float]) -> None:
     """All disks move in one stream; a single one of them flies towards the large disk and gets near it.

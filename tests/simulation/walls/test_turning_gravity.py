@@ -99,6 +99,7 @@ def test_a_disk_wakes_when_rolling_friction_holds_it_no_longer(rate: float, othe
     assert (run.state.position[0, 0] - place) * rate > 0.0
 
 
+@pytest.mark.full
 def test_a_drum_flows_its_ledger_closes_and_looks_and_checkpoints_change_no_bit(tmp_path: Path) -> None:
     def end(run: Simulation) -> tuple[Any, ...]:
         state = run.state

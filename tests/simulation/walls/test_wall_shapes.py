@@ -197,6 +197,7 @@ def test_a_rotating_wall_is_equivalent_to_a_rotating_frame() -> None:
     assert engine.wall_sums[0, SUMS.index("torque")] == pytest.approx(2.0 * w * foot**2, rel=1e-12)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("order", ORDERS)
 def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(order: str) -> None:
     """Disks behind a wall across the room do not pass it before; the n-th collision, found by a run without the gate

@@ -125,6 +125,7 @@ SHAPES = {
 }
 
 
+@pytest.mark.full(keep=12)
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("motion", MOTIONS, ids=lambda m: f"{m.kind}-{m.frequency}-{m.direction[0]:.1f}")
 @pytest.mark.parametrize("gravity", [0.0, 0.5])
@@ -359,6 +360,7 @@ def test_a_viscoelastic_ball_that_comes_to_rest_stops_the_run_with_a_reason(
     assert "packing fraction" not in str(stopped.value)  # only a wall is hit
 
 
+@pytest.mark.full
 def test_a_window_without_end_lets_signals_in(monkeypatch: pytest.MonkeyPatch) -> None:
     """Kernels hold the interpreter's lock: a launch ends after some 1e5 events, so that a handler can act."""
     monkeypatch.setattr(f"{RUNNER}.LONG", 10**12)
