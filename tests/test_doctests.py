@@ -33,10 +33,19 @@ OF_TAICHI = {"normals", "uniforms"}
 """Functions for use inside of a force, which only runs in a simulation: the manual's page on forces has an example."""
 
 
-MEASURED = {
-    f"ifrdem.model.{name}" for name in ("observables.heat_flux", "observables.stress", "histograms.histogram")
+DEAR = {
+    f"ifrdem.{name}"
+    for name in (
+        *(
+            "model.observables.heat_flux",
+            "model.observables.stress",
+            "model.histograms.histogram",
+        ),  # kernels of their own
+        *("plots.run.walled", "plots.run.sheared", "plots.run.driven", "analysis.flow.velocity_correlation"),
+        *("fit.maximum.fit", "fit.report.draws"),
+    )
 }
-"""Examples of what a run measures: each has kernels of its own."""
+"""Examples that take most of a second."""
 
 
 def write_gas(path: Path) -> None:
@@ -81,7 +90,7 @@ def examples(of: object, name: str) -> doctest.DocTest:
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.full] * (name in MEASURED)) for name in [*public(), "ifrdem"]],
+    [pytest.param(name, marks=[pytest.mark.full] * (name in DEAR)) for name in [*public(), "ifrdem"]],
 )
 def test_example_in_the_docstring_prints_the_stated_output(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -12,6 +12,7 @@ import ifrdem
 from ifrdem.kernels.compiler import runtime
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     "use",
     [

@@ -767,6 +767,7 @@ def test_costs_of_a_size_ratio_are_those_that_check_prints() -> None:
         assert [float(cell) for cell in row[1].split("|")] == list(report.COST_OF_RATIO.values())
 
 
+@pytest.mark.full
 def test_reading_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     path = Path("cooling.h5")

@@ -278,7 +278,7 @@ def test_momentum_to_an_immovable_disk_goes_on_to_its_centre() -> None:
     np.testing.assert_allclose(energy, [8.0 - 0.5 * 0.25 * 16.0, 0.0])  # I = 2 * 0.25 / 2
 
 
-@pytest.mark.full(keep=("rough",))
+@pytest.mark.full
 @pytest.mark.parametrize(("e_n", "e_t", "mu"), [(1.0, -1.0, 0.0), (0.9, -0.5, 0.3)], ids=["elastic", "rough"])
 def test_collisions_shared_among_bins_add_up_to_the_recorded_stress(
     written: Written, e_n: float, e_t: float, mu: float

@@ -34,6 +34,7 @@ def of_each(found: Overlaps, bins: Bins, disk: int) -> np.ndarray:
     return np.bincount(found.bin[mine], found.area[mine], minlength=bins.count)
 
 
+@pytest.mark.full(keep=2)
 @PLACES
 def test_areas_of_disks_are_those_of_points_in_them(kind: str, box: Box) -> None:
     """Points on a fine lattice in each disk, wrapped by the box itself: to one of its 400 lines, 1e-2 R^2."""

@@ -63,6 +63,7 @@ def test_longitudinal_wave_is_along_k() -> None:
     assert found.along.max() * found.modes[np.argmax(found.along)] == pytest.approx(1600.0, rel=1e-6)
 
 
+@pytest.mark.full
 def test_ideal_gas_has_neither_correlation_nor_line() -> None:
     """0 at all r within the errors, which are those that 36 bins show, and 1 at all k."""
     rng = np.random.default_rng(3)

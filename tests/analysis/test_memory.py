@@ -75,6 +75,7 @@ def test_results_do_not_depend_on_the_blocks(
     np.testing.assert_allclose(numbers(), whole, rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.full(keep=3)
 @pytest.mark.parametrize("r_max", [1.0, 4.0, 9.5])
 @pytest.mark.parametrize("box", [PLAIN, SHEARED, WALLED])
 def test_pairs_are_found_from_row_to_row_of_cells(box: Box, r_max: float) -> None:

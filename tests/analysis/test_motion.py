@@ -348,6 +348,7 @@ def test_gas_in_molecular_chaos_meets_at_angles_with_the_density_cos_psi(
     assert found.regimes["sticking"][1] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.full
 def test_few_collisions_get_few_bins_and_errors_that_cover_empty_ones() -> None:
     """Deviations over errors of 200 gases in molecular chaos: their mean square is about 1 whatever the number."""
     for n, bins in ((60, 9), (800, 20), (20_000, 45)):

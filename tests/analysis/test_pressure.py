@@ -23,7 +23,7 @@ def series(rng: np.random.Generator, T: np.ndarray) -> analysis.Pressure:
     )  # fmt: skip
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("steps", [0.0, 0.4])
 def test_errors_are_those_of_many_independent_series(steps: float) -> None:
     """T scatters by 0.03 from block to block, freely or with a memory of one block."""

@@ -42,6 +42,7 @@ def test_intervals_of_the_fit_hold_the_exponent(nu: float) -> None:
         assert abs(found.A.mean - A) < beyond * found.A.error
 
 
+@pytest.mark.full
 def test_frames_of_the_same_disks_do_not_make_errors_smaller() -> None:
     """Speeds that do not change from frame to frame are known as well from one frame as from four."""
     v = np.random.default_rng(8).normal(size=(20_000, 2))

@@ -95,6 +95,7 @@ def test_a_start_with_a_single_disk_of_a_species_has_no_momentum(shear: float) -
     np.testing.assert_array_equal(starts.start(gas).velocity, state.velocity)  # as often as one asks
 
 
+@pytest.mark.full
 def test_species_of_few_disks_are_drawn_from_the_maxwellian_of_the_whole_gas() -> None:
     """An intruder of mass 50 among 300 of mass 1, all at T = 1, spins with <w^2> = 4: over seeds, means and spreads.
 

@@ -174,6 +174,7 @@ def test_analyse_does_what_the_file_allows_and_reports_what_it_does_not(
     np.testing.assert_allclose(msd["msd"].astype(float)[1:], speed * lag**2, rtol=3e-4)
 
 
+@pytest.mark.full
 def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -480,7 +481,7 @@ def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Pat
         figure.draw_without_rendering()  # labels that mathtext cannot read fail here
 
 
-@pytest.mark.full(keep=2)
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("what", ["velocity", "energy", "ledger", "mechanisms"])
 def test_legends_hide_no_curve_and_axes_end_where_the_data_do(what: str, tmp_path: Path) -> None:
     """Legends stand outside of the axes, on the page, and apart from the title."""

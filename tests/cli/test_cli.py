@@ -441,6 +441,7 @@ def test_options_override_the_case_and_set_the_place(folder: Path) -> None:
     assert np.abs(ends[0][1] - ends[2][1]).max() > 0.01  # another start, of a box of 0.4 m
 
 
+@pytest.mark.full
 def test_force_replaces_existing_outputs(folder: Path) -> None:
     for name in ("tiny.h5", "tiny.png"):
         (folder / name).write_text("old", encoding="utf-8")

@@ -173,6 +173,7 @@ def test_completion_takes_the_place_of_no_file(tmp_path: Path, capsys: pytest.Ca
     assert "complete" in (tmp_path / "new").read_text()
 
 
+@pytest.mark.full
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full here")
 def test_messages_that_cannot_be_written_change_no_exit_status(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "ifrdem", "info", str(tmp_path / "nosuch.h5")]

@@ -195,6 +195,7 @@ def same(found: np.ndarray, expected: np.ndarray, ulps: int) -> np.ndarray:
     return equal | (found != found) & (expected != expected)
 
 
+@pytest.mark.full(keep=20)
 @on_emulator
 @numbered(GROUPS)
 def test_instructions(device: Device, number: int, case: Group) -> None:

@@ -130,7 +130,7 @@ def test_without_spins_e_n_has_its_error_and_friction_none() -> None:
     ]
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize(("robust", "estimated"), [(True, False), (False, True)])
 def test_the_error_of_e_n_is_that_of_known_friction(robust: bool, estimated: bool) -> None:
     """Without spins friction has no effect. The scatter of a robust fit is over n - p, of 25 impacts and 3 or 1 coefficients."""
@@ -275,6 +275,7 @@ class Mine(laws.Walton):
     coefficients = ("e_n", "beta_0", "mu")
 
 
+@pytest.mark.full
 def test_laws_are_distinguished_by_likelihood_and_by_unseen_collisions() -> None:
     data = observed(8)
     found = fit.fit(data, model=["ifr-percussion", "brach", "smooth"], cross_validate=True, profile=False)
@@ -421,6 +422,7 @@ def test_values_known_exactly_do_not_hide_the_nearest_motion(monkeypatch: pytest
 AT_REST = ("vx_2", "vy_2", "spin_2")
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(
     ("error", "names"), [(0.0, AT_REST), (1e-17, AT_REST), (0.2, AT_REST), (1e-17, ("vx_2",))]
 )
@@ -520,6 +522,7 @@ def test_a_wrong_law_is_named_and_not_errors_of_measurement() -> None:
     assert not any("suspicious line" in each.split(":")[0] for each in found.warnings)
 
 
+@pytest.mark.full
 def test_residuals_of_the_right_law_are_not_blamed() -> None:
     """Of 20 sets of each kind none had p < 1e-6, as is to be expected of 40; two of each are tried here."""
     for seed in range(2):

@@ -270,6 +270,7 @@ def test_no_sticking_impact_leaves_the_kind_of_sticking_open() -> None:
     assert not found.decided
 
 
+@pytest.mark.full
 def test_apparent_restitution_alone_leaves_e_n_and_mu_in_combination() -> None:
     """Eqs. 26, 28 hold e_t and mu (1 + e_n) only."""
     data = impacts(names=("e_t_apparent",), psi=(10.0, 75.0), error=1.0, noise=3)
@@ -303,6 +304,7 @@ def test_fit_that_only_the_total_budget_saves_is_named() -> None:
     assert found.law().e_t == pytest.approx(-0.4, abs=1e-7)
 
 
+@pytest.mark.full
 def test_value_beyond_a_limit_ends_there_with_an_open_interval() -> None:
     """Data of e_t = -1 with noise prefer less in half of all cases."""
     fits = [

@@ -76,6 +76,7 @@ def test_material_fits_into_a_case_that_check_likes(folder: Path, capsys: pytest
     assert re.search(rf"e_n = {written['e_n']:g}", shown)
 
 
+@pytest.mark.full
 def test_coins_of_the_paper_give_mass_ratio_and_radii(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -267,6 +268,7 @@ class Own(ifrdem.CollisionLaw):
 '''
 
 
+@pytest.mark.full
 def test_a_custom_law_from_a_file_is_written_as_a_material_with_its_file(folder: Path) -> None:
     (folder / "own.py").write_text(OWN, encoding="utf-8")
     written = []

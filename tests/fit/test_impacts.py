@@ -142,6 +142,7 @@ def test_walls_that_are_not_given_are_found_as_change_points(tmp_path: Path) -> 
     assert "flight has a change point: cut" in found.report()
 
 
+@pytest.mark.full
 def test_ids_that_were_exchanged_are_named_and_their_impacts_marked(tmp_path: Path) -> None:
     motion = simulator.simulate(240.0, 3.0, seed=2)
     observed = loaded(tmp_path, simulator.film(motion, 3, swaps=2), 240.0)

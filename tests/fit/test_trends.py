@@ -51,6 +51,7 @@ def table(data: fit.Collisions, path: Path, material: list[str] | None = None) -
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+@pytest.mark.full
 def test_restitution_that_falls_with_speed_is_found_and_fitted() -> None:
     """e_n = 1 - A g_n^(1/5) with A = 0.15; head-on and oblique impacts differ in g_n, so e_n is made in two rounds."""
     speed = np.geomspace(0.1, 3.0, 80)
@@ -113,6 +114,7 @@ def test_trends_without_cause_have_uniform_probabilities() -> None:
     assert low < 12
 
 
+@pytest.mark.full
 def test_a_law_that_depends_on_speed_needs_speeds_and_gives_no_material(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -125,6 +125,7 @@ def test_rounding_of_an_exported_frame_is_undone(problems: Problems, tmp_path: P
     assert "overlap" in problems(*of_table, "species[0].radii.high=1.00002", folder=tmp_path)[0]
 
 
+@pytest.mark.full(keep=4)
 @pytest.mark.parametrize(
     ("overrides", "key", "says"),
     [

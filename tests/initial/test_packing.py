@@ -34,6 +34,7 @@ def least_gap(box: Box, radius: NDArray[np.float64], position: NDArray[np.float6
     return float(gap.min())
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize(
     ("radius", "packing_fraction"),
     [
@@ -169,6 +170,7 @@ def test_growth_reports_its_progress_in_order() -> None:
     assert found[-1] == 1.0
 
 
+@pytest.mark.full
 def test_a_gas_begins_to_collide_at_the_rate_of_a_mixture_at_equilibrium() -> None:
     """Enskog's rate by 16 classes of radii, on the first half collision per disk; all sizes, and either end."""
     text = CASE.replace('coin = "1 pta"', 'areal_density = 20.0\nmaterial = "smooth"').replace("300", "3000")

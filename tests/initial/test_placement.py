@@ -403,6 +403,7 @@ def test_velocities_and_spins_of_one_seed_are_independent() -> None:
     assert abs(np.corrcoef(np.abs(velocity), np.abs(spin))[0, 1]) < 4.0 / math.sqrt(400)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("walls", [(), (Wall.container((60.0, 60.0), 58.0),)])
 def test_strips_of_a_random_start_have_one_density_and_all_kinds(
     walls: tuple[Wall, ...], monkeypatch: pytest.MonkeyPatch

@@ -27,6 +27,7 @@ def meets(rx: float, ry: float, vx: float, vy: float, sigma: float, within: floa
     return b < 0 and c <= -2 * b * t and b * b - (u * u + w * w) * c >= 0
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_one_sign_is_all_conditions_of_a_contact(precision: str) -> None:
     """Small whole numbers, of which no product is rounded: equality, touching and overlapping pairs occur.

@@ -40,7 +40,7 @@ def n_elastic(n: int, collisions: list[tuple[float, int, int]], contact_time: fl
 # --- the tc rule ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.full(keep=2)
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize(("packing_fraction", "law"), [(0.3, COIN), (0.65, INELASTIC)])
 def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(

@@ -49,7 +49,7 @@ KINDS_OF_PICTURES = (
 )  # fmt: skip
 
 
-@pytest.mark.full(keep=3)
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("what", KINDS_OF_PICTURES)
 @pytest.mark.filterwarnings("ignore")
 def test_series_of_a_picture_differ_in_grey(mixture: Path, what: str) -> None:

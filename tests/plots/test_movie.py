@@ -149,7 +149,7 @@ def test_angles_are_marked_where_the_file_holds_them(tmp_path):
 
 
 # imageio-ffmpeg's reader leaves its pipes to the garbage collector.
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("colour", ["spin", "direction"])
 def test_the_file_plays_with_as_many_pictures_as_frames(tmp_path, colour, capsys):

@@ -330,6 +330,7 @@ def test_fits_draw_their_results() -> None:
     pyplot.close("all")
 
 
+@pytest.mark.full
 def test_pictures_of_runs_take_an_open_trajectory_and_leave_it_open(tmp_path: Path) -> None:
     with Trajectory(write_cooling(tmp_path / "run.h5")) as run:
         figure = plots.cooling(run)
@@ -441,6 +442,7 @@ def test_the_table_s_axis_ends_when_all_are_at_rest_and_its_legend_hides_no_curv
     assert upper.get_legend().get_window_extent().y0 >= upper.get_window_extent().y1
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("lengths", [(0.8, 0.5), (0.3, 2.0), (30.0, 20.0)])
 def test_pictures_of_disks_are_as_large_as_the_box_and_cut_nothing(
     tmp_path: Path, lengths: tuple[float, float]

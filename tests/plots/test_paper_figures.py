@@ -45,6 +45,7 @@ def assert_legends_are_off_the_data(figure: Figure) -> None:
         assert box.height < figure.bbox.height
 
 
+@pytest.mark.full
 def test_two_panels_of_a_column_are_above_each_other_with_legends_off_the_data(trajectory: Path) -> None:
     with ifrdem.Trajectory(trajectory) as run:
         wide = pictures.figure(run, "velocity")
@@ -97,6 +98,7 @@ def test_a_figure_of_three_sizes_is_refused(trajectory: Path) -> None:
         pictures.figure(run, "energy", size=(3.0, 2.0, 1.0))
 
 
+@pytest.mark.full
 def test_pdf_of_the_style_paper_has_fonts_of_type_42(
     trajectory: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

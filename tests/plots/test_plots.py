@@ -246,6 +246,7 @@ def test_labels_of_logarithmic_time_are_apart_and_at_least_two(first: float, spa
     assert_labels_are_apart(axes)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("frames", [2, 21])
 def test_time_labels_of_short_runs_are_apart(tmp_path: Path, drawn: list[Figure], frames: int) -> None:
     write_relaxing(tmp_path / "a.h5", frames=frames)
@@ -340,6 +341,7 @@ def test_markers_of_a_nearly_constant_theta_are_whole() -> None:
     assert top + 0.5 * (5.0 + 1.0) * figure.dpi / 72.0 < axes.bbox.y1
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize(("what", "color"), [("species", None), ("disks", "species")])
 def test_names_with_dollar_signs_are_no_formulas(what: str, color: str | None, tmp_path: Path) -> None:
     """Matplotlib takes what stands between two of them for TeX, and raises an error of its parser."""

@@ -256,6 +256,7 @@ def test_temperatures_that_fall_over_decades_have_a_logarithmic_axis_without_zer
     np.testing.assert_array_equal(axes.lines[0].get_ydata(), (1.0, 1e-2, 1e-4, np.nan))
 
 
+@pytest.mark.full
 def test_a_bin_with_two_disks_in_all_frames_does_not_stretch_an_axis(tmp_path: Path) -> None:
     """A gas with T = 1, and above it a fast disk: twice in 40 frames in one strip, in all the others in another one."""
     rng, n, box = np.random.default_rng(6), 100, Box((10.0, 10.0))

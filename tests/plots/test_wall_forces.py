@@ -85,6 +85,7 @@ CLASHING = [
 ]
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("old", [False, True])
 def test_the_name_of_a_group_gives_its_walls_and_no_others(tmp_path: Path, old: bool) -> None:
     """Wall i has 2^i hits at the end: sums tell which walls are in it. Old files named sides by themselves."""

@@ -111,6 +111,7 @@ def test_start_errors_spread_the_runs(head_on: Path) -> None:
     assert 0.02 < found.spread[0, 0] < 0.1  # 0.05 for 0.5 s, from six draws
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize(
     ("text", "says"),
     [

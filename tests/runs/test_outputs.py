@@ -66,6 +66,7 @@ def test_views_replace_views_only(path: Path, make: Callable, message: str, name
     assert sorted(os.listdir(path.parent)) == sorted(["run.h5", name])  # nor is the other one written
 
 
+@pytest.mark.full(keep=4)
 @pytest.mark.parametrize(("make", "message"), THINGS)
 @pytest.mark.parametrize("verb", ["repair", "movie", "export --to csv", "plot disks"])
 def test_verbs_replace_files_only_and_never_their_input(

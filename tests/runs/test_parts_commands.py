@@ -87,6 +87,7 @@ def test_commands_say_the_same(runs, words, capsys, tmp_path, monkeypatch):
     same(runs, words, capsys, monkeypatch)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("what", ["temperatures", "energy", "disks", "velocity", "dissipation", "msd"])
 def test_pictures_are_drawn_of_the_same_numbers(runs, what):
     drawn = {}
@@ -102,6 +103,7 @@ def test_pictures_are_drawn_of_the_same_numbers(runs, what):
     assert drawn["one"]
 
 
+@pytest.mark.full
 def test_the_objects_of_notebooks_are_the_same(runs):
     with ifrdem.Trajectory(runs["one"]) as one, ifrdem.Trajectory(runs["parts"]) as parts:
         xarray = pytest.importorskip("xarray")
@@ -125,6 +127,7 @@ def test_a_run_begins_with_a_frame_of_parts(runs, capsys, tmp_path):
         assert np.array_equal(one[-1].position, parts[-1].position)
 
 
+@pytest.mark.full
 @pytest.mark.filterwarnings("default")
 def test_analyses_that_a_missing_part_prevents_are_no_success(runs, capsys, tmp_path):
     shutil.copytree(runs["parts"].parent, tmp_path / "copy")

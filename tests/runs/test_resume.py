@@ -362,6 +362,7 @@ def test_ctrl_c_ends_a_run_with_a_checkpoint(tmp_path):
     stopped_with_a_checkpoint(tmp_path, "interrupted", printed)
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize(
     ("number", "status", "word"),
     [

@@ -63,6 +63,7 @@ def test_rows_are_means_since_the_row_before(folder: Path, capsys: pytest.Captur
         assert part == pytest.approx(mean[a, b], rel=1e-12)
 
 
+@pytest.mark.full
 def test_a_run_that_is_resumed_has_the_same_rows(folder: Path) -> None:
     from ifrdem.runs import resume
 

@@ -64,6 +64,7 @@ def test_driven_and_sheared_gases_are_followed() -> None:
         dsmc_prediction(disks, COIN, 0.2, 0.0, 0.0, TIMES)
 
 
+@pytest.mark.full
 def test_stresses_of_a_flow_are_those_of_dsmc() -> None:
     """Smooth disks, e_n = 0.8: anisotropic Gaussians are within 6 % of Enskog's equation (`theory.steady_flow`), and
     below it in all ratios: 20,000 disks over 40 times have N_1 = 0.308(6) for 0.297, friction 0.434(3) for 0.426."""

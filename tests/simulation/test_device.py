@@ -53,6 +53,7 @@ def test_starting_again_with_the_same_settings_keeps_what_runs() -> None:
     assert ti.lang.impl.get_runtime().prog is program
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_precision_is_the_type_of_real_numbers(precision: str) -> None:
     from ifrdem.kernels.compiler.language import ti
@@ -358,6 +359,7 @@ def test_a_cache_that_cannot_be_written_is_reported_once(tmp_path: Path) -> None
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.full
 def test_a_lock_of_a_killed_process_leaves_the_kernel_cache_at_a_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -68,6 +68,7 @@ def test_a_thermostat_does_not_freeze_its_gas(
     assert np.abs(gas.measure().momentum - before).max() < 5.0 * math.sqrt(roundings) * ulp
 
 
+@pytest.mark.full
 def test_energies_of_rough_disks_are_rescaled_about_the_drift() -> None:
     """Two masses in motion: the kinetic energy about the mean velocity becomes the given one, the momentum stays."""
     disks = mixture(200)
@@ -83,6 +84,7 @@ def test_energies_of_rough_disks_are_rescaled_about_the_drift() -> None:
     )
 
 
+@pytest.mark.full
 def test_disks_that_fly_side_by_side_are_at_rest_to_a_thermostat() -> None:
     """They have no thermal velocities that could be scaled, only the rounding of their mean."""
     disks = Disks(50, mass=0.3, radius=0.5)
@@ -149,6 +151,7 @@ def test_forces_say_if_they_keep_the_momentum() -> None:
     assert [each.keeps_momentum for each in (*kept, *changed)] == [True] * 5 + [False] * 5
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("shear_rate", [0.0, 0.4])
 def test_a_gas_in_motion_is_the_gas_at_rest(shear_rate: float) -> None:
     """Galilei: the same collisions, temperatures and stresses, to what rounding has become in 3 collisions per disk.

@@ -67,6 +67,7 @@ def test_a_gas_in_equilibrium_collides_at_enskog_s_rate() -> None:
     assert of_disks.collisions_of_disks.sum() == 2 * of_disks.collisions
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("contact", ["virial", "dilute"])
 def test_disks_of_all_sizes_have_the_collision_rates_of_theory_on_one_thread(contact: Contact) -> None:
     """Elastic, in equilibrium: disk i meets each j at the rate g_ij sigma_ij sqrt(2 pi (T/m_i + T/m_j)) / area."""

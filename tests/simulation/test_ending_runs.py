@@ -62,7 +62,7 @@ def assert_same_motion(one: State, other: State) -> None:
 )
 @pytest.mark.parametrize(
     "options",
-    [{}, pytest.param({"collapse": ContactTime(1e-9)}, marks=pytest.mark.full)],
+    [{}, {"collapse": ContactTime(1e-9)}],
     ids=["plain", "contact_time"],
 )
 def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(

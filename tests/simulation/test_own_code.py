@@ -133,6 +133,7 @@ def test_what_a_force_has_not_is_one_error_that_lists_what_there_is(name: str) -
         two_disks(forces=[kind(0.1, **values)])
 
 
+@pytest.mark.full
 def test_a_wrong_parameter_of_a_force_does_not_end_the_process() -> None:
     """In a separate process, which Taichi's compiler would abort."""
     names = [name for name in WRONG_FORCES if "parameter" in name]

@@ -59,6 +59,7 @@ def same(one: State, other: State) -> None:
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("until", [{"t_end": 0.6}, {"collisions_per_disk": 1.3}], ids=["time", "collisions"])
 def test_the_motion_does_not_depend_on_how_often_it_is_read(order: str, until: dict[str, float]) -> None:
     rare, often = dense(), dense()

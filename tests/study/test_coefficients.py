@@ -151,6 +151,7 @@ def test_a_study_runs_each_set_with_each_seed(study: ifrdem.Study) -> None:
     )
 
 
+@pytest.mark.full
 def test_prediction_table_and_figure_have_both_parts(study: ifrdem.Study) -> None:
     found = study.prediction()
     assert "coefficients" not in found.dims

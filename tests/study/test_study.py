@@ -783,6 +783,7 @@ def test_damaged_results_are_named_and_run_again(toml, tmp_path, capsys):
     assert same(Results.read(tmp_path / "s.nc"), whole)
 
 
+@pytest.mark.full
 def test_results_that_crash_hdf5_end_in_a_message(toml, tmp_path, capsys):
     """H5DSis_scale of HDF5 2.0 frees memory twice where this text is another one, which aborts its process."""
     study = ifrdem.Study(toml, vary=[VARY], seeds=1, output=tmp_path / "s.nc")

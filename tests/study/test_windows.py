@@ -241,6 +241,7 @@ def test_frames_of_runs_that_end_at_a_time_are_drawn_over_both_clocks(tmp_path):
         draw(undated, "velocity_P_c", over="tau")
 
 
+@pytest.mark.full
 def test_series_are_averaged_from_a_place_on(sheared, capsys):
     results = sheared.results()
     T = results.values("temperature")[:, results.values("time") >= 12.0].mean(axis=1)
@@ -304,6 +305,7 @@ def synthetic(T: np.ndarray, drive: float = 1.0) -> Results:
     return Results(variables, {"axes": '{"e_n": ["e_n"]}', "keys": "{}"})
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize(
     ("seeds", "rho", "amplitude"), [(1, 0.8, 0.0), (1, 0.95, 20.0), (4, 0.8, 20.0), (4, 0.95, 20.0)]
 )
@@ -328,6 +330,7 @@ def test_intervals_of_means_over_the_window_hold_the_truth(seeds, rho, amplitude
     assert held >= 0.88 * trials  # of 95 %: 3.2 standard deviations of their number
 
 
+@pytest.mark.full
 def test_results_of_older_versions_are_read_still(sheared, tmp_path):
     results = sheared.results()
     new = ("warnings", "notes", "analyses_from", "temperature_n_eff")

@@ -245,6 +245,7 @@ def _time(law: IFRLaw, theta0: float, collisions_per_disk: float) -> float:
     )
 
 
+@pytest.mark.full
 def test_energy_of_shear_modes_follows_spins_that_wind_up() -> None:
     """dS/dtau = z (S - k^2 xi^2 (S - 1)) with z and xi of theta at each time, by small steps, of a single length."""
     law, R, phi, side, tau, steps = coins["5 pts"].law, 0.5, 0.1, 50.0, 12.0, 3000

@@ -34,6 +34,7 @@ def test_smooth_disks_relax_as_published(e_n: float) -> None:
     assert relaxation(0.3, smooth(e_n), 2.0) == pytest.approx((1.0 + e_n) * (7.0 - 3.0 * e_n) / 8.0, rel=1e-8)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("law", [COIN, IFRLaw(e_n=0.8, e_t=-0.7, mu=0.5, sticking="contact_point")])
 def test_relaxation_is_that_of_colliding_pairs(law: IFRLaw) -> None:
     """A million pairs of a gas with m <v_x v_y> = pi T, to first order in pi, collided by the law at random angles.
@@ -230,6 +231,7 @@ def test_what_rough_elastic_disks_get_of_the_flow_is_what_they_transfer(
     assert turned / 8.0 == pytest.approx(xy - yx, rel=1e-9)
 
 
+@pytest.mark.full
 def test_elastic_disks_never_stop_heating() -> None:
     assert steady_state(smooth(1.0), *GAS, 0.1, 0.4) is None
     T, _, _ = sheared(smooth(1.0), *GAS, 0.1, 0.4, 1.0, 0.0, [100.0, 200.0])

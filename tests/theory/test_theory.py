@@ -95,6 +95,7 @@ def test_collision_rate_has_the_dimension_of_speed_over_length() -> None:
     )
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("packing_fraction", [0.2, 0.5])
 def test_an_elastic_gas_collides_at_the_predicted_rate(packing_fraction: float) -> None:
     n = 400
@@ -171,6 +172,7 @@ def sampled_rates(
     return samples.mean(axis=1), samples.std(axis=1) / math.sqrt(pairs)
 
 
+@pytest.mark.full(keep=6)
 @pytest.mark.parametrize("theta", [0.0, 0.3, 4.0])
 @pytest.mark.parametrize(
     ("law", "k"),

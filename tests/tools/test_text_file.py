@@ -78,6 +78,7 @@ def test_a_case_file_beyond_10_MB_is_refused(tmp_path: Path, capsys: pytest.Capt
     assert f"{path}: is larger than 10 MB" in capsys.readouterr().err
 
 
+@pytest.mark.full(keep=4)
 @pytest.mark.parametrize(
     ("name", "line", "read"),
     [

@@ -25,7 +25,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]:
     return attacks.made_once(tmp_path_factory.mktemp("made"), ())
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(("name", "cases"), [*SAMPLE, *MORE])
 def test_damaged_files_end_in_answers_or_messages(made, name, cases):
@@ -40,6 +40,7 @@ def test_folders_that_cannot_be_written_to_are_named(made):
     given(st.data())(examples(3)(lambda data: attacks.attack("read_only_folders", made, data)))()
 
 
+@pytest.mark.full
 def test_an_attack_that_crashes_hangs_or_raises_is_reported(tmp_path: Path):
     assert "ended by SIGKILL" in attacks.alone(lambda: os.kill(os.getpid(), 9))
     assert "ZeroDivisionError" in attacks.alone(lambda: 1 / 0)

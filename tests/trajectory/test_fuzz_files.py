@@ -135,7 +135,7 @@ def ends_well(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
                 read(path.with_name("repaired.h5"))
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("compression", ["none", "gzip"])
 @given(st.data())
 @examples(3)

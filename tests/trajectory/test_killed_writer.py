@@ -239,6 +239,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(folder)], check=True)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("how", ["plain", "queued"])
 @pytest.mark.parametrize("compression", ["none", "gzip"])
 def test_a_full_disk_leaves_all_that_was_committed(tmp_path, small_disk, forks, how, compression):

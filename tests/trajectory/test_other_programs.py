@@ -337,6 +337,7 @@ READERS = {
 }  # fmt: skip
 
 
+@pytest.mark.full(keep=14)
 @pytest.mark.parametrize("reader", READERS)
 def test_masses_radii_motion_box_boundary_and_time_come_back(written_for_others, reader):
     path, box = written_for_others

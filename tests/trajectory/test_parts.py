@@ -202,6 +202,7 @@ def test_a_folder_that_is_moved_reads_the_same(tmp_path, made, monkeypatch):
         assert len(trajectory) == 5
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("name", ["100%%.h5", "x%b.h5"])
 def test_percent_signs_of_a_name_are_no_format_of_hdf5(tmp_path, name):
     write_parts(tmp_path / name, 3, **SOME)
@@ -226,6 +227,7 @@ def numbers(group: h5py.Group) -> list[np.ndarray]:
     return found
 
 
+@pytest.mark.full
 def test_export_puts_the_parts_together(tmp_path, made, capsys):
     write_one(tmp_path / "one.h5")
     assert main(["export", str(made), "--to", "h5"]) == 2  # onto itself
@@ -271,6 +273,7 @@ WRONG = {
 }
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("message", WRONG)
 def test_readers_and_repair_name_a_part_that_is_missing_or_changed(made, message, capsys):
     WRONG[message](made, 2)
@@ -385,6 +388,7 @@ def test_repair_finds_nothing_wrong_and_does_not_replace_parts(made, capsys):
     assert made.read_bytes() == before
 
 
+@pytest.mark.full
 def test_repair_mends_a_part_up_to_its_first_damaged_frame(tmp_path, capsys):
     path = tmp_path / "run.h5"
     write_parts(path, 4, compression="gzip")

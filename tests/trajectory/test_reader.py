@@ -683,7 +683,7 @@ def assert_whole(path: Path, n: int, reported: int) -> None:
         file["particles/all/position/step"].resize(frames, axis=0)
 
 
-@pytest.mark.full(keep=2)
+@pytest.mark.full(keep=1)
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
 @pytest.mark.parametrize("moment", range(8))
 def test_a_killed_run_leaves_every_committed_frame(tmp_path, moment):

@@ -57,6 +57,7 @@ def content(path: Path) -> dict[str, bytes]:
     return found
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("options", [{}, {"compression": "gzip", "precision": "f64", "fields": FIELDS}])
 @pytest.mark.parametrize("written", [0, 2, 5])
 def test_a_resumed_file_is_that_of_an_uninterrupted_run(tmp_path, written, options):

@@ -73,7 +73,7 @@ def wrong(request: pytest.FixtureRequest, original: Path, tmp_path: Path, monkey
     return Path("run.h5")
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.filterwarnings("default")
 def test_every_verb_names_the_part(wrong, request, capsys):
     kind = list(WRONG).index(request.node.callspec.params["wrong"])

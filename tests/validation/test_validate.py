@@ -304,6 +304,7 @@ def all_passed(result: Result) -> bool:
     return all(each.passed for each in result.rows)
 
 
+@pytest.mark.full
 def test_case_angles_in_small():
     result = Result()
     angles._beyond(result, 40)
@@ -370,6 +371,7 @@ def test_case_reductions_in_small():
     assert all_passed(result)
 
 
+@pytest.mark.full
 def test_case_misprints_shows_all_of_them():
     result = misprints.run(True)
     assert all_passed(result)

@@ -497,6 +497,7 @@ def test_a_port_that_is_taken_is_reported(server, path, capsys):
     assert f"--port {server.server_port}: " in capsys.readouterr().err
 
 
+@pytest.mark.full
 def test_ctrl_c_ends_with_status_0(path):
     command = [sys.executable, "-m", "ifrdem", "view", str(path), "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

@@ -117,6 +117,7 @@ def laws_at_the_boundary(n, seed):
             yield e_n, e_t, mu, sticking, m, R, k, k_bar, rng
 
 
+@pytest.mark.full
 def test_energy_rises_just_outside_the_admissible_set_and_not_just_inside():
     """1 % of mu on either side of the boundary: the law is refused where a random search finds a gain.
 

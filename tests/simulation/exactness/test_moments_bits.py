@@ -170,6 +170,7 @@ def test_moments_that_were_not_expected_are_found_by_another_run(
             assert np.array_equal(getattr(state, each), getattr(state_1, each)), each
 
 
+@pytest.mark.full
 def test_collisions_of_tiles_that_are_run_again_count_once(monkeypatch: pytest.MonkeyPatch) -> None:
     expected, _, _ = looked_at("phi = 0.6", FRAMES, monkeypatch, order="serial")
     narrowed(monkeypatch, NARROW)

@@ -6,6 +6,7 @@ import pytest
 from support.rounds import gas_of, windows_of
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize(
     ("packing_fraction", "collisions"), [(0.1, 0.2), (0.3, 0.4), (0.3, 1.5), (0.6, 0.4), (0.6, 0.8)]
 )
@@ -17,6 +18,7 @@ def test_rounds_have_the_bits_of_the_serial_order(packing_fraction: float, colli
     assert not any(window.wrong for window in unmarked)
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize(("packing_fraction", "collisions"), [(0.3, 0.4), (0.3, 0.8), (0.6, 0.4)])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_certificate_finds_each_wrong_window_of_the_bare_rule(

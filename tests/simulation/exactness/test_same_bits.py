@@ -280,6 +280,7 @@ def without_ghosts(monkeypatch: pytest.MonkeyPatch) -> None:
     narrowed(monkeypatch, NARROW)
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("fault", [unverified, with_half_halos_unverified, without_ghosts])
 def test_without_verification_the_bits_would_change(
     fault: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch

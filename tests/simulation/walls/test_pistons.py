@@ -106,6 +106,7 @@ def test_momentum_and_energy_hold_over_a_hundred_thousand_hits() -> None:
     assert abs(s) < 8.0
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("stop", [None, -5.0])
 def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     # The middle of the oscillation is at force / spring, up to 1e16 box heights away; in t = 10 the spring changes
@@ -138,6 +139,7 @@ def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:
     assert simulation.dissipated_energy == pytest.approx(measured.dissipated.sum(), rel=1e-10)
 
 
+@pytest.mark.full
 def test_the_mean_height_of_a_piston_on_one_disk_is_that_of_the_virial() -> None:
     # h = height of the piston above the disk's lowest place, less the disk's highest: with y' in [0, h],
     # d/dt (m y' v_y + M h V) = m v_y^2 + M V^2 - F h, as the forces of floor and contact work out to 0 and cancel. It

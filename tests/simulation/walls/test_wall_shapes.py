@@ -113,6 +113,7 @@ def test_bits_of_a_shaken_container_under_gravity_do_not_depend_on_tiles() -> No
         assert one.wall_collisions > 150
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("order", ORDERS)
 def test_walls_give_what_disks_get(order: str) -> None:
     """Momentum: of the disks, less what gravity gave. Energy: elastic disks keep all work. Rotation: work is torque

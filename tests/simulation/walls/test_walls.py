@@ -46,6 +46,7 @@ def gas_in(box: Box, n: int, seed: int = 1, radius: float = 0.5) -> tuple[Disks,
     return disks, State(position, rng.normal(size=(n, 2)), rng.normal(size=n))
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("order", ORDERS)
 def test_a_ball_on_a_floor_bounces_with_the_period_of_a_parabola(order: str) -> None:
     """Dropped from height h above contact, an elastic ball is back at 2 sqrt(2 h / g), and drifts sideways steadily."""
