@@ -78,6 +78,7 @@ def test_it_depends_neither_on_frames_nor_changes_the_motion():
         without.state.dissipated.sum(axis=0)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("threads", [1, 2])
 def test_tiles_know_what_one_tile_knows(threads):
     start = two_sizes()

@@ -56,6 +56,7 @@ def assert_same_motion(one: State, other: State) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("end", [{"t_end": 2.0}, {"collisions_per_disk": 6.0}])
 @pytest.mark.parametrize(
     ("way", "raised"), [("stop", None), ("raise", Halt), ("interrupt", KeyboardInterrupt)]

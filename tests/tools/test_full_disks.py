@@ -66,6 +66,7 @@ def can_mount(folder: Path) -> bool:
         return False
 
 
+@pytest.mark.full
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no limits on files here")
 @pytest.mark.parametrize(("kind", "levels"), [("any", 3), ("disk", 12), ("limit", 12)])
 def test_no_writer_dies_or_leaves_half_a_file_on_a_full_disk(tmp_path, kind, levels):

@@ -105,6 +105,7 @@ def test_none_of_many_disks_ever_overlap(order: str, n: int) -> None:
         assert not len(inside), (engine.time, inside)
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.55])
 def test_collisions_of_a_mixture_are_those_of_the_serial_code(packing_fraction: float, device: str) -> None:
     disks = mixture(1000)
