@@ -106,6 +106,7 @@ def test_wheel_holds_nothing_else(wheel):
     assert not any(part in name for name in wheel for part in ("tests", "conftest"))
 
 
+@pytest.mark.full
 def test_wheel_holds_type_marker_cases_licence_and_command(wheel):
     assert "ifrdem/py.typed" in wheel
     shipped = {path.name for path in (ROOT / "cases").rglob("*.toml")}
@@ -115,6 +116,7 @@ def test_wheel_holds_type_marker_cases_licence_and_command(wheel):
     assert b"ifrdem = ifrdem.__main__:main" in info["entry_points.txt"]
 
 
+@pytest.mark.full
 def test_packages_and_archives_of_git_carry_the_commit(clone, wheel, tmp_path):
     """A build step that is left out, or no mark in the file, would leave every file without its origin."""
     source, commit = clone

@@ -92,6 +92,7 @@ def test_velocities_and_spins_at_impacts_are_those_of_the_film(
         assert np.mean(np.abs(each) < 1.96) > 0.9
 
 
+@pytest.mark.full
 def test_ids_used_again_are_those_of_another_clip(
     found: impacts.FoundCollisions, coins: simulator.Motion
 ) -> None:

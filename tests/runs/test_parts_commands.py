@@ -87,7 +87,7 @@ def test_commands_say_the_same(runs, words, capsys, tmp_path, monkeypatch):
     same(runs, words, capsys, monkeypatch)
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("what", ["temperatures", "energy", "disks", "velocity", "dissipation", "msd"])
 def test_pictures_are_drawn_of_the_same_numbers(runs, what):
     drawn = {}

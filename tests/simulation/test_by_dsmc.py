@@ -49,6 +49,7 @@ def test_a_young_mixture_cools_as_theory_says() -> None:
     np.testing.assert_allclose(by[0].collisions_per_disk, by[1].collisions_per_disk, rtol=0.04, atol=1e-12)
 
 
+@pytest.mark.full
 def test_driven_and_sheared_gases_are_followed() -> None:
     disks = Disks(100, 1.0, 0.5)
     kicks = [{"kind": "random_kicks", "power": 1.0, "step": 0.1}]

@@ -703,6 +703,7 @@ def test_a_run_that_ends_its_process_fails_alone_and_says_how() -> None:
     }
 
 
+@pytest.mark.full
 def test_a_cluster_without_workers_is_waited_for_and_said() -> None:
     """Like a study with all its jobs ended at their time limit."""
     messages: list[str] = []

@@ -98,6 +98,7 @@ def test_runs_begin_with_the_last_frame_of_their_own_equilibration(study):
     assert stamps == [task.result.stat().st_mtime_ns for task in (*study.equilibrations, *study.tasks)]
 
 
+@pytest.mark.full
 def test_options_of_analyses_reach_them(study):
     assert study.results().values("profiles_bins").tolist() == [[[3.0, 3.0]] * 2] * 3
     name = next(name for name in study.results().variables if name.startswith("profiles_y"))

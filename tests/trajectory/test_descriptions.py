@@ -88,6 +88,7 @@ def test_the_example_of_the_manual_prints_a_description(described, tmp_path, mon
     assert capsys.readouterr().out == "angular velocities, counter-clockwise [ rad s-1 ]\n"
 
 
+@pytest.mark.full
 def test_species_are_not_materials(described):
     with h5py.File(described) as file:
         particles = file["particles/all"]

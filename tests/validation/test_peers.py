@@ -258,6 +258,7 @@ def dynamo(path: Path, *, rate: float = 2.4) -> Path:
     )
 
 
+@pytest.mark.full
 def test_edmd_is_timed_between_its_lines(tmp_path: Path) -> None:
     box, state = start(equal_disks(100), 0.3)
     run = spheres.edmd(edmd(tmp_path / "edmd", pause=1.0), tmp_path, box, state)
@@ -332,7 +333,7 @@ def test_spheres_that_leave_the_plane_or_whose_program_fails_are_refused(tmp_pat
         spheres.edmd(tmp_path / "text", tmp_path, box, state)
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("e_n", ["1", "0.8"])
 def test_spheres_are_timed_in_turn_and_held_against_the_gas(
     e_n: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -106,7 +106,7 @@ def test_momentum_and_energy_hold_over_a_hundred_thousand_hits() -> None:
     assert abs(s) < 8.0
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("stop", [None, -5.0])
 def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     # The middle of the oscillation is at force / spring, up to 1e16 box heights away; in t = 10 the spring changes

@@ -127,6 +127,7 @@ def furnished(order: str, *, seed: int = 3, law: tuple[float, ...] = COIN, **opt
     )  # fmt: skip
 
 
+@pytest.mark.full
 def test_every_way_of_running_draws_the_same_numbers() -> None:
     """To the last bit. Tiles that were run again drew them again."""
     engines = {order: furnished(order) for order in ORDERS}
