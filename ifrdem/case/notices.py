@@ -40,7 +40,7 @@ def notices(gas: CaseGas) -> list[str]:
     if gas.case.run.resting_speed is None:
         return texts
     for i, wall in enumerate(gas.walls):
-        if wall.motion.kind == wall.turn.kind == "still" and not (wall.surface_speed or wall.temperature):
+        if wall.supports_rest:
             continue
         reason = "has a temperature" if wall.temperature else "moves"
         instead = (

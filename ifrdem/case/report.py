@@ -296,9 +296,8 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         and gas.free_area.all_walls
         and any(each.law and each.law.is_dissipative for each in gas.verdicts)
     ):
-        remedies = (
-            '"velocity_cutoff" or "contact_time"' if any(wall.piston for wall in gas.walls) else '"rest"'
-        )
+        stand = all(wall.supports_rest for wall in gas.walls)
+        remedies = '"rest"' if stand else '"velocity_cutoff" or "contact_time"'
         text = f"no remedy: disks that come to rest on others end the run; set run.collapse = {remedies}"
         yield ReportRow("collapse", text)
 

@@ -391,10 +391,13 @@ def test_gravity_that_cannot_turn_is_refused(
 def test_check_names_walls_on_which_no_disk_can_rest(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """It advised rest on a floor that shakes, and said in the next line that no disk rests there."""
     (tmp_path / "case.toml").write_text(CASE)
     words = ["--set", "run.collapse=rest", "--set", "run.resting_speed=0.05"]
     assert main(["check", str(tmp_path / "case.toml"), *words]) == 0
     assert "moves, and supports no disks" in capsys.readouterr().err
+    assert main(["check", str(tmp_path / "case.toml")]) == 0
+    assert 'set run.collapse = "velocity_cutoff" or "contact_time"' in capsys.readouterr().out
 
 
 def test_check_describes_the_motion_of_walls(toml: Path, capsys: pytest.CaptureFixture[str]) -> None:

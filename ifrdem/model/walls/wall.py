@@ -316,6 +316,12 @@ class Wall:
         """True if it moves by itself, or is a gate; a piston is moved by disks."""
         return self.motion.kind != "still" or self.turn.kind != "still" or self.gated
 
+    @property
+    def supports_rest(self) -> bool:
+        """True if disks may come to rest on it: it stands, its surface too, and has no temperature."""
+        still = self.motion.kind == self.turn.kind == "still" and self.piston is None
+        return still and not (self.surface_speed or self.temperature)
+
     def is_present(self, t: float, collisions: int = 0) -> bool:
         """True unless it is a gate that has opened by the time t, or after so many collisions."""
         return (self.opens_at is None or t < self.opens_at) and (
