@@ -34,6 +34,7 @@ from .results import (
     START,
     THEORY,
     VELOCITY_WORDS,
+    WINDOWED,
     Results,
     averaged,
     half_interval,
@@ -230,7 +231,7 @@ def _window(results: Results) -> list[str]:
         start = (
             f"to the end of each run; where they begin differs between points: {results.row_axis} = {places}"
         )
-    n_eff = results.variables.get(f"temperature{N_EFF}")
+    n_eff = results.variables.get(WINDOWED)
     of_runs = "" if n_eff is None else f"; n_eff of T in a run: {_range(n_eff.values)}"
     return [f"  analyses over time average {start}{of_runs}"]
 

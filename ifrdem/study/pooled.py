@@ -17,6 +17,7 @@ from .results import (
     SEED,
     SERIES_FROM,
     START,
+    WINDOWED,
     Results,
     half_interval,
     means_over_seeds,
@@ -64,7 +65,7 @@ def pooled(results: Results) -> Results:
             found[name] = one
         elif name in (START, SERIES_FROM):
             found[name] = one._replace(dims=less, values=np.max(one.values, axis=draw))
-        elif name.endswith("_theory"):
+        elif name.endswith("_theory") or name == WINDOWED:
             found[name] = one._replace(dims=less, values=np.mean(one.values, axis=draw))
     found |= means_over_seeds(means, len(axes) - 1)
     for name, spread in spreads.items():

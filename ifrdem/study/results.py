@@ -586,13 +586,17 @@ ADDING = {name for name, each in SERIES.items() if each.adds_up} | {*ROWS}
 """Series that add up over the run, whose value is that at its end."""
 
 
+WINDOWED = f"temperature{N_EFF}"
+"""Variable that is finite at points that have a steady window."""
+
+
 def window_starts(results: Results) -> NDArray[np.float64]:
     """Places from which series of each point are averaged, in what ends the runs; nan where it has no window.
 
     A point has one if its gas is driven, sheared or between walls, or if the study sets analyses_from.
     """
     shape = results.shape
-    n_eff = results.variables.get(f"temperature{N_EFF}")
+    n_eff = results.variables.get(WINDOWED)
     if START not in results.variables or n_eff is None:  # cooling gases, or of another version
         return np.full(shape, np.nan)
     known = np.isfinite(n_eff.values).any(axis=len(shape))

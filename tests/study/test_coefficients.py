@@ -16,7 +16,7 @@ from ifrdem.errors import InputError
 from ifrdem.study import draws, pooled
 from ifrdem.study.contents import describe
 from ifrdem.study.figure import draw
-from ifrdem.study.results import Results, Variable, means_over_seeds
+from ifrdem.study.results import Results, Variable, means_over_seeds, window_starts
 
 ERRORS = """
 errors = { e_n = 0.01, e_t = 0.02, mu = 0.005 }
@@ -116,6 +116,16 @@ def test_the_wide_interval_holds_the_gas_of_the_true_coefficients(C: int, S: int
     truth = 1.0 + a * rng.standard_normal(gases)  # draws are around the fit, and so is the truth
     inside = np.abs(found.values("temperature_mean")[:, 0] - truth) < half[:, 0]
     assert 0.935 < np.mean(inside) < 0.985
+
+
+def test_pooled_gases_have_the_windows_of_their_draws() -> None:
+    """They had none, and lines of theory took the second half of a driven gas."""
+    found = layout(np.random.default_rng(3), 5, 3, 0.2, 0.3, 0.1, 2)
+    dims = ("gas", draws.COEFFICIENTS, "seed")
+    n_eff = np.array([[[20.0]], [[np.nan]]]) * np.ones((1, 5, 3))  # the second gas cools
+    found.variables["temperature_n_eff"] = Variable(dims, n_eff)
+    found.variables["analyses_from"] = Variable(dims[:2], np.array([[4.0] * 5, [0.0] * 5]))
+    np.testing.assert_array_equal(window_starts(pooled.pooled(found)), [4.0, np.nan])
 
 
 def test_a_draw_with_a_missing_run_is_left_out() -> None:
