@@ -57,7 +57,7 @@ def test_histograms_are_those_of_the_histories_of_all_disks(device):
     assert later.total.sum() == gas.collisions - before.collisions
 
 
-@pytest.mark.full
+@pytest.mark.full(keep=1)
 def test_copies_in_tiles_are_not_counted(device):
     """The counts of a gas in 16 tiles on two threads, whose windows are repeated where a tile missed something."""
     disks = equal_disks(600)

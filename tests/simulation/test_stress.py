@@ -65,7 +65,7 @@ def test_the_virial_is_that_of_tracked_collisions(device):
     assert abs(found[0, 1] - found[1, 0]) > 1e-4 * found[0, 0]
 
 
-@pytest.mark.full
+@pytest.mark.full(keep=1)
 def test_walls_and_posts_transfer_momentum_and_energy_from_where_they_are_touched(device):
     """Walls that move and heat, an arc, a post and gravity; the normal of an event points from the disk to the wall."""
     box = Box((12.0, 30.0), (False, False))

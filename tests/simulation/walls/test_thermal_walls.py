@@ -60,7 +60,6 @@ def between(
     return engine_of(disks, box, state, law, walls=walls, **options)  # type: ignore[arg-type]
 
 
-@pytest.mark.full
 def test_disks_leave_with_a_rayleigh_and_two_gaussian_components_in_the_frame_of_the_surface() -> None:
     """10,000 disks of two kinds side by side hit a tilted wall that moves, with a surface that moves along it.
 
