@@ -60,7 +60,6 @@ def test_sums_over_all_disks_hold_for_the_smallest_and_largest_masses(mass: floa
     assert np.abs(velocity.mean(axis=0)).max() < 1e-14
 
 
-@pytest.mark.full
 def test_the_ledger_is_the_energy_before_and_after_each_force() -> None:
     """IFR coins, which dissipate: the ledger against the energy one rounding before each force, and after it."""
     disks = mixture(500)
