@@ -30,7 +30,6 @@ def test_blocks_are_equal_parts_of_the_span() -> None:
     np.testing.assert_allclose(found.blocks[:, 0, 1], found.time, rtol=1e-12)
 
 
-@pytest.mark.full
 def test_errors_are_those_of_many_independent_series() -> None:
     """White noise in rows: the scatter of the results over 300 series is the median of their errors, to 20 %.
 

@@ -27,7 +27,7 @@ def test_the_integral_of_the_density(A: float, nu: float, first: float) -> None:
     assert tails._log_integral(400.0, 2.0, 2.0) == pytest.approx(-1600.0 - np.log(800.0), rel=1e-6)
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full(keep=("2.0",))
 @pytest.mark.parametrize("nu", [1.0, 1.5, 2.0])
 def test_intervals_of_the_fit_hold_the_exponent(nu: float) -> None:
     """c = r / <r^2>^(1/2), so A = <r^2>^(nu / 2) with <r^2> = Gamma(4 / nu) / Gamma(2 / nu); 6 tries at 99.9 %."""

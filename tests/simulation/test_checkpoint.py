@@ -385,7 +385,6 @@ def test_a_return_to_the_beginning_of_a_window_forgets_that_it_was_run(tmp_path)
     assert one.statistics.windows == 1
 
 
-@pytest.mark.full
 def test_the_checkpoint_of_another_gas_is_refused(tmp_path):
     make = dense()
     make().save_checkpoint(tmp_path / "a.h5")

@@ -68,7 +68,6 @@ def test_a_thermostat_does_not_freeze_its_gas(
     assert np.abs(gas.measure().momentum - before).max() < 5.0 * math.sqrt(roundings) * ulp
 
 
-@pytest.mark.full
 def test_energies_of_rough_disks_are_rescaled_about_the_drift() -> None:
     """Two masses in motion: the kinetic energy about the mean velocity becomes the given one, the momentum stays."""
     disks = mixture(200)
