@@ -6,12 +6,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from ifrdem.kernels.compiler.language import ti
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Force, uniforms
 from ifrdem.model.laws.ifr import IFRLaw
+from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.simulation import Simulation
 
@@ -69,14 +71,21 @@ class Summing(Push):
 def one_disk(
     forces: Sequence[Force], t_end: float, *, time: float = 0.0, gravity: tuple[float, float] = (0.0, 0.0)
 ) -> State:
-    """A free disk from (20, 20) with velocity (1, 0.5) and spin 2, in a box that it does not leave."""
+    """A free disk from (20, 20) with velocity (1, 0.5) and spin 2, in a box that it does not leave.
+
+    What it gains but for the work of gravity is what the ledger says that forces put in.
+    """
     disks = Disks(1, mass=2.0, radius=0.5)
     state = State(np.array([[20.0, 20.0]]), np.array([[1.0, 0.5]]), np.array([2.0]), time=time)
     periodic = not any(gravity)  # without a floor disks would fall for ever
     box = Box((40.0, 40.0), (periodic, periodic))
     simulation = Simulation(disks, box, SMOOTH, state, forces=forces, gravity=gravity)
     simulation.run(t_end=t_end)
-    return simulation.state
+    end = simulation.state
+    fall = disks.mass[0] * float(np.dot(gravity, end.position[0] - state.position[0]))
+    gained = measure(disks, end).energy - measure(disks, state).energy - fall
+    assert simulation.energy_input == pytest.approx(gained, rel=1e-12, abs=1e-12)
+    return end
 
 
 def still(
