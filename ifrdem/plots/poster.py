@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..tools.checked import Array
 from . import disks
-from .style import Gas, color_bar, unit_of
+from .style import Gas, color_bar, lightness, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -128,7 +128,8 @@ def _key(axes: Axes, bar: Any, down: float, size: float) -> None:
             )
     elif len(names) == bar.cmap.N:
         for i, name in enumerate(names):
-            inset.text((i + 0.5) / len(names), 0.5, name, color="black", ha="center", **style)
+            ink = "black" if lightness(bar.cmap(i)[:3]) > 50.0 else "white"
+            inset.text((i + 0.5) / len(names), 0.5, name, color=ink, ha="center", **style)
     else:
         style |= {"color": "white", "transform": axes.transAxes}
         text = textwrap.fill(str(bar.ax.get_ylabel()).splitlines()[0], 36)

@@ -556,7 +556,8 @@ def _legend(
         axes.errorbar(
             [], [], [], fmt="none", color="black", capsize=4, lw=0.8, label=f"{PERCENT} interval: {both}"
         )
-    label = f"{PERCENT} interval of the mean (Student's $t$, {seeds})"
+    ended = "\n" if is_narrow(axes) and not several else " "  # so that more columns have room
+    label = f"{PERCENT} interval of the mean{ended}(Student's $t$, {seeds})"
     if seeds is not None and rows:
         alpha = 1.0 - 0.75 * (1.0 - WIDE) if both else 0.25  # it lies on the wide one
         axes.fill_between([], [], [], color="black", alpha=alpha, lw=0, label=label)
@@ -573,7 +574,7 @@ def _legend(
     if several:
         legend_of_figure(axes.get_figure(), axes, 6 if not is_narrow(axes) else 2)
     else:
-        legend_above(axes, 2 if is_narrow(axes) else 3)
+        legend_above(axes)
 
 
 def _shade(i: int, count: int) -> Any:
