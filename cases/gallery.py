@@ -20,7 +20,7 @@ from PIL import Image
 from ifrdem.case import shipped
 
 DOCS = Path(__file__).resolve().parents[1] / "ifrdem" / "docs"
-WIDTH, COLOURS = 960, 40
+WIDTH, COLOURS = 960, 96
 ORDER = (
     "cooling",
     "clusters",
