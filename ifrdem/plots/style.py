@@ -50,7 +50,7 @@ ENDS = {False: (28.0, 78.0), True: (40.0, 86.0)}
 
 
 def lightness(rgb: Any) -> Array:
-    """L* of colours in sRGB, 0 to 1, shape (..., 3): of black 0, of white 100 (CIE 1976, IEC 61966-2-1).
+    """Lightness L* (of 1976) of colours in sRGB, 0 to 1, shape (..., 3): of black 0, of white 100.
 
     Examples
     --------
