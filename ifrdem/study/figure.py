@@ -621,7 +621,9 @@ def _quantity(name: str, text: str | None = None) -> str:
         text = re.sub(rf"(?<![\w$]){words}(?!\w)", symbol.replace("\\", r"\\"), text)
     # a20, P_xy, N_1, T_x
     text = re.sub(r"(?<![\w$])(?:(a)_?(\d+)|([NPT])_(1|[xyrt]{1,2}))(?!\w)", r"$\1\3_{\2\4}$", text)
-    return text.removeprefix("species ") if "$" in text else text
+    if "$" not in text:
+        return text
+    return text.removeprefix("species ").replace(" -$", " $-").replace(" - ", " $-$ ")  # no hyphens for minus
 
 
 def _symbol(results: Results, name: str) -> str:
