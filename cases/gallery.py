@@ -20,7 +20,9 @@ from PIL import Image
 from ifrdem.case import shipped
 
 DOCS = Path(__file__).resolve().parents[1] / "ifrdem" / "docs"
-WIDTH, COLOURS = 960, 40
+WIDTH, COLOURS = 960, 96
+GREYS = 16
+"""Greys of each picture: without them lines of the grid vanish, and frames and text take other colours."""
 ORDER = (
     "cooling",
     "clusters",
@@ -114,11 +116,15 @@ def shrink(
     colours: int = COLOURS,
     method: Image.Quantize = Image.Quantize.MAXCOVERAGE,
 ) -> None:
-    """Write a copy of a picture that is so many pixels wide, in so many colours."""
+    """Write a copy of a picture that is so many pixels wide, in so many colours, `GREYS` of them greys."""
     with Image.open(picture) as image:
         height = round(image.height * width / image.width)
         copy = image.convert("RGB").resize((width, height), Image.Resampling.LANCZOS)
-        copy.quantize(colours, method=method, dither=Image.Dither.NONE).save(small, optimize=True)
+    own = copy.quantize(colours - GREYS, method=method, dither=Image.Dither.NONE).getpalette() or []
+    greys = [255 * i // (GREYS - 1) for i in range(GREYS)]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*own[: 3 * (colours - GREYS)], *(each for grey in greys for each in (grey,) * 3)])
+    copy.quantize(palette=palette, dither=Image.Dither.NONE).save(small, optimize=True)
 
 
 def on_the_wall(name: str) -> str:
@@ -284,14 +290,14 @@ def study(runs: Path) -> None:
         for words in (["new", "study", "--force"], ["study", "study.toml"]):
             ifrdem(*words, cwd=runs)
     for what in ("T", "theta"):
-        words = ["plot", "study.nc", what, "--over", "tau", "--by", "e_n", "--force"]
-        ifrdem(*words, cwd=runs)
+        words = ["plot", "study.nc", what, "--over", "tau", "--by", "e_n"]
+        ifrdem(*words, "--size", "9in", "--no-title", "--force", cwd=runs)
     with Image.open(runs / "study-T.png") as upper, Image.open(runs / "study-theta.png") as lower:
         both = Image.new("RGB", (upper.width, upper.height + lower.height))
         both.paste(upper, (0, 0))
         both.paste(lower, (0, upper.height))
         both.save(runs / "study.png")
-    shrink(runs / "study.png", DOCS / "gallery" / "study.png", WIDTH, 96, Image.Quantize.FASTOCTREE)
+    shrink(runs / "study.png", DOCS / "gallery" / "study.png", 1200)
 
 
 def mixture_study(runs: Path) -> None:

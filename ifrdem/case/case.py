@@ -320,7 +320,7 @@ class SpeciesSection(Section):
     material: Name | None = field("aluminium", None)
     """Name of the material [text]; not needed with a coin, which brings its own."""
     coin: CoinName | None = field("1 pta", None)
-    """Mass and diameter of this coin of the paper's Sec. III [text; SI units only]."""
+    """Coin of the paper's Sec. III [text; SI units only] whose mass and diameter are taken."""
     mass: Positive | None = field(1.19e-3, None)
     """Mass of one disk [kg]."""
     radius: Positive | None = field(10.5e-3, None)
@@ -612,9 +612,9 @@ class StartSection(Section):
     speed: Positive | None = field(1.0, None)
     """Of an impact scan: speed of the disk that hits [m/s]."""
     file: Name | None = field("start.csv", None)
-    """CSV file [text; path from the case file]: a line a disk, in the order of the species, with the columns x, y [m]
-    and, to set velocities too, vx, vy [m/s] and spin [rad/s]. Or a dump of LAMMPS, or extended XYZ, whose rows are put
-    into that order by type and id."""
+    """CSV file [text; path from the case file]: a line for each disk, in the order of the species, with the columns
+    x, y [m] and, to set velocities too, vx, vy [m/s] and spin [rad/s]. Or a dump of LAMMPS, or extended XYZ, whose rows
+    are put into that order by type and id."""
     columns: dict[str, str] | None = field({"x": "pos x"}, None)
     """Names of columns in the file, if they differ [table]."""
     units: dict[str, str] | None = field({"x": "mm"}, None)

@@ -222,7 +222,7 @@ class IFRMaterial(MaterialSection):
 
     law: Literal["ifr"] = field("ifr", "ifr", description=LAW)
     coin: CoinName | None = field("1 pta", None)
-    """Take e_n, e_t, mu of this coin of the paper's Table II [text], for instance."""
+    """Coin of the paper's Table II [text] whose e_n, e_t and mu are taken."""
     e_n: NormalRestitution | None = None
     e_t: TangentialRestitution | None = None
     mu: Friction | None = None

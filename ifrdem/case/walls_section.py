@@ -133,7 +133,7 @@ class WallSection(Section):
     radius, angles), "polyline" or "polygon" (both sides, all corners; points, file or path)."""
     material: str | None = field("steel", None, min_length=1, max_length=100)
     """Name of the material [text]: that of a species, or another one with a [[pair]] for each material of the disks.
-    Needed but for a thermal wall, which has none."""
+    Every wall needs one, except a thermal wall, which has none."""
     motion: MotionOfWall | None = field({"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}, None)
     """Motion of the whole wall [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, frequency,
     phase; rise), along a direction. At rest without it."""

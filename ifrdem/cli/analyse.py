@@ -74,7 +74,7 @@ def analyse(
         str,
         Parameter(
             name="FILE WHAT",
-            help="trajectories (.h5), or the folder of one, then names from the list above (default: all)",
+            help="trajectories (.h5), or the folder of one, then names of analyses (default: all)",
         ),
     ],
     frames: Frames = None,

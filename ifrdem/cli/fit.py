@@ -197,7 +197,8 @@ def fit(
     *data: Annotated[
         str,
         Parameter(
-            name="DATA", help="a CSV file of measured impacts, see above; several: of disks and of walls"
+            name="DATA",
+            help="a CSV file of measured impacts (`ifrdem docs fit`); several: of disks and of walls",
         ),
     ],
     example: Annotated[bool, flag("print a synthetic CSV file and do nothing else")] = False,
@@ -526,7 +527,9 @@ the clips of a film. Files of TrackMate, DeepLabCut and Tracker, and the folder 
 
 
 def collisions(
-    tracks: Annotated[str, Parameter(name="TRACKS", help="a CSV file of positions per frame, see above")],
+    tracks: Annotated[
+        str, Parameter(name="TRACKS", help="a CSV file of positions per frame (`ifrdem docs fit`)")
+    ],
     /,
     *,
     disk: Annotated[
@@ -792,7 +795,9 @@ and so on.
 
 def compare(
     file: File,
-    measured: Annotated[str, Parameter(name="MEASURED", help="a CSV file of measured positions, see above")],
+    measured: Annotated[
+        str, Parameter(name="MEASURED", help="a CSV file of measured positions (`ifrdem docs fit`)")
+    ],
     /,
     *,
     error: Annotated[

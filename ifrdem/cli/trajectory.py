@@ -185,9 +185,9 @@ def export(
     """Copy a trajectory into another format, or collisions or a study into a table.
 
     Copies frames into a file of another format: gsd (HOOMD, OVITO, freud; single precision, origin in the middle of
-    the box), extxyz (ASE, OVITO), csv (a line a disk and frame) or h5 (a trajectory in one file, such as of one in
-    parts; it needs -o). --what collisions writes a line for each collision of the tracked disks. Of a study (NAME.nc),
-    csv and parquet have a line for each run, with its keys, its seed and its numbers. To open a trajectory in ParaView,
+    the box), extxyz (ASE, OVITO), csv (a line for each disk and frame) or h5 (a trajectory in one file, such as of one
+    in parts; it needs -o). --what collisions writes a line for each collision of the tracked disks. Of a study
+    (NAME.nc), csv and parquet have a line for each run, with its keys, its seed and its numbers. To open a trajectory in ParaView,
     OVITO, xarray or ASE without a copy, see `ifrdem link`.
     """
     from ..trajectory import export as exporting
@@ -250,7 +250,7 @@ def movie(
     /,
     *,
     frames: Frames = None,
-    fps: Annotated[int, option(Annotated[int, Integer(1, 240)], "N", "pictures a second (default: 25)")] = 25,
+    fps: Annotated[int, option(Annotated[int, Integer(1, 240)], "N", "frames per second (default: 25)")] = 25,
     size: Annotated[
         tuple[int, int] | None,
         option(
@@ -339,7 +339,7 @@ def history(
     *,
     id: Annotated[int, option(Annotated[int, Integer(0)], "ID", "id of the disk, from 0")],
     output: Annotated[
-        str | None, option(str, "CSV", "file to write: a line an event, every digit", "--output", "-o")
+        str | None, option(str, "CSV", "file to write: a line for each event, every digit", "--output", "-o")
     ] = None,
     force: Force = False,
 ) -> None:

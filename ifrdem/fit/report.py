@@ -387,7 +387,7 @@ def law_lines(heading: Sequence[str], fitted: Fitted) -> list[str]:
 
 @validated
 def draws(fit: Fit, number: Count, seed: Seed = 1) -> str:
-    """A CSV table of coefficients of the best law, drawn from their joint distribution: a line a draw.
+    """A CSV table of coefficients of the best law, drawn from their joint distribution: a line for each draw.
 
     Raises InputError as `Fitted.draw`.
 

@@ -18,7 +18,7 @@ from ..simulation.simulation import Simulation
 from ..tools.checked import Array
 from ..trajectory.export import kinds, material_names, species
 from ..trajectory.reader import Frame, Trajectory
-from .style import KINDS, Bounded, Gas, color_bar, foreground, is_dark, label, place_axes, unit_of, with_unit
+from .style import Bounded, Gas, color_bar, foreground, is_dark, label, place_axes, shades, unit_of, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -161,7 +161,7 @@ def colour_map(scale: str, *, dark: bool, kinds: int = 1) -> Colormap:
     if scale == "signed":
         return LinearSegmentedColormap.from_list("spins", SPINS_ON_DARK if dark else SPINS)
     if scale == "kinds":
-        return ListedColormap([KINDS[i % len(KINDS)] for i in range(max(kinds, 1))])
+        return ListedColormap([*map(tuple, shades(max(kinds, 1), dark=dark))])
     if scale == "cyclic":  # from -180 degrees
         return LinearSegmentedColormap.from_list("directions", [*DIRECTIONS[4:], *DIRECTIONS[1:5]])
     return colormaps["inferno" if dark else "viridis"]

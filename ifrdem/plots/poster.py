@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..tools.checked import Array
 from . import disks
-from .style import Gas, color_bar, unit_of
+from .style import Gas, color_bar, lightness, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,24 +117,22 @@ def _key(axes: Axes, bar: Any, down: float, size: float) -> None:
     names = [each.get_text() for each in bar.ax.get_yticklabels()] if bar.cmap.N < 20 else []
     if (bar.norm.vmin, bar.norm.vmax) == (-180.0, 180.0):
         for i, arrow in enumerate(ARROWS):
-            inset.text(
-                (0.02, 0.25, 0.5, 0.75, 0.98)[i],
-                0.5,
-                arrow,
-                color="black",
-                ha="center",
-                weight="bold",
-                **style,
-            )
+            place, side = (0.02, 0.25, 0.5, 0.75, 0.98)[i], ("left", *["center"] * 3, "right")[i]
+            inset.text(place, 0.5, arrow, color=_ink(bar.cmap(0.25 * i)), ha=side, weight="bold", **style)
     elif len(names) == bar.cmap.N:
         for i, name in enumerate(names):
-            inset.text((i + 0.5) / len(names), 0.5, name, color="black", ha="center", **style)
+            inset.text((i + 0.5) / len(names), 0.5, name, color=_ink(bar.cmap(i)), ha="center", **style)
     else:
         style |= {"color": "white", "transform": axes.transAxes}
         text = textwrap.fill(str(bar.ax.get_ylabel()).splitlines()[0], 36)
         axes.text(left - 0.01, down, f"{bar.norm.vmin:.3g}", ha="right", **style)
         axes.text(left + width + 0.01, down, f"{bar.norm.vmax:.3g}", ha="left", **style)
         axes.text(left - 0.08, down, text, ha="right", **style | {"fontsize": 0.8 * size})
+
+
+def _ink(colour: tuple[float, ...]) -> str:
+    """The colour of text on a colour."""
+    return "black" if lightness(colour[:3]) > 50.0 else "white"
 
 
 def scale_length(width: float) -> float:

@@ -148,7 +148,8 @@ def title(trajectory: Trajectory) -> str:
     """Title of a picture of a run."""
     text, n = gas(trajectory), trajectory.n
     if "collisions" in trajectory.observables and n:
-        text += f", {2.0 * float(trajectory.observables['collisions'][-1]) / n:.3g} collisions per disk"
+        number = f"{2.0 * float(trajectory.observables['collisions'][-1]) / n:.3g}"
+        text += f", {f'{float(number):.0f}' if 'e+' in number else number} collisions per disk"
     return text
 
 

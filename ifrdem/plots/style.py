@@ -45,6 +45,39 @@ LOOKS: dict[str, tuple[str, bool, Any]] = dict(
     )
 )  # fmt: skip
 """Marker of a colour, whether it is filled, and dashes: series of one figure differ without colours, too."""
+ENDS = {False: (28.0, 78.0), True: (40.0, 86.0)}
+"""Lightness L* of the first and the last kind of disks, by whether the background is dark."""
+
+
+def lightness(rgb: Any) -> Array:
+    """Lightness L* (of 1976) of colours in sRGB, 0 to 1, shape (..., 3): of black 0, of white 100.
+
+    Examples
+    --------
+    >>> float(lightness([119 / 255] * 3).round(1))
+    50.0
+    """
+    rgb = np.asarray(rgb, dtype=float)
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    Y = linear @ (0.2126, 0.7152, 0.0722)
+    return np.where(Y > (6.0 / 29.0) ** 3, 116.0 * np.cbrt(Y) - 16.0, Y * 24389.0 / 27.0)
+
+
+def shades(count: int, *, dark: bool = False) -> Array:
+    """Colours of so many kinds of disks, shape (count, 3): those of `KINDS` with black or white.
+
+    Each is lighter than the one before, so that kinds differ without colours, too.
+    """
+    from matplotlib.colors import to_rgb
+
+    own = np.array([to_rgb(KINDS[i % len(KINDS)]) for i in range(count)])
+    wanted = np.linspace(*ENDS[dark], count)
+    other = np.where(lightness(own) < wanted, 1.0, 0.0)[:, None]  # white or black
+    part = np.linspace(0.0, 1.0, 201)
+    mixed = own[:, None] * (1.0 - part[:, None]) + other[..., None] * part[:, None]
+    return mixed[np.arange(count), np.abs(lightness(mixed) - wanted[:, None]).argmin(axis=1)]
+
+
 HATCH = "////"
 """Hatching of the second of two kinds of bars."""
 

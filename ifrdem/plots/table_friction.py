@@ -18,12 +18,13 @@ from .style import (
     ROTATION,
     TRANSLATION,
     color_bar,
+    dashes,
     grid,
     label,
     legend_above,
-    marks,
     place_axes,
     positive,
+    some_marks,
 )
 
 MOST_PATHS = 2000
@@ -55,12 +56,13 @@ def table(run: Run, path_png: PicturePath = None) -> Figure:
 
 
 def _energies(axes: Axes, trajectory: Trajectory) -> None:
-    for name, colour, text in (
+    for i, (name, colour, text) in enumerate((
         ("translational_energy", TRANSLATION, r"translational, $\sum m v^2 / 2$"),
         ("rotational_energy", ROTATION, r"rotational, $\sum I \omega^2 / 2$"),
-    ):
+    )):  # fmt: skip
         values = trajectory.observables[name]
-        axes.plot(trajectory.times, positive(values), ms=3, label=text, **marks(colour, ls="-"))
+        look = some_marks(colour, i, ls=dashes(colour)["ls"])
+        axes.plot(trajectory.times, positive(values), label=text, **look)
         if np.any(values > 0.0):
             axes.set_yscale("log")
     axes.set_ylabel(label(trajectory, "energy of all disks", "energy"))

@@ -556,7 +556,8 @@ def _legend(
         axes.errorbar(
             [], [], [], fmt="none", color="black", capsize=4, lw=0.8, label=f"{PERCENT} interval: {both}"
         )
-    label = f"{PERCENT} interval of the mean (Student's $t$, {seeds})"
+    ended = "\n" if is_narrow(axes) and not several else " "  # so that more columns have room
+    label = f"{PERCENT} interval of the mean{ended}(Student's $t$, {seeds})"
     if seeds is not None and rows:
         alpha = 1.0 - 0.75 * (1.0 - WIDE) if both else 0.25  # it lies on the wide one
         axes.fill_between([], [], [], color="black", alpha=alpha, lw=0, label=label)
@@ -573,7 +574,7 @@ def _legend(
     if several:
         legend_of_figure(axes.get_figure(), axes, 6 if not is_narrow(axes) else 2)
     else:
-        legend_above(axes, 2 if is_narrow(axes) else 3)
+        legend_above(axes)
 
 
 def _shade(i: int, count: int) -> Any:
@@ -603,7 +604,13 @@ def _label(results: Results, name: str, power: int = 0) -> str:
 
 
 def _quantity(name: str, text: str | None = None) -> str:
-    """A quantity of the results in words, those of its analysis if given, and symbols: "T of a" as $T$ of a."""
+    """A quantity of the results in words, those of its analysis if given, and symbols: "T of a" as $T$ of a.
+
+    Examples
+    --------
+    >>> _quantity("stress_friction", "friction -P_xy / P_yy")
+    'friction $-P_{xy}$ / $P_{yy}$'
+    """
     if name in SYMBOLS:
         return SYMBOLS[name]
     text = name.replace("_", " ") if text is None else plain(text)
@@ -620,7 +627,9 @@ def _quantity(name: str, text: str | None = None) -> str:
         text = re.sub(rf"(?<![\w$]){words}(?!\w)", symbol.replace("\\", r"\\"), text)
     # a20, P_xy, N_1, T_x
     text = re.sub(r"(?<![\w$])(?:(a)_?(\d+)|([NPT])_(1|[xyrt]{1,2}))(?!\w)", r"$\1\3_{\2\4}$", text)
-    return text.removeprefix("species ") if "$" in text else text
+    if "$" not in text:
+        return text
+    return text.removeprefix("species ").replace(" -$", " $-").replace(" - ", " $-$ ")  # no hyphens for minus
 
 
 def _symbol(results: Results, name: str) -> str:

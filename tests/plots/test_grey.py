@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import rgb_to_hsv, to_rgb
 from matplotlib.figure import Figure
 from support import grey
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter
 from ifrdem.analysis.catalogue import FUNCTIONS
-from ifrdem.plots import pictures
-from ifrdem.plots.style import KINDS, LOOKS, ROTATION, TRANSLATION, marked_line
+from ifrdem.plots import disks, pictures
+from ifrdem.plots.style import KINDS, LOOKS, ROTATION, TRANSLATION, lightness, marked_line
 
 N = 200
 LEAST = 10.0  # L* averaged over the inked pixels; the same marker or line in blue and vermilion has 2 to 8 (below)
@@ -71,6 +72,18 @@ def test_kinds_differ_in_grey_and_colours_alone_do_not() -> None:
     assert of(*(marked_line(color) for color in LOOKS)) > LEAST
     for style in ({"ls": "-"}, {"marker": "o", "mfc": "none", "ls": "none"}):
         assert of(*({"color": color, **style} for color in (TRANSLATION, ROTATION))) < LEAST
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("count", [2, 3, 5, 8])
+def test_kinds_of_disks_differ_in_grey_and_keep_their_hues(count: int, *, dark: bool) -> None:
+    """Large disks of two kinds had greys of L* 54 and 58 (`brazil_nut`); curves of species have the same hues."""
+    colours = disks.colour_map("kinds", dark=dark, kinds=count)(np.arange(count))[:, :3]
+    steps = np.diff(lightness(colours))
+    assert steps.min() > 0.9 * steps.max() > 6.0
+    for colour, own in zip(colours, KINDS, strict=False):
+        hue, expected = (rgb_to_hsv(to_rgb(each))[0] for each in (colour, own))
+        assert to_rgb(own) == (0.6, 0.6, 0.6) or abs(hue - expected) < 0.02
 
 
 def test_the_energy_of_a_gas_that_cools_is_logarithmic(mixture: Path) -> None:

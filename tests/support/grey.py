@@ -10,12 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-
-def lightness(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
-    """L* of colours in sRGB, 0 to 1: of black 0, of white 100 (CIE 1976, IEC 61966-2-1)."""
-    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    Y = linear @ (0.2126, 0.7152, 0.0722)
-    return np.where(Y > (6.0 / 29.0) ** 3, 116.0 * np.cbrt(Y) - 16.0, Y * 24389.0 / 27.0)
+from ifrdem.plots.style import lightness
 
 
 def _drawn(axes: Axes, number: int) -> NDArray[np.float64]:

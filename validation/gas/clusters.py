@@ -40,6 +40,7 @@ from ...model.box import Box
 from ...model.collapse import ContactTime
 from ...model.laws.ifr import IFRLaw
 from ...model.state import State
+from ...plots.style import dashes
 from ...simulation.simulation import Simulation
 from ...theory.cooling_gas import changes_per_collision
 from ...theory.hydrodynamics import excess
@@ -255,7 +256,7 @@ def _curves(
         edges = np.linspace(0.05, 1.2, 24)
         place = np.digitize(k_xi, edges)
         kept = [b for b in range(1, len(edges)) if np.count_nonzero(place == b) > 3]
-        middle.plot(x, growth(x**2 * (1.0 - slowness(x**2, z)), z * tau), color=style.COLOURS[i])
+        middle.plot(x, growth(x**2 * (1.0 - slowness(x**2, z)), z * tau), **dashes(style.COLOURS[i]))
         middle.errorbar(
             [k_xi[place == b].mean() for b in kept], [S[place == b].mean() for b in kept],
             [S[place == b].mean() / math.sqrt(np.count_nonzero(place == b)) for b in kept], fmt="os"[i], mfc="none",
@@ -266,7 +267,7 @@ def _curves(
     shown = [looks[0], *[look for look in looks[:-1] if look.tau in (10.0, 20.0, 30.0, 40.0)], looks[-1]]
     for i, look in enumerate(shown):
         found = analysis.structure_factor(look.state.position, box, k_max=1.5, rings=60)
-        right.plot(found.k, found.S, color=style.COLOURS[i], label=rf"$\tau$ = {look.tau:g}")
+        right.plot(found.k, found.S, label=rf"$\tau$ = {look.tau:g}", **dashes(style.COLOURS[i]))
     right.set(xscale="log", yscale="log", xlabel=r"$k$ (1 / diameter)", ylabel=r"structure factor $S(k)$")
     right.legend(fontsize=7)
     style.titles(left, middle, right)

@@ -258,13 +258,13 @@ def _picture(phi: float, size: Size, names: Sequence[str], gases: list[CooledGas
     figure, axes = style.panels(len(names), 2, width=2.7, height=2.4)
     for at, gas in enumerate(gases):
         i = at // len(STARTS)
-        colour = style.BLUE if gas.heat == "cold" else style.VERMILION
+        colour, marker = (style.BLUE, "o") if gas.heat == "cold" else (style.VERMILION, "^")
         for place, of, begin in ((axes[i], "T", 0), (axes[i + len(names)], "theta", 1)):
             each = (gas.small, gas.dsmc, gas.exact)
             small, dsmc, exact = (getattr(one, of).mean(axis=0)[begin:] for one in each)
-            place.plot(TAU[begin:], exact, color=colour, lw=0.9, label=f"{gas.heat} spins")
+            place.plot(TAU[begin:], exact, color=colour, lw=0.9)
             place.plot(TAU[begin:], dsmc, "--", color=colour, lw=0.9)
-            style.points(place, TAU[begin:], small, colour)
+            style.points(place, TAU[begin:], small, colour, f"{gas.heat} spins", marker)
             if gas.large is not None:
                 large = getattr(gas.large, of).mean(axis=0)[begin:]
                 place.plot(TAU[begin:], large, "+", color=colour, ms=5.0)
@@ -276,7 +276,7 @@ def _picture(phi: float, size: Size, names: Sequence[str], gases: list[CooledGas
     axes[0].legend(fontsize=7)
     caption = (
         f"Cooling at packing fraction {phi} from cold (blue) and hot (vermilion) spins: simulated "
-        f"({size.disks} disks circles, {LARGE} crosses), DSMC (dashed) and closed form (lines). Where markers "
+        f"({size.disks} disks circles and triangles, {LARGE} crosses), DSMC (dashed) and closed form (lines). Where markers "
         "leave the dashes, places matter: waves, and more of them in the larger box; where dashes leave the "
         "lines, velocities and spins are not Gaussian, spins with heavy tails first of all."
     )

@@ -106,7 +106,7 @@ def _haff(result: Result, quick: bool, seed: int, axes: Any) -> None:
         if phi == DILUTE[0]:
             _haff_time(result, runs, exact, a_2, seeds)
         colour = (style.BLUE, style.VERMILION)[i]
-        axes.plot(TAU[NORMAL:], right[NORMAL:], color=colour)
+        axes.plot(TAU[NORMAL:], right[NORMAL:], ("-", "-.")[i], color=colour)
         axes.fill_between(
             TAU[NORMAL:], (right - off)[NORMAL:], (right + off)[NORMAL:], color=colour, alpha=0.15, lw=0.0
         )

@@ -30,6 +30,7 @@ from ...model.laws.law import CollisionLaw
 from ...model.laws.walton import Walton
 from ...model.observables import Measure
 from ...model.state import State
+from ...plots.style import some_marks
 from ...simulation.dsmc import DSMC
 from ...theory import driven_gas
 from ...tools.checked import Array
@@ -48,6 +49,8 @@ ERROR = 0.7  # of angles, degrees
 PHI = 0.2
 NAMES = ("IFR", "Walton")
 LOOK = dict(zip(NAMES, (style.BLUE, style.VERMILION), strict=True))
+THEORY = dict(zip(NAMES, ((0, (5.0, 2.0)), (0, (1.5, 1.0))), strict=True))
+"""Dashes of kinetic theory of each law."""
 END, QUICK_END, DISKS = 120.0, 20.0, 4000
 CELLS = 12  # along a side: 28 disks each
 AT = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 20.0])  # collisions per disk of DSMC
@@ -280,11 +283,12 @@ def _cells(both: list[Mean]) -> tuple[str, ...]:
 
 
 def _band(axes: Any, x: Array, values: Array, colour: str, label: str | None = None, **look: Any) -> None:
-    """Mean over replicas, the first axis, with a band of its 95 % interval."""
+    """Mean over replicas, the first axis, with a band of its 95 % interval; markers by the colour."""
     mean, error = values.mean(axis=0), values.std(axis=0, ddof=1) / np.sqrt(len(values))
     half = student_t(len(values)) * error
     axes.fill_between(x, mean - half, mean + half, color=colour, alpha=0.25, lw=0.0)
-    axes.plot(x, mean, color=colour, label=label, **look)
+    place = 4 * (colour in (style.VERMILION, style.PURPLE))
+    axes.plot(x, mean, label=label, **some_marks(colour, place, **look))
 
 
 def _picture(impacts: FittedLaw, gases: list[CoolingSeries], driven: list[Array]) -> Picture:
@@ -308,7 +312,8 @@ def _picture(impacts: FittedLaw, gases: list[CoolingSeries], driven: list[Array]
         "the difference of both laws, and the error of a measured angle. (b), (c) Cooling from cold spins; T contains "
         "streams. (d) The ratio of both at equal collisions per disk. (e) Scatter of the numbers in cells over their "
         f"mean, and energy in streams, in cells of ten diameters. (f) Driven by random kicks. Bands: {PERCENT} "
-        f"intervals of means over {REPLICAS} seeds. Dashed: kinetic theory of a homogeneous gas."
+        f"intervals of means over {REPLICAS} seeds. Dashed: kinetic theory of a homogeneous gas; the short dashes are of "
+        "Walton's law."
     )
     return Picture("gas_laws", caption, figure)
 
@@ -316,7 +321,7 @@ def _picture(impacts: FittedLaw, gases: list[CoolingSeries], driven: list[Array]
 def _draw_impacts(axes: Any, one: FittedLaw) -> None:
     axes.axhspan(-ERROR, ERROR, color=style.GREY, alpha=0.2, lw=0.0, label="error of a measurement")
     for i, colour in enumerate((style.GREEN, style.PURPLE)):
-        axes.plot(FINE, one.difference[i], color=colour, label=rf"$\delta_{i + 1}$")
+        axes.plot(FINE, one.difference[i], label=rf"$\delta_{i + 1}$", **some_marks(colour, 4 * i))
     axes.axvline(PSI[-1], color=style.GREY, ls=":", lw=0.9, label="last angle of the fit")
     axes.set(
         xlabel=r"angle of incidence $\psi$ (degrees)", ylabel="Walton less IFR (degrees)", xlim=(0.0, 85.0)
@@ -332,8 +337,9 @@ def _draw_cooling(axes: Any, laws: Laws, gases: list[CoolingSeries]) -> None:
         _band(axes[1], tau, gas.theta, LOOK[name], name)
         T, T_rot, counted = theory.cooling(law, 1.0, 0.5, 2.0, PHI, 1.0, 0.0, times)
         shown = counted <= min(60.0, tau[-1])
-        axes[0].plot(counted[shown], T[shown], "--", color=LOOK[name], lw=0.9)
-        axes[1].plot(counted[shown], (T_rot / T)[shown], "--", color=LOOK[name], lw=0.9)
+        drawn: dict[str, Any] = {"color": LOOK[name], "ls": THEORY[name], "lw": 0.9}
+        axes[0].plot(counted[shown], T[shown], label=f"{name}, kinetic theory", **drawn)
+        axes[1].plot(counted[shown], (T_rot / T)[shown], **drawn)
     for what, colour, label in (("T", style.GREEN, "$T$"), ("theta", style.PURPLE, r"$\theta$")):
         above, below = (getattr(gases[i], what)[:, 1:] for i in (1, 0))
         whole = above.mean(axis=0) / below.mean(axis=0)
@@ -341,7 +347,6 @@ def _draw_cooling(axes: Any, laws: Laws, gases: list[CoolingSeries]) -> None:
         _band(axes[2], tau[1:], 100.0 * (each - 1.0), colour, label)
     axes[2].axhline(0.0, color=style.BLACK, lw=0.7)
     labels = ("$T / T(0)$", r"$\theta = T_\mathrm{rot} / T$", "Walton / IFR $-$ 1 (%)")
-    axes[0].plot([], [], "--", color=style.BLACK, lw=0.9, label="kinetic theory")
     for one, label, corner in zip(axes, labels, ("upper right", "upper right", "upper left"), strict=True):
         one.set(xlabel=r"collisions per disk $\tau$", ylabel=label, xlim=(0.0, tau[-1]))
         one.legend(loc=corner)
@@ -354,7 +359,7 @@ def _draw_clusters(axes: Any, gases: list[CoolingSeries]) -> None:
     for name, gas in zip(NAMES, gases, strict=True):
         _band(axes, gas.tau, gas.clumping, LOOK[name], f"{name}, numbers in cells")
         _band(right, gas.tau, gas.streaming, LOOK[name], ls=":")
-        axes.plot([], [], ":", color=LOOK[name], label=f"{name}, energy in streams (right)")
+        axes.plot([], [], label=f"{name}, energy in streams (right)", **some_marks(LOOK[name], 0, ls=":"))
     axes.tick_params(right=False)
     axes.set(xlabel=r"collisions per disk $\tau$", xlim=(0.0, gases[0].tau[-1]), ylim=(0.0, 46.0))
     axes.set(ylabel=r"$\langle (N - \langle N \rangle)^2 \rangle / \langle N \rangle$, $N$ in a cell")
@@ -372,7 +377,7 @@ def _draw_driven(axes: Any, laws: Laws, driven: list[Array]) -> None:
         _band(axes, time, one[:, 0], LOOK[name], f"{name}: $T$")
         _band(axes, time, one[:, 1] / one[:, 0], LOOK[name], rf"{name}: $\theta$", ls=":")
         for value in (T, T_rot / T):
-            axes.axhline(value, color=LOOK[name], ls="--", lw=0.9)
+            axes.axhline(value, color=LOOK[name], ls=THEORY[name], lw=0.9)
     axes.set(xlabel="time (diameters / speed of a disk at $T = 1$)", ylabel=r"$T$ (units of $T(0)$), $\theta$",
              ylim=(0.0, 1.1), xlim=(0.0, DRIVEN_END))  # fmt: skip
     axes.legend(loc="center right")

@@ -46,6 +46,7 @@ from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks
 from ...model.walls.motion import Motion
 from ...model.walls.wall import Wall
+from ...plots.style import dashes
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style
@@ -191,8 +192,8 @@ def _floating(result: Result, quick: bool, seed: int, left: Any, right: Any) -> 
             seeds=seeds, systematic=0.5 * (ends[1] - ends[0]), widest=0.35, source=SWINGING,
             why="from 1, a gas of constant temperature, to 2^(1/2), one of constant energy",
         )  # fmt: skip
-        left.plot(np.mean([bed.phi for bed in beds], axis=0), beds[0].height, color=style.COLOURS[i],
-                  label=f"$S$ = {strength:g}, $F$ = {LAYERS}")  # fmt: skip
+        left.plot(np.mean([bed.phi for bed in beds], axis=0), beds[0].height,
+                  label=f"$S$ = {strength:g}, $F$ = {LAYERS}", **dashes(style.COLOURS[i]))  # fmt: skip
         style.errorbars(right, strength, swings, style.BLUE, None if i > 1 else "simulated")
     few = [_bed(100.0, 2, one, 0.5 * long) for one in seeds_of(seed, 4, 6200)]
     result.near(
@@ -297,7 +298,12 @@ def _mixtures(result: Result, quick: bool, seed: int, left: Any, right: Any) -> 
                 mean = np.mean([one[2][j] for one in found], axis=0)
                 colour, kind = style.COLOURS[j], ("small", f"large, mass {mass:g}")[j]
                 style.points(
-                    right, np.arange(len(mean)) + 0.5, mean, colour, kind if i or j else None, "o^"[i == 3]
+                    right,
+                    np.arange(len(mean)) + 0.5,
+                    mean,
+                    colour,
+                    kind if i or j else None,
+                    ("o^", "sv")[j][i == 3],
                 )
                 right.plot(y, n[j], color=colour, ls="-" if i else "--")
         for j in range(2):

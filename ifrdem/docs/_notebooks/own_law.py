@@ -1,7 +1,7 @@
 # %% [markdown]
 # # A custom law
 #
-# A law is a class, and a cell is as good a place for it as a file. In this one, restitution falls with the speed of
+# A law is a class, and it may stand in a cell or in a file. In this one, restitution falls with the speed of
 # approach, as for viscoelastic spheres to lowest order.
 
 # %%
@@ -55,7 +55,7 @@ cooling["constant"] = temperatures(ifrdem.IFRLaw(e_n=0.86, e_t=-1.0, mu=0.0))
 from matplotlib import pyplot
 
 axes = pyplot.figure(layout="constrained").subplots()
-for name, (t, T) in cooling.items():
-    axes.loglog(t[1:], T[1:], "o-", mfc="none", ms=4, label=name)
+for (name, (t, T)), look in zip(cooling.items(), ("o-", "^--"), strict=True):
+    axes.loglog(t[1:], T[1:], look, mfc="none", ms=4, label=name)
 axes.set(xlabel="time $t$", ylabel="temperature $T$")
 _ = axes.legend()

@@ -36,7 +36,7 @@ run.plot("temperatures", ax=axes[0, 0], over="tau")
 run[-1].plot(ax=axes[0, 1], color="speed")
 run.plot("rdf", ax=axes[1, 0])
 run.plot("energy", ax=axes[1, 1])
-_ = axes[0, 0].set_title("bands: 95 % intervals", fontsize="medium")
+_ = axes[0, 0].set_title("markers: the gas, dashed: kinetic theory", fontsize="medium")
 
 # %% [markdown]
 # Results of `ifrdem.analysis`, which takes arrays from anywhere, draw themselves too.

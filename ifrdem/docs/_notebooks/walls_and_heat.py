@@ -25,8 +25,8 @@ from matplotlib import pyplot
 
 axes = pyplot.figure(layout="constrained").subplots()
 time, heat = run.series.time, run.series["walls_heat"]
-for column, name in zip(heat.T, ("hot wall", "cold wall"), strict=False):
-    axes.plot(time, column, label=name)
+for column, name, line in zip(heat.T, ("hot wall", "cold wall"), ("-", "--"), strict=False):
+    axes.plot(time, column, line, label=name)
 axes.set(xlabel="time", ylabel="heat given to the disks")
 _ = axes.legend()
 
