@@ -65,7 +65,7 @@ def test_the_virial_is_that_of_tracked_collisions(device):
     assert abs(found[0, 1] - found[1, 0]) > 1e-4 * found[0, 0]
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 def test_walls_and_posts_transfer_momentum_and_energy_from_where_they_are_touched(device):
     """Walls that move and heat, an arc, a post and gravity; the normal of an event points from the disk to the wall."""
     box = Box((12.0, 30.0), (False, False))
@@ -91,7 +91,6 @@ def test_walls_and_posts_transfer_momentum_and_energy_from_where_they_are_touche
     np.testing.assert_allclose(found, virial_of(events, disks), rtol=1e-9, atol=1e-9 * np.abs(found).max())
 
 
-@pytest.mark.full
 def test_an_immovable_disk_transfers_what_the_other_one_loses(device):
     """From the left onto an immovable disk: dp = -2 for the mover, 1 away along -x: virial 2."""
     for first in (0, 1):  # whichever id is smaller

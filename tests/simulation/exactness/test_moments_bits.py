@@ -59,7 +59,7 @@ def looked_at(
     return found, engine, len(computed) - engine.statistics.windows
 
 
-@pytest.mark.full
+@pytest.mark.full(keep=("clusters",))
 @pytest.mark.parametrize("name", sorted(set(GASES) - {"driven"}))  # whose windows end at forces
 def test_moments_in_windows_of_tiles_have_the_bits_of_the_serial_order(
     name: str, monkeypatch: pytest.MonkeyPatch
