@@ -421,7 +421,7 @@ class Flights:
                 if 0.0 < linear < own:
                     if linear < speed / _UNCLEAR:
                         continue
-                    own = math.sqrt(2.0 * linear * speed)
+                    own = max(linear, math.sqrt(2.0 * linear * speed))  # a coin turns by w, not w^2
             else:
                 continue
             C[i, :] = C[:, i] = 0.0
