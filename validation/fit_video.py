@@ -46,7 +46,7 @@ def _slid(v: Array, w: Array) -> tuple[Array, Array, Array, Array]:
     backend.start()
     n, steps = len(w), round(FLIGHT / FINE)
     speed, rim, one = np.hypot(*v.T), COIN.radius * w, np.ones(n)
-    along = v / speed[:, None]
+    along = v / np.where(speed > 0.0, speed, 1.0)[:, None]
     moved, turned = np.zeros((steps + 1, n)), np.zeros((steps + 1, n))
     x, t, eps = np.zeros((3, n))
     for i in range(steps):

@@ -57,6 +57,7 @@ _NU = 4.0  # degrees of freedom of the Student-t noise
 _SHORT = 12  # frames of a flight that are always enough
 _RESTS = 10.0  # errors by which a disk that moves would have left its place
 _STRAYS = 5.0  # errors by which frames of a disk at rest stray from their mean
+_HIDDEN = 4.0, 0.25  # errors by which a disk moves before frames tell that it does, and that do not matter
 _SLOW = 4.0  # errors of a velocity that may be none
 _EXACT_ANGLE = 1e-6  # error of angles that do not scatter [rad]
 _FEW = f"a flight has fewer than {LEAST} frames"
@@ -266,7 +267,7 @@ class _Rest:
 
     certain: tuple[bool, bool]
     perhaps: tuple[bool, bool]
-    frames: int  # next to the impact, in which it rests; 0 if it moves
+    frames: int  # next to the impact, in which it keeps its place if it rests at the impact; 0 if it moves
     slow: tuple[float, float]  # error of a velocity and a spin, from straight flights through these frames
 
 
@@ -418,7 +419,13 @@ class _Finder:
             error * math.sqrt(12.0 / (n * (n * n - 1.0))) / self.step[one] if n else 0.0
             for n, error in zip(frames, errors, strict=True)
         ]
-        least = min((n for n in frames if n), default=0)
+        # The farthest of these frames may be those of a disk that was about to stop.
+        still = [
+            n if n == len(before) else _still(away[:n], *(math.sqrt(2.0 * part / a) for part in _HIDDEN))
+            for n, a in zip(frames, leaving, strict=True)
+            if n
+        ]
+        least = max(min(still), LEAST) if still else 0
         return _Rest((certain[0], certain[1]), (perhaps[0], perhaps[1]), least, (slow[0], slow[1]))
 
     def _noise(self, events: Mapping[int, Sequence[float]], error: float | None) -> Noise:
@@ -533,8 +540,8 @@ class _Finder:
             text = f"in {short} encounters {_FEW}; {counted(len(fits), 'impact')} were found"
             warnings.append(f"{source}: {text}. Film at more frames per second, or with fewer disks")
         return FoundCollisions(
-            pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired, (*bent, *sizes, *warnings), self.estimate,
-            self.of_kinds, self.window, self.tracks, float(np.median([*self.step.values()])), self.friction,
+            pairs, walls, self.noise, tuple(left_out), tuple(cut), exchanges, repaired,
+            (*bent, *self._of_unseen_spins(), *sizes, *warnings), self.estimate, self.of_kinds, self.window, self.tracks, float(np.median([*self.step.values()])), self.friction,
         )  # fmt: skip
 
     def _after_exchange(self, one: int, time: float) -> bool:
@@ -554,11 +561,17 @@ class _Finder:
             )
         several = self.of_kinds.values() or (found,)
         texts = dict.fromkeys(text for each in several for text in each.warnings())
-        if found.tray.a0 > 0.0 and not self.tracks.angle:
-            texts[
-                "angles were not tracked: the spins of disks that lie flat on the tray change how they slow down"
-            ] = None
         return tuple(f"{source}: {text}" for text in texts)
+
+    def _of_unseen_spins(self) -> tuple[str, ...]:
+        """A warning if spins may change how disks slow down, but no angle was tracked."""
+        found = self.estimate
+        if self.tracks.angle or found is None or self.friction == "none" or found.tray.a0 <= 0.0:
+            return ()
+        text = (
+            "angles were not tracked: the spins of disks that lie flat on the tray change how they slow down"
+        )
+        return (f"{self.tracks.source}: {text}",)
 
     def _between(
         self, times: Mapping[_Encounter, float], meeting: _Encounter, one: int
@@ -736,6 +749,14 @@ def _could_stop(x: Array, n: int, farthest: Array) -> bool:
     """
     farther = np.sqrt(np.sum((x - np.nanmean(x[:n], axis=0)) ** 2, axis=1))
     return int(np.sum(farther > 1.5 * farthest + _STRAYS)) <= 1
+
+
+def _still(away: Array, hidden: float, unseen: float) -> int:
+    """Number of frames, at times (n,) before an impact, without those within a time `hidden` of the farthest one.
+
+    All frames within a time `unseen` of the impact are kept.
+    """
+    return int(np.searchsorted(away, max(away[-1] - hidden, unseen), side="right"))
 
 
 def _ids(encounter: _Encounter) -> dict[str, float]:

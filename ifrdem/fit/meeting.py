@@ -400,7 +400,7 @@ class Flights:
 
         The distance d to the stop is v^2/(2 a), which says nothing of a small v to first order: its error is at most
         that of a v whose d is one error of the frames. Where d is not clearly more than its own error s_d, that of
-        v is sqrt(2 a s_d): the other sense is possible too.
+        v is sqrt(2 a s_d): the other sense is possible too. It is no less than to first order, as a coin turns by w, not w^2.
         """
         known = []
         for i, name in enumerate(names):
@@ -421,7 +421,7 @@ class Flights:
                 if 0.0 < linear < own:
                     if linear < speed / _UNCLEAR:
                         continue
-                    own = math.sqrt(2.0 * linear * speed)
+                    own = max(linear, math.sqrt(2.0 * linear * speed))
             else:
                 continue
             C[i, :] = C[:, i] = 0.0

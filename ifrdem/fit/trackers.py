@@ -3,7 +3,8 @@
 TrackMate (spots as CSV): four lines of header, of which the first has names and the last units; TRACK_ID is the disk.
 DeepLabCut (CSV): three lines of header, scorer, bodyparts and coords, or four with individuals; a column x, y and
 likelihood for each part. Tracker (physlets.org): the names of masses, then t, x, y of each side by side. OpenPTV
-(ptv_is.N): a file for each frame, a line of the number of disks, then previous and next row, x, y, z [mm].
+(ptv_is.N): a file for each frame, a line of the number of disks, then previous and next row, x, y, z [mm]. Trackpy
+(CSV by pandas): one line of header; its tables without short tracks have the frame twice, as index and as column.
 """
 
 from __future__ import annotations
@@ -62,6 +63,8 @@ def converted(path: Path) -> Converted | None:
         return _trackmate(path, cells)
     if cells[0][0] == "scorer" and len(lines) > 3:
         return _deeplabcut(path)
+    if cells[0][0] == "frame" and {"frame", "particle"} <= {*cells[0][1:]}:
+        return _trackpy(path)
     titled = len(lines) > 2 and not lines[0].startswith("#") and not _is_tracker(lines[0])
     if lines[0].startswith("#multi:") or (titled and _is_tracker(lines[1])):
         return _tracker(path)
@@ -118,6 +121,12 @@ def _trackmate(path: Path, cells: Sequence[Sequence[str]]) -> Converted:
     lines = ["" if 1 < number <= below else line for number, line in _rows(path)]
     used = "TRACK_ID as id, POSITION_X and POSITION_Y as x and y, POSITION_T as t"
     return Converted("TrackMate", "\n".join((",".join(header), *lines[1:])) + "\n", used)
+
+
+def _trackpy(path: Path) -> Converted:
+    """A table without its index."""
+    rows = [line.partition(",")[2] for _, line in _rows(path)]
+    return Converted("Trackpy", "\n".join(rows) + "\n", "its index repeats the column frame, and is not used")
 
 
 def _deeplabcut(path: Path) -> Converted:

@@ -47,6 +47,7 @@ _MISSING = ("", "nan", "na", "n/a", "-", "none", "null")
 _DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
 _EVERY_UNIT = {unit for units in UNITS.values() for unit in units}
 _WITH_UNITS = UNITS.keys() - {"number", "text"}
+_MICRO = str.maketrans("\u00b5\u03bc", "uu")  # the micro sign and the Greek letter
 _BRACKETS = re.compile(r"[\[(]([^\[(]*)[\])]\s*$")
 _VALUE = re.compile(r" = .*?(?=: must)")
 _REPEATED = 5  # mistakes of one kind that are listed
@@ -421,8 +422,8 @@ def _conversion(
 def _standard(text: str, spellings: Mapping[str, str]) -> tuple[str, str | None]:
     """The standard name of a column ("" if it has none) and the unit in its header."""
     unit = None
-    if (found := _BRACKETS.search(text)) and found[1].strip() in _EVERY_UNIT:
-        unit, text = found[1].strip(), text[: found.start()]
+    if (found := _BRACKETS.search(text)) and (inside := found[1].strip().translate(_MICRO)) in _EVERY_UNIT:
+        unit, text = inside, text[: found.start()]
     words = [word for word in re.split(r"[^\w*°']+|_", text.strip().lower()) if word]
     angular = [word for word in words if word in UNITS["angle"]]
     is_error = any(word in ERROR_WORDS for word in words)

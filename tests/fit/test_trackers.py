@@ -36,6 +36,12 @@ coords,x,y,x,y
 """
 TRACKER = "#multi:\n\tmass A\t\tmass B\t\nt\tx\ty\tx\ty\n0.0\t1.5\t2.5\t7\t8\n0.1\t1.6\t2.6\t\t\n"
 ONE_MASS = "mass_A\nt\tx\ty\n0.000000000E0\t1.5E0\t2.5E0\n1.0E-1\t1.6E0\t2.6E0\n"
+TRACKPY = """\
+frame,y,x,mass,size,ecc,signal,raw_mass,ep,frame,particle
+0,2.5,1.5,812,2.1,0.1,30,900,0.02,0,0
+0,8,7,812,2.1,0.1,30,900,0.02,0,1
+1,2.6,1.6,812,2.1,0.1,30,900,0.02,1,0
+"""
 
 
 @pytest.mark.parametrize(
@@ -48,13 +54,26 @@ ONE_MASS = "mass_A\nt\tx\ty\n0.000000000E0\t1.5E0\t2.5E0\n1.0E-1\t1.6E0\t2.6E0\n
         (TRACKER.replace("\t", ";"), None, [0.0, 0.1], {0: [[1.5, 2.5], [1.6, 2.6]], 1: [[7.0, 8.0]]}),
         (TRACKER.replace(".", ","), None, [0.0, 0.1], {0: [[1.5, 2.5], [1.6, 2.6]], 1: [[7.0, 8.0]]}),
         (ONE_MASS, None, [0.0, 0.1], {0: [[1.5, 2.5], [1.6, 2.6]]}),
+        (TRACKPY, 10.0, [0.0, 0.1], {0: [[1.5, 2.5], [1.6, 2.6]], 1: [[7.0, 8.0]]}),
     ],
-    ids=["TrackMate", "DeepLabCut", "individuals", "Tracker", "Tracker ;", "Tracker 0,1", "one mass"],
+    ids=[
+        "TrackMate",
+        "DeepLabCut",
+        "individuals",
+        "Tracker",
+        "Tracker ;",
+        "Tracker 0,1",
+        "one mass",
+        "Trackpy",
+    ],
 )
 def test_layouts_are_read(
     text: str, fps: float | None, time: list[float], places: dict[int, list[list[float]]], tmp_path: Path
 ) -> None:
-    """TRACK_ID, not ID, is the disk; a position that DeepLabCut is not sure of, and an empty one, are missing."""
+    """TRACK_ID, not ID, is the disk; a position that DeepLabCut is not sure of, and an empty one, are missing.
+
+    After `trackpy.filter_stubs` the index of a table is its column frame, which pandas writes twice.
+    """
     path = tmp_path / "tracks.csv"
     path.write_text(text, encoding="utf-8")
     found = tracks.read(path, fps=fps)

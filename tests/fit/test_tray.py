@@ -11,7 +11,7 @@ from support.track_coverage import DISKS, WALLS
 
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
-from ifrdem.fit import impacts, tracks
+from ifrdem.fit import Disk, impacts, tracks
 from ifrdem.fit.flight import Tray
 from ifrdem.fit.tray import Piece, estimate
 
@@ -174,6 +174,18 @@ def test_a_coupled_law_needs_angles(film: Path) -> None:
     blind = tracks.Tracks(seen.time, seen.position, {}, "blind")
     with pytest.raises(InputError, match="friction coin: requires angles of the disks"):
         impacts.find(blind, DISKS, friction="coin")
+
+
+def test_wrong_radii_are_named_also_of_tracks_without_angles(film: Path) -> None:
+    """The warning of spins that were not seen kept silent what the paths say of the radii, 3 % too large."""
+    seen = tracks.read(film, fps=FPS)
+    part = {i: t < 2.6 for i, t in seen.time.items()}  # two clips
+    time, place = ({i: each[i][part[i]] for i in part} for each in (seen.time, seen.position))
+    blind = tracks.Tracks(time, place, {}, "blind", clips=seen.clips)
+    large = {i: Disk(mass=d.mass, radius=1.03 * float(np.asarray(d.radius))) for i, d in DISKS.items()}
+    warnings = impacts.find(blind, large).warnings
+    assert any("angles were not tracked" in each for each in warnings)
+    assert any("turn at 0.97" in each for each in warnings)
 
 
 def test_disks_that_rest_do_not_hide_those_that_move() -> None:
