@@ -53,7 +53,7 @@ def test_starting_again_with_the_same_settings_keeps_what_runs() -> None:
     assert ti.lang.impl.get_runtime().prog is program
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_precision_is_the_type_of_real_numbers(precision: str) -> None:
     from ifrdem.kernels.compiler.language import ti

@@ -6,8 +6,9 @@ import re
 import resource
 import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support import own_folders
@@ -45,6 +46,14 @@ def pytest_configure(config: pytest.Config) -> None:
 def costs_of(config: pytest.Config) -> Path:
     """The file of CPU times: lines of seconds and the name of a file of tests."""
     return config.rootpath / "tests" / "costs.txt"
+
+
+def stored_costs(config: pytest.Config) -> dict[str, float]:
+    """CPU time [s] of each file of tests, by its name; none without the file of CPU times."""
+    table = costs_of(config)
+    if not table.exists():
+        return {}
+    return {name: float(seconds) for seconds, name in map(str.split, table.read_text().splitlines())}
 
 
 def file_of(test: str) -> str:
@@ -85,9 +94,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             out = set(items) - out
         config.hook.pytest_deselected(items=[item for item in items if item in out])
         items[:] = [item for item in items if item not in out]
-    table, costs = costs_of(config), dict[str, float]()
-    if table.exists():
-        costs = {name: float(seconds) for seconds, name in map(str.split, table.read_text().splitlines())}
+    costs = stored_costs(config)
     place = {path: number for number, path in enumerate(dict.fromkeys(item.path for item in items))}
     items.sort(
         key=lambda item: (
@@ -96,6 +103,45 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             RESTARTS.search(item.name) is not None,
         )
     )
+
+
+def next_file(left: Sequence[str], costs: Mapping[str, float], last: str, others: Collection[str]) -> str:
+    """The file that a worker runs next, of those that are left, in this order.
+
+    Kernels are compiled by the first worker that needs them, and traced by each: so a worker stays in the folder of its
+    `last` file. At its end it goes where most is to be done, where no other worker is (`others`: their last files), if
+    there is such a folder.
+    """
+
+    def folder(file: str) -> str:
+        return file.partition("/")[0] if "/" in file else ""
+
+    work = dict[str, float]()
+    for file in left:
+        work[folder(file)] = work.get(folder(file), 0.0) + costs.get(file, 0.0)
+    taken = {folder(file) for file in others}
+    best = max(
+        work, key=lambda each: (each == folder(last) if last else False, each not in taken, work[each])
+    )
+    return next(file for file in left if folder(file) == best)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Workers take one file after the other, by `next_file`."""
+    from xdist.scheduler import LoadFileScheduling
+
+    costs = stored_costs(config)
+
+    class ByFolder(LoadFileScheduling):
+        def _assign_work_unit(self, node: Any) -> None:
+            files = {file_of(scope): scope for scope in self.workqueue}
+            last = {each: file_of(next(reversed(units), "")) for each, units in self.assigned_work.items()}
+            chosen = next_file([*files], costs, last.pop(node, ""), {*last.values()} - {""})
+            self.workqueue.move_to_end(files[chosen], last=False)
+            super()._assign_work_unit(node)
+
+    return ByFolder(config, log)
 
 
 def cpu_time() -> float:

@@ -107,7 +107,7 @@ def both(
     return found
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("name", GASES)
 def test_lines_of_flight_change_no_bit(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Frames, rows, stops by time and by count, tracked disks, other velocities, and a checkpoint.

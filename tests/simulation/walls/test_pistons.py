@@ -122,6 +122,7 @@ def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     np.testing.assert_allclose(found[2], found[0], rtol=1e-7)
 
 
+@pytest.mark.full
 def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:
     walls = [
         piston_wall(mass=4.0, force=3.0, spring=0.5),
