@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 WORD = re.compile(r"[A-Za-z_]\w*")
 PARTS = re.compile(
-    r"""(?P<comment>\#[^\n]*)|^\s*(?P<document>[rf]?\"{3}(?:\\.|[^\\])*?\"{3})$|(?P<string>\"{3}(?:\\.|[^\\])*?\"{3}|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')"""
+    r"""(?P<comment>\#[^\n]*)|^[ \t]*(?P<document>[rf]?\"{3}(?:\\.|(?!\"{3})[^\\])*\"{3})$|(?P<string>\"{3}(?:\\.|[^\\])*?\"{3}|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')"""
     r"|(?P<name>[A-Za-z_]\w*)",
     re.DOTALL | re.MULTILINE,
 )

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..errors import Problem
 from ..model import rules
+from ..model.collapse import Rest
 from .case import REMEDIES, CaseSections, class_of
 from .laws_section import IFR_LAWS
 from .output_section import TRACKED
@@ -162,3 +163,9 @@ def parsed(case: CaseSections) -> dict[str, Any]:
     """A valid case as if it were parsed, as far as the rules look at it."""
     whole = dict.fromkeys(("run", "box", "species", "material", "force", "output"), True)
     return case.model_dump(include={**whole, "wall": {"__all__": {"piston"}}}, exclude_none=True)
+
+
+def may_rest(case: CaseSections) -> bool:
+    """True if the gas may have disks at rest, by `run.collapse`."""
+    facts = replace(_Given(parsed(case)).facts, collapse=Rest.__name__)
+    return next(rules.refusals(facts), None) is None

@@ -36,6 +36,7 @@ from .estimate import (
     shortest_free_time,
     step_seconds,
 )
+from .exclusions import may_rest
 from .gas import CaseGas
 from .laws_section import LawSection, MaterialSection, PairSection
 from .rules import NOT_GROWN_ON_RANKS
@@ -296,8 +297,10 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         and gas.free_area.all_walls
         and any(each.law and each.law.is_dissipative for each in gas.verdicts)
     ):
-        stand = all(wall.supports_rest for wall in gas.walls)
-        remedies = '"rest"' if stand else '"velocity_cutoff" or "contact_time"'
+        remedies = '"velocity_cutoff" or "contact_time"'
+        if may_rest(gas.case):
+            stand = all(wall.supports_rest for wall in gas.walls)
+            remedies = '"rest"' if stand else f'{remedies}, or "rest" on walls that stand'
         text = f"no remedy: disks that come to rest on others end the run; set run.collapse = {remedies}"
         yield ReportRow("collapse", text)
 

@@ -604,13 +604,7 @@ def _label(results: Results, name: str, power: int = 0) -> str:
 
 
 def _quantity(name: str, text: str | None = None) -> str:
-    """A quantity of the results in words, those of its analysis if given, and symbols: "T of a" as $T$ of a.
-
-    Examples
-    --------
-    >>> _quantity("stress_friction", "friction -P_xy / P_yy")
-    'friction $-P_{xy}$ / $P_{yy}$'
-    """
+    """A quantity of the results in words, those of its analysis if given, and symbols: "T of a" as $T$ of a."""
     if name in SYMBOLS:
         return SYMBOLS[name]
     text = name.replace("_", " ") if text is None else plain(text)

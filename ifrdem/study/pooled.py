@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,9 +66,9 @@ def pooled(results: Results) -> Results:
         elif COEFFICIENTS not in one.dims:
             found[name] = one
         elif name in (START, SERIES_FROM):
-            found[name] = one._replace(dims=less, values=np.max(one.values, axis=draw))
+            found[name] = one._replace(dims=less, values=_known(np.nanmax, one.values, draw))
         elif name.endswith("_theory") or name == WINDOWED:
-            found[name] = one._replace(dims=less, values=np.mean(one.values, axis=draw))
+            found[name] = one._replace(dims=less, values=_known(np.nanmean, one.values, draw))
     found |= means_over_seeds(means, len(axes) - 1)
     for name, spread in spreads.items():
         found[f"{name}{BY_COEFFICIENTS}"] = found[f"{name}_mean"]._replace(values=spread)
@@ -78,6 +80,14 @@ def pooled(results: Results) -> Results:
         DRAWS: str(len(results.values(COEFFICIENTS))),
     }
     return Results(found, results.attributes | changed)
+
+
+def _known(
+    of: Callable[..., NDArray[np.float64]], values: NDArray[np.float64], axis: int
+) -> NDArray[np.float64]:
+    """Mean or maximum along an axis, without what is nan; nan where all is."""
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
+        return of(values, axis=axis)
 
 
 def _two_way(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

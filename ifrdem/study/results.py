@@ -59,6 +59,8 @@ PARTS = (*AXES, "species", "region")
 START, N_EFF, RUN_ERROR = "analyses_from", "_n_eff", "_run_error"
 """Variable with the start of averages over time of each point; endings of numbers of independent values, and of
 standard errors within a run."""
+WINDOWED = f"temperature{N_EFF}"
+"""Variable that is finite at points that have a steady window."""
 SERIES_FROM = "series_from"
 """Variable of means over rows (`averaged`): where they begin."""
 SHORT = {"T": "temperature", "T_rot": "rotational_temperature", "tau": "collisions_per_disk", "t": "time"}
@@ -295,7 +297,7 @@ def collect(
     if plan.output.has_averages or np.isfinite(effective).any():
         variables[START] = Variable(swept, starts, unit)
     if np.isfinite(effective).any():
-        variables[f"temperature{N_EFF}"] = Variable((*swept, SEED), effective)
+        variables[WINDOWED] = Variable((*swept, SEED), effective)
     variables |= means_over_seeds(
         found, len(swept), [point for point, each in windows.items() if SAME_RUN in each.marks]
     )
@@ -584,10 +586,6 @@ def averaged(results: Results, start: float | None = None, option: str = "start"
 
 ADDING = {name for name, each in SERIES.items() if each.adds_up} | {*ROWS}
 """Series that add up over the run, whose value is that at its end."""
-
-
-WINDOWED = f"temperature{N_EFF}"
-"""Variable that is finite at points that have a steady window."""
 
 
 def window_starts(results: Results) -> NDArray[np.float64]:

@@ -22,7 +22,7 @@ def haff(t: np.ndarray, t_H: float = 5.0) -> np.ndarray:
     return 3.0 / (1.0 + t / t_H) ** 2
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full(keep=("60-0.4",))
 @pytest.mark.parametrize(("points", "memory"), [(400, 0.0), (400, 0.8), (60, 0.0), (60, 0.4)])
 def test_noise_about_a_law_is_no_misfit(points: int, memory: float) -> None:
     """Of 120 series 0.1 have a probability below 1e-3 by chance; the test is about: some have it up to 1e-2."""

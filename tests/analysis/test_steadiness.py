@@ -126,7 +126,7 @@ def test_a_temperature_that_falls_by_itself_marks_no_scaled_distribution(tmp_pat
         assert catalogue.FUNCTIONS["velocity"](trajectory, None).warnings == []
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full(keep=("0.99",))
 @pytest.mark.parametrize("memory", [0.0, 0.99])
 def test_marks_of_a_steady_gas_are_as_rare_as_they_are_said_to_be(memory: float) -> None:
     """0.27 % of 1000, 2.7 at most, however much frames know of the ones before; above 9 comes by chance in 0.1 %."""

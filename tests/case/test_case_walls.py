@@ -397,7 +397,11 @@ def test_check_names_walls_on_which_no_disk_can_rest(
     assert main(["check", str(tmp_path / "case.toml"), *words]) == 0
     assert "moves, and supports no disks" in capsys.readouterr().err
     assert main(["check", str(tmp_path / "case.toml")]) == 0
-    assert 'set run.collapse = "velocity_cutoff" or "contact_time"' in capsys.readouterr().out
+    remedies = '"velocity_cutoff" or "contact_time", or "rest" on walls that stand'
+    assert f"set run.collapse = {remedies}" in capsys.readouterr().out
+    forces = ["--set", 'force=[{kind="drag", step=0.1, rate=0.1}]']
+    assert main(["check", str(tmp_path / "case.toml"), *forces]) == 0
+    assert "rest" not in capsys.readouterr().out.partition("set run.collapse")[2].partition("\n")[0]
 
 
 def test_check_describes_the_motion_of_walls(toml: Path, capsys: pytest.CaptureFixture[str]) -> None:

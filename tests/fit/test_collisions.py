@@ -422,7 +422,7 @@ def test_values_known_exactly_do_not_hide_the_nearest_motion(monkeypatch: pytest
 AT_REST = ("vx_2", "vy_2", "spin_2")
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full(keep=("1e-17-names1",))
 @pytest.mark.parametrize(
     ("error", "names"), [(0.0, AT_REST), (1e-17, AT_REST), (0.2, AT_REST), (1e-17, ("vx_2",))]
 )

@@ -74,6 +74,12 @@ def test_kinds_differ_in_grey_and_colours_alone_do_not() -> None:
         assert of(*({"color": color, **style} for color in (TRANSLATION, ROTATION))) < LEAST
 
 
+def test_lightness_is_that_of_tables() -> None:
+    """L* of the primaries of sRGB as tables of colours have them (Lindbloom), and of the grey that is half as light."""
+    colours = np.array([[0, 0, 0], [255, 255, 255], [119, 119, 119], [255, 0, 0], [0, 255, 0], [0, 0, 255]])
+    np.testing.assert_allclose(lightness(colours / 255), [0.0, 100.0, 50.03, 53.24, 87.73, 32.30], atol=0.01)
+
+
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("count", [2, 3, 5, 8])
 def test_kinds_of_disks_differ_in_grey_and_keep_their_hues(count: int, *, dark: bool) -> None:

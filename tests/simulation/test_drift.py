@@ -150,7 +150,7 @@ def test_forces_say_if_they_keep_the_momentum() -> None:
     assert [each.keeps_momentum for each in (*kept, *changed)] == [True] * 5 + [False] * 5
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full(keep=("0.4",))
 @pytest.mark.parametrize("shear_rate", [0.0, 0.4])
 def test_a_gas_in_motion_is_the_gas_at_rest(shear_rate: float) -> None:
     """Galilei: the same collisions, temperatures and stresses, to what rounding has become in 3 collisions per disk.

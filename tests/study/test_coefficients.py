@@ -124,7 +124,8 @@ def test_pooled_gases_have_the_windows_of_their_draws() -> None:
     dims = ("gas", draws.COEFFICIENTS, "seed")
     n_eff = np.array([[[20.0]], [[np.nan]]]) * np.ones((1, 5, 3))  # the second gas cools
     found.variables["temperature_n_eff"] = Variable(dims, n_eff)
-    found.variables["analyses_from"] = Variable(dims[:2], np.array([[4.0] * 5, [0.0] * 5]))
+    n_eff[0, 2] = np.nan  # runs that are missing
+    found.variables["analyses_from"] = Variable(dims[:2], np.array([[4.0, 4.0, np.nan, 4.0, 4.0], [0.0] * 5]))
     np.testing.assert_array_equal(window_starts(pooled.pooled(found)), [4.0, np.nan])
 
 

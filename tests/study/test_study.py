@@ -30,7 +30,7 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import DamageError, DamageWarning, InputError
 from ifrdem.simulation import backend
 from ifrdem.study import task
-from ifrdem.study.figure import draw
+from ifrdem.study.figure import _quantity, draw
 from ifrdem.study.plan import ClusterSection
 from ifrdem.study.results import Results
 from ifrdem.study.study import StudyProgress
@@ -376,6 +376,10 @@ def test_parts_of_an_array_job_add_up(toml, tmp_path):
         assert not (tmp_path / "p.nc").exists()
     parts = ifrdem.Study(toml, vary=[VARY], seeds=2, output=tmp_path / "p")
     assert same(parts.results(), whole.results())
+
+
+def test_quantities_of_analyses_have_symbols_in_their_words() -> None:
+    assert _quantity("stress_friction", "friction -P_xy / P_yy") == "friction $-P_{xy}$ / $P_{yy}$"
 
 
 def results_of_panels(values: list[list[float]]) -> Results:

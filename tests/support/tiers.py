@@ -34,7 +34,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="skip, and say so, tests that would begin after so long: for a slow machine",
     )
     parser.addoption(
-        "--costs", action="store_true", help="write the CPU time of each file to tests/costs.txt"
+        "--costs",
+        action="store_true",
+        help="write the CPU time of each file to tests/costs.txt: all of them with --full",
     )
 
 
@@ -108,8 +110,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def next_file(left: Sequence[str], costs: Mapping[str, float], last: str, others: Collection[str]) -> str:
     """The file that a worker runs next, of those that are left, in this order.
 
-    Kernels are compiled by the first worker that needs them, and traced by each: so a worker stays in the folder of its
-    `last` file. At its end it goes where most is to be done, where no other worker is (`others`: their last files), if
+    Kernels are compiled by the first worker that needs them, and traced by each: so a worker stays in the folder of
+    `tests` of its `last` file. At its end it goes where most is to be done, where no other worker is (`others`: their last files), if
     there is such a folder.
     """
 
@@ -128,7 +130,9 @@ def next_file(left: Sequence[str], costs: Mapping[str, float], last: str, others
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Workers take one file after the other, by `next_file`."""
+    """Workers take one file after the other, by `next_file`, unless another way is asked for."""
+    if config.getoption("dist") != "loadfile":
+        return None
     from xdist.scheduler import LoadFileScheduling
 
     costs = stored_costs(config)
@@ -168,7 +172,7 @@ class Speed:
     """Speed of this machine beside that of the reference, where STEPS steps of `measure` take REFERENCE seconds.
 
     Machines that run the tests differ by a factor of 3, and one changes with its neighbours' load: the CPU time of the
-    default run and that of such a loop by the same factor (1,229 and 3,414 s; .66 and 1.8 s for 1e7 steps).
+    default run of then and that of such a loop by the same factor (1,229 and 3,414 s; .66 and 1.8 s for 1e7 steps).
     So it runs between tests, while the workers do.
     """
 

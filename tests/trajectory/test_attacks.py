@@ -13,11 +13,6 @@ from support import attacks
 from support.drawn import examples
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
-SAMPLE = [("result_of_a_run", 20), ("results", 2), ("concat", 2), ("heaps", 1)]
-MORE = [
-    pytest.param(name, cases, marks=pytest.mark.full)
-    for name, cases in (("result_of_a_run", 60), ("results", 3), ("heaps", 3))
-]
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +22,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]:
 
 @pytest.mark.full
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("name", "cases"), [*SAMPLE, *MORE])
+@pytest.mark.parametrize(
+    ("name", "cases"), [("result_of_a_run", 60), ("results", 3), ("concat", 2), ("heaps", 3)]
+)
 def test_damaged_files_end_in_answers_or_messages(made, name, cases):
     given(st.data())(examples(cases)(lambda data: attacks.attack(name, made, data)))()
 

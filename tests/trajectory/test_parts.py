@@ -511,7 +511,7 @@ def test_the_slowest_rank_decides(tmp_path):
         assert len(trajectory) == 3
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full(keep=("2-options1",))
 @pytest.mark.parametrize("options", [{}, SOME])
 @pytest.mark.parametrize("written", [0, 2, 5])
 def test_a_resumed_trajectory_is_that_of_an_uninterrupted_run(tmp_path, written, options):

@@ -318,7 +318,7 @@ class Wall:
 
     @property
     def supports_rest(self) -> bool:
-        """True if disks may come to rest on it: it stands, its surface too, and has no temperature."""
+        """True if disks may come to rest on it (`is_support` of the kernels): it is no piston, neither."""
         still = self.motion.kind == self.turn.kind == "still" and self.piston is None
         return still and not (self.surface_speed or self.temperature)
 

@@ -75,7 +75,7 @@ def equal_gas(packing_fraction: float, law: tuple[float, ...]) -> tuple[Disks, B
     return disks, box, state, per_disk, simulate(disks, box, law, state, max_collisions=int(per_disk * 500))
 
 
-@pytest.mark.full(keep=2)
+@pytest.mark.full(keep=("cpu-0.1-elastic-serial", "cpu-0.7-rolling-tiled"))
 @pytest.mark.parametrize("order", ["serial", "tiled"])
 @pytest.mark.parametrize("law", [ELASTIC, COIN, ROLLING], ids=["elastic", "coin", "rolling"])
 @pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.6, 0.7])
@@ -105,7 +105,7 @@ def test_none_of_many_disks_ever_overlap(order: str, n: int) -> None:
         assert not len(inside), (engine.time, inside)
 
 
-@pytest.mark.full(keep=2)
+@pytest.mark.full(keep=("cpu-0.1", "cpu-0.55"))
 @pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.55])
 def test_collisions_of_a_mixture_are_those_of_the_serial_code(packing_fraction: float, device: str) -> None:
     disks = mixture(1000)
