@@ -136,14 +136,3 @@ def test_tests_that_would_begin_too_late_are_skipped_with_the_reason(
     run.assert_outcomes(skipped=len(DEFAULT))
     run.stdout.fnmatch_lines(["*too slow: not begun within --minutes 0"])
     assert set(ran(suite, "--minutes", "1e6")) == DEFAULT
-
-
-def test_workers_stay_in_a_folder_and_go_where_most_is_to_be_done() -> None:
-    costs = {"a/one.py": 1.0, "a/two.py": 1.0, "b/one.py": 3.0, "c/one.py": 2.5, "d/one.py": 0.5}
-    left = [*costs, "alone.py"]
-    assert tiers.next_file(left, costs, "", []) == "b/one.py"
-    assert tiers.next_file(left, costs, "", ["b/zero.py"]) == "c/one.py"
-    assert tiers.next_file(left, costs, "a/zero.py", ["a/nil.py"]) == "a/one.py"
-    assert tiers.next_file(["a/two.py", "d/one.py"], costs, "b/one.py", ["a/one.py"]) == "d/one.py"
-    assert tiers.next_file(["a/two.py", "a/one.py"], costs, "b/one.py", ["a/nil.py"]) == "a/two.py"
-    assert tiers.next_file(["alone.py", "d/one.py"], costs, "zero.py", []) == "alone.py"

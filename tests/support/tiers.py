@@ -6,9 +6,8 @@ import re
 import resource
 import statistics
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from support import own_folders
@@ -105,47 +104,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             RESTARTS.search(item.name) is not None,
         )
     )
-
-
-def next_file(left: Sequence[str], costs: Mapping[str, float], last: str, others: Collection[str]) -> str:
-    """The file that a worker runs next, of those that are left, in this order.
-
-    Kernels are compiled by the first worker that needs them, and traced by each: so a worker stays in the folder of
-    `tests` of its `last` file. At its end it goes where most is to be done, where no other worker is (`others`: their last files), if
-    there is such a folder.
-    """
-
-    def folder(file: str) -> str:
-        return file.partition("/")[0] if "/" in file else ""
-
-    work = dict[str, float]()
-    for file in left:
-        work[folder(file)] = work.get(folder(file), 0.0) + costs.get(file, 0.0)
-    taken = {folder(file) for file in others}
-    best = max(
-        work, key=lambda each: (each == folder(last) if last else False, each not in taken, work[each])
-    )
-    return next(file for file in left if folder(file) == best)
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Workers take one file after the other, by `next_file`, unless another way is asked for."""
-    if config.getoption("dist") != "loadfile":
-        return None
-    from xdist.scheduler import LoadFileScheduling
-
-    costs = stored_costs(config)
-
-    class ByFolder(LoadFileScheduling):
-        def _assign_work_unit(self, node: Any) -> None:
-            files = {file_of(scope): scope for scope in self.workqueue}
-            last = {each: file_of(next(reversed(units), "")) for each, units in self.assigned_work.items()}
-            chosen = next_file([*files], costs, last.pop(node, ""), {*last.values()} - {""})
-            self.workqueue.move_to_end(files[chosen], last=False)
-            super()._assign_work_unit(node)
-
-    return ByFolder(config, log)
 
 
 def cpu_time() -> float:
