@@ -18,6 +18,8 @@ from ifrdem.cli.main import main
 from ifrdem.plots import run
 from ifrdem.trajectory.parts_writer import PartsWriter
 
+pytestmark = pytest.mark.full
+
 CASE = case_text({
     "run.collisions_per_disk": 4.0, "run.t_end": None, "run.units": None, "box.packing_fraction": 0.3,
     "species[0].coin": "1 pta", "species[0].number": 300, "species[0].material": None,
@@ -65,7 +67,6 @@ def same(
     assert printed["one"] or wrote["one"]
 
 
-@pytest.mark.full
 @pytest.mark.parametrize(
     "words",
     [
@@ -87,7 +88,6 @@ def test_commands_say_the_same(runs, words, capsys, tmp_path, monkeypatch):
     same(runs, words, capsys, monkeypatch)
 
 
-@pytest.mark.full
 @pytest.mark.parametrize("what", ["temperatures", "energy", "disks", "velocity", "dissipation", "msd"])
 def test_pictures_are_drawn_of_the_same_numbers(runs, what):
     drawn = {}
@@ -103,7 +103,6 @@ def test_pictures_are_drawn_of_the_same_numbers(runs, what):
     assert drawn["one"]
 
 
-@pytest.mark.full
 def test_the_objects_of_notebooks_are_the_same(runs):
     with ifrdem.Trajectory(runs["one"]) as one, ifrdem.Trajectory(runs["parts"]) as parts:
         xarray = pytest.importorskip("xarray")
@@ -114,7 +113,6 @@ def test_the_objects_of_notebooks_are_the_same(runs):
         assert np.array_equal(parts[2].walls, one[2].walls)
 
 
-@pytest.mark.full
 def test_a_run_begins_with_a_frame_of_parts(runs, capsys, tmp_path):
     for name, path in runs.items():
         text = CASE.replace('name = "gas"', f'name = "{name}"').replace(
@@ -127,7 +125,6 @@ def test_a_run_begins_with_a_frame_of_parts(runs, capsys, tmp_path):
         assert np.array_equal(one[-1].position, parts[-1].position)
 
 
-@pytest.mark.full
 @pytest.mark.filterwarnings("default")
 def test_analyses_that_a_missing_part_prevents_are_no_success(runs, capsys, tmp_path):
     shutil.copytree(runs["parts"].parent, tmp_path / "copy")

@@ -29,6 +29,7 @@ def test_no_disk_escapes(where: str, order: str, hits: int) -> None:
     assert found.least_gap > -1e-11  # rounding of places near 30 is 4e-15
 
 
+@pytest.mark.full
 def test_an_escape_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """A wall that the engine does not know: disks cross it."""
     room = escape.room

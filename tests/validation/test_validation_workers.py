@@ -71,6 +71,7 @@ def test_each_call_has_a_separate_process_with_its_part_of_the_cores() -> None:
     assert ["slow threads 1", "slow threads 2"] in observed
 
 
+@pytest.mark.full
 def test_a_case_with_a_dead_worker_fails_and_rows_keep_their_order(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr(runner, "run_case", worker_calls.case)
     names = ["energy", "angles", "misprints"]

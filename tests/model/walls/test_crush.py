@@ -147,6 +147,7 @@ def test_lines_that_close_on_all_disks_are_refused_before_any_work(
     assert main(["check", str(path)]) == 0
 
 
+@pytest.mark.full
 def test_a_simulation_refuses_lines_that_close_on_all_disks() -> None:
     walls = [Wall.line((0.0, 0.5), (0.0, 1.0), motion=Motion("steady", speed=0.5))]
     disks, start = ifrdem.Disks(1, 1.0, 0.25), ifrdem.State([[5.0, 5.0]], [[0.0, 0.0]], np.zeros(1))
