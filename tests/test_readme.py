@@ -731,7 +731,7 @@ def test_commands_install_from_the_clone_and_run_the_shipped_case() -> None:
     assert block("run").endswith("&& .venv/bin/pip install . && .venv/bin/ifrdem run cases/cooling.toml\n")
     assert (ROOT / "cases" / "cooling.toml").is_file()
     assert block("test").endswith(
-        "&& .venv/bin/pip install -e '.[test]' && .venv/bin/python -m pytest -n auto\n"
+        "&& .venv/bin/pip install --no-compile -e '.[test]' && .venv/bin/python -m pytest -n auto\n"
     )
 
 
