@@ -47,7 +47,7 @@ ORDER = (
 
 
 POSTER = "--style poster"
-WALL_WIDTH, WALL_COLOURS = 600, 96
+WALL_WIDTH = 600
 HERO_WIDTH, HERO_QUALITY = 1000, 40
 WALL = {
     "streams": (
@@ -434,7 +434,7 @@ def drawn(name: str, runs: Path) -> None:
         elif not any((folder / each).exists() for each in _results_of(words)):
             ifrdem(*words, *([] if words[0] in KEEPS else ["--force"]), cwd=folder)
     small = DOCS / "gallery" / f"{name}.png"
-    shrink(folder / f"{name}.png", small, DRAWN[name], 96, Image.Quantize.FASTOCTREE)
+    shrink(folder / f"{name}.png", small, DRAWN[name], method=Image.Quantize.FASTOCTREE)
 
 
 def _results_of(words: Sequence[str]) -> list[str]:
@@ -468,7 +468,7 @@ def poster(name: str, runs: Path) -> None:
     ifrdem("plot", f"{case}.h5", *words.split(), "--force", "-o", f"wall-{name}.png", cwd=runs)
     panels = 2 if words.startswith("fields") else 1
     small = DOCS / "gallery" / "wall" / f"{name}.png"
-    shrink(runs / f"wall-{name}.png", small, panels * WALL_WIDTH, WALL_COLOURS)
+    shrink(runs / f"wall-{name}.png", small, panels * WALL_WIDTH)
 
 
 PICTURES: dict[str, Callable[[Path], None]] = {

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools.colours import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 from ..tools.files import write_saved
 from .data import Data
 from .likelihood import Array
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 Style = tuple[str, Any, str]
-# Okabe and Ito's colours, distinct with every kind of colour blindness; and by line and marker too.
-STYLES: tuple[Style, ...] = (("#0072B2", "-", "o"), ("#D55E00", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "v"), ("#56B4E9", (0, (5, 1, 1, 1)), "D"), ("#E69F00", "-", "P"))  # fmt: skip
+STYLES: tuple[Style, ...] = ((BLUE, "-", "o"), (VERMILION, "--", "s"), (GREEN, "-.", "^"), (PURPLE, ":", "v"), (SKY, (0, (5, 1, 1, 1)), "D"), (ORANGE, "-", "P"))  # fmt: skip
+"""Colours of laws, and lines and markers that differ without them."""
 _DATA, _OUT = "#222222", "#CC0000"
 SYMBOLS = {
     "e_n": "$e_n$",

@@ -267,8 +267,10 @@ class _Rest:
 
     certain: tuple[bool, bool]
     perhaps: tuple[bool, bool]
-    frames: int  # next to the impact, in which it keeps its place if it rests at the impact; 0 if it moves
-    slow: tuple[float, float]  # error of a velocity and a spin, from straight flights through these frames
+    frames: int  # next to the impact, in which it rests if it rests at the impact; 0 if it moves
+    # Error of a velocity and a spin, from straight flights through all frames in which it keeps its place, of which
+    # `frames` may be a part: if it moves at the impact, it moves in all of them.
+    slow: tuple[float, float]
 
 
 class _Finder:
@@ -419,7 +421,8 @@ class _Finder:
             error * math.sqrt(12.0 / (n * (n * n - 1.0))) / self.step[one] if n else 0.0
             for n, error in zip(frames, errors, strict=True)
         ]
-        # The farthest of these frames may be those of a disk that was about to stop.
+        # The farthest of these frames may be those of a disk that was about to stop; not if they are all that there are,
+        # as no frame shows then that it moved before.
         still = [
             n if n == len(before) else _still(away[:n], *(math.sqrt(2.0 * part / a) for part in _HIDDEN))
             for n, a in zip(frames, leaving, strict=True)

@@ -16,6 +16,7 @@ from ..model.state import Disks, State
 from ..model.walls.wall import Wall, at_displacements
 from ..simulation.simulation import Simulation
 from ..tools.checked import Array
+from ..tools.colours import PURPLE, SKY
 from ..trajectory.export import kinds, material_names, species
 from ..trajectory.reader import Frame, Trajectory
 from .style import Bounded, Gas, color_bar, foreground, is_dark, label, place_axes, shades, unit_of, with_unit
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap
 
 # Diverging; the middle stands out against the background, so that disks without spin show. Orange is counter-clockwise.
-SPINS = ("#56B4E9", "#2A6A99", "#333333", "#A84A00", "#FF9A3D")
+SPINS = (SKY, "#2A6A99", "#333333", "#A84A00", "#FF9A3D")
 SPINS_ON_DARK = ("#1E88E5", "#7FB6E6", "#D8D8D8", "#F0A868", "#FF7F0E")
 DENSITIES = "cividis"
 DIRECTIONS = (
@@ -34,7 +35,7 @@ DIRECTIONS = (
 )  # fmt: skip
 """Cyclic, from 0 degrees counter-clockwise: yellow is right and blue left, light up and dark down. This is
 visible with every kind of colour blindness (`tests/plots/test_poster.py`)."""
-POST, HOT, PLAIN = "#999999", "#CC79A7", "#888888"
+POST, HOT, PLAIN = "#999999", PURPLE, "#888888"
 
 MOST_DISKS = 100_000
 """Above this many disks one by one are smaller than a pixel, and slow: a density map is drawn."""

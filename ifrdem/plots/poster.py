@@ -160,14 +160,14 @@ def cells(view: View, colour: Colour | None, region: Array) -> NDArray[np.float6
     covered = total(area)
     bright = np.clip(covered * float(counts.prod() / np.prod(lengths)) / FULL, 0.0, 1.0) ** 0.8
     if colour is None:
-        shades = np.array(to_rgb(disks.PLAIN))[None]
+        hues = np.array(to_rgb(disks.PLAIN))[None]
     else:
         values = colour.values(view)
         low, high = disks.limits(colour.scale, values)
         mean = _means(values[inside], area, total, covered, cyclic=colour.scale == "cyclic")
         map_ = disks.colour_map(colour.scale, dark=True, kinds=round(high + 0.5))
-        shades = map_(Normalize(low, high)(mean))[:, :3]
-    return np.asarray((shades * bright[:, None]).reshape(*counts, 3))
+        hues = map_(Normalize(low, high)(mean))[:, :3]
+    return np.asarray((hues * bright[:, None]).reshape(*counts, 3))
 
 
 def _means(values: Array, area: Array, total: Any, covered: Array, *, cyclic: bool) -> Array:

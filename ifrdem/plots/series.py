@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..model.walls.motion import Turn
 from ..quantities import PISTON_SERIES
 from ..tools.checked import Array
+from ..tools.colours import GREEN, ORANGE, PURPLE
 from ..tools.intervals import PERCENT, student_t
 from ..trajectory.reader import Trajectory
 from .style import (
@@ -35,7 +36,7 @@ from .style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INPUT, HEAT, DISSIPATED = "#009E73", "#CC79A7", "#E69F00"
+INPUT, HEAT, DISSIPATED = GREEN, PURPLE, ORANGE
 POINTS = 100
 """Intervals, at most, over which forces on walls are means."""
 AXES = {"t": "time $t$", "tau": r"collisions per disk $\tau$"}

@@ -15,24 +15,21 @@ from ..model.box import Box
 from ..model.state import Disks
 from ..model.walls.wall import Wall
 from ..tools.checked import Array
+from ..tools.colours import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 from ..trajectory.descriptions import REDUCED
 from .names import Ends
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's blue and vermilion: distinct with every kind of colour blindness, hardly in grey (L* 46 and 54: `marks`
-# and `dashes` tell them apart); and a grey that stands out against black and white.
-TRANSLATION, ROTATION, RATIO = "#0072B2", "#D55E00", "#777777"
+# Blue and vermilion hardly differ in grey (L* 46 and 54): `marks` and `dashes` tell them apart. The grey stands out against
+# black and white.
+TRANSLATION, ROTATION, RATIO = BLUE, VERMILION, "#777777"
 OPEN: dict[str, Any] = {"mfc": "none", "ls": "none"}
 """Open markers, so that a curve below shows."""
-ACROSS = "#56B4E9"  # their sky blue: the part of the translation that is across an axis
-
-
-# Okabe and Ito's colours for kinds of disks and curves.
-KINDS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#999999")
-
-
+ACROSS = SKY  # the part of the translation that is across an axis
+KINDS = (BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, "#8B4513", "#999999")
+"""Colours of kinds of disks and of curves."""
 LOOKS: dict[str, tuple[str, bool, Any]] = dict(
     zip(
         (*KINDS, RATIO),
@@ -58,13 +55,15 @@ def lightness(rgb: Any) -> Array:
 
 
 def shades(count: int, *, dark: bool = False) -> Array:
-    """Colours of so many kinds of disks, shape (count, 3): those of `KINDS` with black or white.
+    """Colours of so many kinds of disks, shape (count, 3): those of `KINDS`, mixed with black or white if there are several.
 
-    Each is lighter than the one before, so that kinds differ without colours, too.
+    Each is lighter than the one before, in up to 150 kinds, so that they differ without colours, too.
     """
     from matplotlib.colors import to_rgb
 
     own = np.array([to_rgb(KINDS[i % len(KINDS)]) for i in range(count)])
+    if count == 1:
+        return own
     wanted = np.linspace(*ENDS[dark], count)
     other = np.where(lightness(own) < wanted, 1.0, 0.0)[:, None]  # white or black
     part = np.linspace(0.0, 1.0, 201)

@@ -28,6 +28,7 @@ from ..plots.disks import draw_walls
 from ..simulation.simulation import Simulation
 from ..simulation.start.overlaps import relax
 from ..tools import tables
+from ..tools.colours import BLUE, VERMILION
 from ..tools.old_words import present_case
 from ..tools.tables import TableFormat
 from ..trajectory.reader import Trajectory
@@ -223,19 +224,18 @@ class Comparison:
         from matplotlib.collections import EllipseCollection
         from matplotlib.figure import Figure
 
-        blue, orange = "#0072B2", "#D55E00"
         figure = Figure(figsize=(8.0, 7.6), dpi=200, layout="constrained")
         axes = figure.subplots()
         shown = np.concatenate([self.paths[-1], self.position, self.measured.position])
         jumps = np.any(np.abs(np.diff(self.paths, axis=0)) > 0.5 * np.array(self.box.lengths), axis=2)
         for track, jumped in zip(np.swapaxes(self.paths, 0, 1), jumps.T, strict=True):
             track = np.insert(track, np.flatnonzero(jumped) + 1, math.nan, axis=0)  # no line across the box
-            axes.plot(*track.T, color=blue, lw=0.5, alpha=0.35, zorder=1)
+            axes.plot(*track.T, color=BLUE, lw=0.5, alpha=0.35, zorder=1)
         size = 2.0 * self.radius
         axes.add_collection(
             EllipseCollection(
                 size, size, 0.0, units="xy", offsets=self.paths[-1], transOffset=axes.transData,
-                facecolors="#0072B233", edgecolors=blue, linewidths=0.8, zorder=2,
+                facecolors=f"{BLUE}33", edgecolors=BLUE, linewidths=0.8, zorder=2,
             )
         )  # fmt: skip
         if drawn := len(self.members) >= LEAST_MEMBERS:
@@ -246,10 +246,10 @@ class Comparison:
             for centre, covariance in zip(self.members.mean(axis=0), self._away()[1], strict=True):
                 values, vectors = np.linalg.eigh(covariance)
                 ellipse = vectors * np.sqrt(np.maximum(values, 0.0)) @ circle
-                axes.plot(*(centre[:, None] + ellipse), color=blue, lw=0.9, ls="--", zorder=3)
+                axes.plot(*(centre[:, None] + ellipse), color=BLUE, lw=0.9, ls="--", zorder=3)
         m = self.measured
         (x, y), (dx, dy) = m.position.T, m.error.T
-        axes.errorbar(x, y, dy, dx, fmt="x", ms=6, mew=1.6, color=orange, zorder=5)
+        axes.errorbar(x, y, dy, dx, fmt="x", ms=6, mew=1.6, color=VERMILION, zorder=5)
         axes.set_aspect("equal")
         for one, time, (x, y) in (
             zip(m.id, m.time, m.position, strict=True) if len(m.id) <= MOST_NAMED else ()
@@ -264,11 +264,11 @@ class Comparison:
         of = f" ({(self.unit or self._no_unit).strip()})" if self.unit or self._no_unit else ""
         axes.set(xlabel=f"$x${of}", ylabel=f"$y${of}", aspect="equal")
         axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
-        axes.plot([], [], "o", color=blue, ms=9, mfc="#0072B233", label="run: disks at the end, and paths")
-        axes.plot([], [], "x", color=orange, ms=7, mew=1.6, label="measured")
+        axes.plot([], [], "o", color=BLUE, ms=9, mfc=f"{BLUE}33", label="run: disks at the end, and paths")
+        axes.plot([], [], "x", color=VERMILION, ms=7, mew=1.6, label="measured")
         if drawn:
             label = f"95 % ellipses by {len(self.members)} runs with drawn start and law"
-            axes.plot([], [], "--", color=blue, label=label)
+            axes.plot([], [], "--", color=BLUE, label=label)
         figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize="small")
         save(figure, paths)
 

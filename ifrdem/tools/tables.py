@@ -90,7 +90,7 @@ class TableFormat:
     columns: Mapping[str, str] = field(default_factory=dict)
     """Header of the file for a standard name."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """Unit of a column by its standard name, or a factor."""
+    """Unit of a column by its standard name, or a factor; um may be written with the micro sign."""
     known: Mapping[str, float] = field(default_factory=dict)
     """Values that every line has, exactly, in standard units."""
     delimiter: str = ","
@@ -106,6 +106,8 @@ class TableFormat:
         if not problems and self.delimiter == self.decimal:
             problems.append(f"delimiter and decimal are both {self.delimiter!r}: they must differ")
         refuse(problems)
+        units = {name: unit.translate(_MICRO) for name, unit in self.units.items()}
+        object.__setattr__(self, "units", units)
 
 
 Setting = Callable[[str, str, str], str]

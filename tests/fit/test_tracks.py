@@ -187,6 +187,8 @@ def test_units_of_trackmate_are_read_and_unknown_ones_refused(tmp_path: Path) ->
     for micro in "\u00b5\u03bc":  # the sign and the Greek letter
         path.write_text(f"id,t,x ({micro}m),y (micron)\n0,0.5,250,1e4\n", encoding="utf-8")
         np.testing.assert_allclose(tracks.read(path).position[0], [[2.5e-4, 1e-2]])
+        own = TableFormat(units={"x": f"{micro}m", "y": "mm"})
+        np.testing.assert_allclose(tracks.read(path, form=own).position[0], [[2.5e-4, 10.0]])
     path.write_text(
         f"{TRACKMATE}\n0,0.5,250,1e4\n0,0.75,500,1e4\n".replace("_X (micron)", "_X (inch)"), encoding="utf-8"
     )

@@ -14,7 +14,7 @@ import pytest
 from matplotlib import pyplot, style
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.image import imread
 from support import grey, layout_files
 from support.figures import texts
@@ -26,6 +26,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.histograms import Histogram, histogram_edges
 from ifrdem.model.state import Disks, State
 from ifrdem.plots import analyses, disks, movie, pictures
+from ifrdem.plots.style import KINDS, lightness, shades
 
 N = 400
 LAW = {
@@ -125,6 +126,13 @@ def test_dark_backgrounds_get_light_walls_and_light_disks_without_spin(three: if
         assert disks.foreground(axes) == walls
         middle = disks.colour_map("signed", dark=name != "default")(0.5)[:3]
         assert abs(sum(middle) - sum(to_rgb(axes.get_facecolor()))) > 1.5  # of 3
+
+
+def test_one_kind_of_disks_has_its_own_colour_and_many_grow_lighter() -> None:
+    """One kind was darkened to L* 28."""
+    for dark in (False, True):
+        assert to_hex(shades(1, dark=dark)[0], keep_alpha=False) == KINDS[0].lower()
+        assert np.all(np.diff(lightness(shades(150, dark=dark))) > 0.0)
 
 
 def test_a_picture_without_spins_has_no_bar(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from ... import theory
 from ...model.laws.coin_table import coins
 from ...model.laws.ifr import IFRLaw
 from ...model.observables import Measure
+from ...plots.style import marks
 from ...simulation.dsmc import DSMC
 from ...tools.checked import Array
 from ..report import style
@@ -258,13 +259,13 @@ def _picture(phi: float, size: Size, names: Sequence[str], gases: list[CooledGas
     figure, axes = style.panels(len(names), 2, width=2.7, height=2.4)
     for at, gas in enumerate(gases):
         i = at // len(STARTS)
-        colour, marker = (style.BLUE, "o") if gas.heat == "cold" else (style.VERMILION, "^")
+        colour = style.BLUE if gas.heat == "cold" else style.VERMILION
         for place, of, begin in ((axes[i], "T", 0), (axes[i + len(names)], "theta", 1)):
             each = (gas.small, gas.dsmc, gas.exact)
             small, dsmc, exact = (getattr(one, of).mean(axis=0)[begin:] for one in each)
             place.plot(TAU[begin:], exact, color=colour, lw=0.9)
             place.plot(TAU[begin:], dsmc, "--", color=colour, lw=0.9)
-            style.points(place, TAU[begin:], small, colour, f"{gas.heat} spins", marker)
+            style.points(place, TAU[begin:], small, colour, f"{gas.heat} spins", marks(colour)["marker"])
             if gas.large is not None:
                 large = getattr(gas.large, of).mean(axis=0)[begin:]
                 place.plot(TAU[begin:], large, "+", color=colour, ms=5.0)

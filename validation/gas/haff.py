@@ -23,6 +23,7 @@ import numpy as np
 from ... import analysis, theory
 from ...model.laws.ifr import IFRLaw
 from ...model.observables import Measure
+from ...plots.style import dashes, marks
 from ...simulation.dsmc import DSMC
 from ..report import style
 from ..report.registry import Picture, Result
@@ -106,12 +107,13 @@ def _haff(result: Result, quick: bool, seed: int, axes: Any) -> None:
         if phi == DILUTE[0]:
             _haff_time(result, runs, exact, a_2, seeds)
         colour = (style.BLUE, style.VERMILION)[i]
-        axes.plot(TAU[NORMAL:], right[NORMAL:], ("-", "-.")[i], color=colour)
+        axes.plot(TAU[NORMAL:], right[NORMAL:], **dashes(colour))
         axes.fill_between(
             TAU[NORMAL:], (right - off)[NORMAL:], (right + off)[NORMAL:], color=colour, alpha=0.15, lw=0.0
         )
-        style.errorbars(axes, TAU, scaled, colour, rf"$\phi$ = {phi}, {n:,} disks", "os"[i])
-    axes.axhline(1.0, color=style.GREEN, ls="--", label="Haff's law")
+        marker = marks(colour)["marker"]
+        style.errorbars(axes, TAU, scaled, colour, rf"$\phi$ = {phi}, {n:,} disks", marker)
+    axes.axhline(1.0, label="Haff's law", **dashes(style.GREEN))
     axes.set(xlabel=r"collisions per disk $\tau$", ylabel=r"$T\,/\,T_5\, e^{-z(\tau - 5)}$")
     axes.legend(loc="upper left")
 

@@ -30,7 +30,7 @@ from ...model.laws.law import CollisionLaw
 from ...model.laws.walton import Walton
 from ...model.observables import Measure
 from ...model.state import State
-from ...plots.style import some_marks
+from ...plots.style import KINDS, dashes, some_marks
 from ...simulation.dsmc import DSMC
 from ...theory import driven_gas
 from ...tools.checked import Array
@@ -49,8 +49,6 @@ ERROR = 0.7  # of angles, degrees
 PHI = 0.2
 NAMES = ("IFR", "Walton")
 LOOK = dict(zip(NAMES, (style.BLUE, style.VERMILION), strict=True))
-THEORY = dict(zip(NAMES, ((0, (5.0, 2.0)), (0, (1.5, 1.0))), strict=True))
-"""Dashes of kinetic theory of each law."""
 END, QUICK_END, DISKS = 120.0, 20.0, 4000
 CELLS = 12  # along a side: 28 disks each
 AT = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 20.0])  # collisions per disk of DSMC
@@ -287,8 +285,7 @@ def _band(axes: Any, x: Array, values: Array, colour: str, label: str | None = N
     mean, error = values.mean(axis=0), values.std(axis=0, ddof=1) / np.sqrt(len(values))
     half = student_t(len(values)) * error
     axes.fill_between(x, mean - half, mean + half, color=colour, alpha=0.25, lw=0.0)
-    place = 4 * (colour in (style.VERMILION, style.PURPLE))
-    axes.plot(x, mean, label=label, **some_marks(colour, place, **look))
+    axes.plot(x, mean, label=label, **some_marks(colour, 4 * KINDS.index(colour), **look))
 
 
 def _picture(impacts: FittedLaw, gases: list[CoolingSeries], driven: list[Array]) -> Picture:
@@ -312,8 +309,7 @@ def _picture(impacts: FittedLaw, gases: list[CoolingSeries], driven: list[Array]
         "the difference of both laws, and the error of a measured angle. (b), (c) Cooling from cold spins; T contains "
         "streams. (d) The ratio of both at equal collisions per disk. (e) Scatter of the numbers in cells over their "
         f"mean, and energy in streams, in cells of ten diameters. (f) Driven by random kicks. Bands: {PERCENT} "
-        f"intervals of means over {REPLICAS} seeds. Dashed: kinetic theory of a homogeneous gas; the short dashes are of "
-        "Walton's law."
+        f"intervals of means over {REPLICAS} seeds. Lines without markers: kinetic theory of a homogeneous gas."
     )
     return Picture("gas_laws", caption, figure)
 
@@ -337,7 +333,7 @@ def _draw_cooling(axes: Any, laws: Laws, gases: list[CoolingSeries]) -> None:
         _band(axes[1], tau, gas.theta, LOOK[name], name)
         T, T_rot, counted = theory.cooling(law, 1.0, 0.5, 2.0, PHI, 1.0, 0.0, times)
         shown = counted <= min(60.0, tau[-1])
-        drawn: dict[str, Any] = {"color": LOOK[name], "ls": THEORY[name], "lw": 0.9}
+        drawn = dashes(LOOK[name], lw=0.9)
         axes[0].plot(counted[shown], T[shown], label=f"{name}, kinetic theory", **drawn)
         axes[1].plot(counted[shown], (T_rot / T)[shown], **drawn)
     for what, colour, label in (("T", style.GREEN, "$T$"), ("theta", style.PURPLE, r"$\theta$")):
@@ -377,7 +373,7 @@ def _draw_driven(axes: Any, laws: Laws, driven: list[Array]) -> None:
         _band(axes, time, one[:, 0], LOOK[name], f"{name}: $T$")
         _band(axes, time, one[:, 1] / one[:, 0], LOOK[name], rf"{name}: $\theta$", ls=":")
         for value in (T, T_rot / T):
-            axes.axhline(value, color=LOOK[name], ls=THEORY[name], lw=0.9)
+            axes.axhline(value, **dashes(LOOK[name], lw=0.9))
     axes.set(xlabel="time (diameters / speed of a disk at $T = 1$)", ylabel=r"$T$ (units of $T(0)$), $\theta$",
              ylim=(0.0, 1.1), xlim=(0.0, DRIVEN_END))  # fmt: skip
     axes.legend(loc="center right")

@@ -46,7 +46,7 @@ from ...model.laws.ifr import IFRLaw
 from ...model.state import Disks
 from ...model.walls.motion import Motion
 from ...model.walls.wall import Wall
-from ...plots.style import dashes
+from ...plots.style import dashes, marks
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style
@@ -296,23 +296,17 @@ def _mixtures(result: Result, quick: bool, seed: int, left: Any, right: Any) -> 
             )  # fmt: skip
             for j in range(2):
                 mean = np.mean([one[2][j] for one in found], axis=0)
-                colour, kind = style.COLOURS[j], ("small", f"large, mass {mass:g}")[j]
-                style.points(
-                    right,
-                    np.arange(len(mean)) + 0.5,
-                    mean,
-                    colour,
-                    kind if i or j else None,
-                    ("o^", "sv")[j][i == 3],
-                )
-                right.plot(y, n[j], color=colour, ls="-" if i else "--")
+                colour = style.COLOURS[j + 2 * (i == 3)]
+                kind = f"{('small', 'large')[j]}; mass of large {mass:g}"
+                style.points(right, np.arange(len(mean)) + 0.5, mean, colour, kind, marks(colour)["marker"])
+                right.plot(y, n[j], **dashes(colour))
         for j in range(2):
-            label = None if i else ("small", "large")[j]
-            style.errorbars(left, mass, [one[j] for one in found], style.COLOURS[j], label, "os"[j])
+            label, colour = None if i else ("small", "large")[j], style.COLOURS[j]
+            style.errorbars(left, mass, [one[j] for one in found], colour, label, marks(colour)["marker"])
     at = np.linspace(0.75, 3.0, 10)
     curves = np.array([(n * y).sum(axis=1) / n.sum(axis=1) for y, n in (densities(float(one)) for one in at)])
     for j in range(2):
-        left.plot(at, curves[:, j], color=style.COLOURS[j])
+        left.plot(at, curves[:, j], **dashes(style.COLOURS[j]))
     if not quick:
         low, high = MASSES[1:3]
         values = low + (high - low) * ratio(apart[low], apart[low] - apart[high])

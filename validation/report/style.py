@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...tools.colours import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -14,12 +16,8 @@ if TYPE_CHECKING:
 # Where Matplotlib's own STIX fonts are missing, DejaVu takes their place: not worth a line for each text.
 logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
 
-# Okabe and Ito's colours: distinct with every kind of colour blindness.
-BLUE, VERMILION, GREEN, SKY, ORANGE, PURPLE, BLACK = (
-    "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#E69F00", "#CC79A7", "#000000",
-)  # fmt: skip
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
-GREY = "#777777"
+BLACK, GREY = "#000000", "#777777"
 
 RC: Any = {
     "font.size": 9.0,
