@@ -1,7 +1,7 @@
 """Analyses of granular gases: functions of NumPy arrays from any source, returning arrays with errors.
 
-Lengths, times and masses are in whatever units the arrays are in, temperatures are energies (k_B = 1). g(r), clusters
-and psi_6 need the package freud, S(k) finufft: `pip install 'ifrdem[analysis]'`.
+Lengths, times and masses are in whatever units the arrays are in, temperatures are energies (k_B = 1). Some need the
+extra `analysis` (`ifrdem docs install`).
 """
 
 from ..tools import lazy

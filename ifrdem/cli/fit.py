@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from .. import errors
 from ..errors import InputError, nearest, refuse, there_are
 from ..tools.files import check_files, write_text
 from ..tools.values import Fraction, Integer, Natural, NonNegative, Number, Positive, Ratio, RatioOrZero, Real
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from ..fit.data import Disk
 
 FORMAT = """\
-DATA is a CSV file: a line with the names of the columns, then a line an impact. Lines that begin with # are comments.
+DATA is a CSV file: a line with the names of the columns, then a line for each impact. Lines that begin with # are comments.
 
 A table of angles, of disk 1 on disk 2 at rest or on a wall (--M 0), nothing spinning; degrees from the line of centres:
 
@@ -518,7 +519,7 @@ TRACKS = """\
 TRACKS is a CSV file with a line for each disk in each frame: id (or particle, ...), x, y, and t or
 frame (with --fps); angle if rotation is visible. Units stand in brackets, as in x (mm) or
 angle (rad); angles are in degrees by default, counter-clockwise, with y upwards. A column clip numbers
-the clips of a film. Files of TrackMate, DeepLabCut and Tracker, and the folder of those of OpenPTV, are read too.
+the clips of a film. Files of tracking programs are read too (`ifrdem docs fit`).
 
   ifrdem collisions tracks.csv --fps 120 --disk 1.19e-3,10.5e-3,2 -o hits.csv
   ifrdem collisions tracks.csv --fps 240 --disk 0.03,0.025 --disk 7=0.02,0.02 --walls tray.toml
@@ -687,10 +688,10 @@ def _summary(found: Any) -> list[str]:
     """Lines on the collisions that were found and that a fit leaves out, the largest part first."""
     tables = {"of two disks": found.pairs, "with walls": found.walls}
     parts = [f"{len(columns['t'])} {what}" for what, columns in tables.items() if columns]
-    shown = [f"found {len(found)} collisions: {', '.join(parts)}"]
-    lost = [(n, reason) for reason, n in found.reasons.items()]
-    lost += [(n, text) for text, n in found.poor.items() if n]
-    return shown + [f"{n:>8} {reason}" for n, reason in sorted(lost, reverse=True)]
+    shown = [f"found {errors.counted(len(found), 'collision')}: {', '.join(parts)}"]
+    lost = [(n, f"{n} {reason}") for reason, n in found.reasons.items()]
+    lost += [(n, f"{errors.counted(n, 'collision')} {text}") for text, n in found.poor.items() if n]
+    return shown + [" " * (8 - len(str(n))) + line for n, line in sorted(lost, reverse=True)]
 
 
 def _tray(text: str, problems: OptionProblems) -> Any:

@@ -112,12 +112,10 @@ class FoundCollisions:
         tables = [each for each in (self.pairs, self.walls) if each]
         angles = [each["quality_angles"][each["quality"] >= POOR] for each in tables]
         return {
-            f"collisions have quality below {POOR:g}, `ifrdem fit` leaves them out": int(
+            f"of quality below {POOR:g}, which `ifrdem fit` leaves out": int(
                 sum(np.sum(each["quality"] < POOR) for each in tables)
             ),
-            f"collisions have spins of quality below {POOR:g}": int(
-                sum(np.sum(each < POOR) for each in angles)
-            ),
+            f"with spins of quality below {POOR:g}": int(sum(np.sum(each < POOR) for each in angles)),
         }
 
     def tray_text(self) -> list[str]:

@@ -400,7 +400,8 @@ class Flights:
 
         The distance d to the stop is v^2/(2 a), which says nothing of a small v to first order: its error is at most
         that of a v whose d is one error of the frames. Where d is not clearly more than its own error s_d, that of
-        v is sqrt(2 a s_d): the other sense is possible too. It is no less than to first order, as a coin turns by w, not w^2.
+        v is sqrt(2 a s_d): the other sense is possible too. The error of a spin w is no less than to first order, as frames
+        show the turn of a coin, which is proportional to w, not to w^2.
         """
         known = []
         for i, name in enumerate(names):

@@ -4,7 +4,8 @@ TrackMate (spots as CSV): four lines of header, of which the first has names and
 DeepLabCut (CSV): three lines of header, scorer, bodyparts and coords, or four with individuals; a column x, y and
 likelihood for each part. Tracker (physlets.org): the names of masses, then t, x, y of each side by side. OpenPTV
 (ptv_is.N): a file for each frame, a line of the number of disks, then previous and next row, x, y, z [mm]. Trackpy
-(CSV by pandas): one line of header; its tables without short tracks have the frame twice, as index and as column.
+(CSV by pandas): one line of header; tables from which short tracks were removed (filter_stubs) have the frame twice,
+as index and as column.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def read(
     form: TableFormat = TableFormat(),  # noqa: B008  (frozen)
     flip: Collection[str] = (),
 ) -> Tracks:
-    """Read tracks: a line a frame and disk, with columns id, x, y, and t or frame; angle if disks were seen to turn.
+    """Read tracks: a line for each disk in each frame, with columns id, x, y, and t or frame; angle if disks were seen to turn.
 
     A column clip numbers clips of one film, each of which has its own ids; without it times that begin anew, or a gap
     in time that no disk can have crossed so, part two.

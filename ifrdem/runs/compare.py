@@ -64,7 +64,7 @@ class Measured:
 
 
 def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Measured:
-    """Read measured positions: a line a disk, with columns id, x, y; t if not of the end; angle; NAME_error.
+    """Read measured positions: a line for each disk, with columns id, x, y; t if not of the end; angle; NAME_error.
 
     Raises InputError with a line for each thing that is wrong.
     """

@@ -1,4 +1,4 @@
-"""Collisions of the tracked disks of a trajectory as one table: a row a collision."""
+"""Collisions of the tracked disks of a trajectory as one table: a row for each collision."""
 
 from __future__ import annotations
 

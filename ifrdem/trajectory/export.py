@@ -50,8 +50,8 @@ def export(
     between walls are twice as long because HOOMD takes all as periodic (`Box.cell`); `angle` as orientations, spins as
     angular momenta, both also as logged quantities `particles/angle` and `particles/angular_velocity`, times as `time`;
     types are species. extxyz: extended XYZ with z = 0, every stored field, names of species without blanks in the
-    column `kind`, and what ASE takes: `masses`, and `momenta` where velocities are stored. csv: a line a disk and
-    frame, with a header; of one frame, a start file. The last two keep every digit that is stored. h5: a trajectory of
+    column `kind`, and what ASE takes: `masses`, and `momenta` where velocities are stored. csv: a line for each
+    disk in each frame, with a header; of one frame, a start file. The last two keep every digit that is stored. h5: a trajectory of
     these frames, ascending, with series and histories, in one file; so parts are put together.
 
     Raises InputError if the format is none of these, a field it needs is not stored, a package is missing, numbers are
