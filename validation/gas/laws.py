@@ -14,7 +14,6 @@ energy in the mean motion of cells, less what chance gives.
 
 from __future__ import annotations
 
-import math
 import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -260,10 +259,10 @@ def _gas_table(result: Result, gases: list[CoolingSeries], driven: list[Array]) 
             ("scatter of numbers in cells", "clumping"),
             ("part of the energy in streams", "streaming"),
         ):
-            both = [Mean.of(getattr(gas, what)[:, at]) for gas in gases]
+            both = [getattr(gas, what)[:, at] for gas in gases]
             lines.append((f"cooling, tau = {tau:g}: {text}", *_cells(both)))
     for text, at in (("T", 0), ("theta", 1)) if driven else ():
-        lines.append((f"driven: {text}", *_cells([Mean.of(_means(each)[at]) for each in driven])))
+        lines.append((f"driven: {text}", *_cells([_means(each)[at] for each in driven])))
     result.table(
         f"{COIN}, simulated", ("quantity", "IFR", "Walton", "Walton less IFR (%)"), lines,
         f"Means and standard errors over seeds. Cooling: {DISKS} disks, packing fraction {PHI}, {CELLS} x {CELLS} "
@@ -271,12 +270,11 @@ def _gas_table(result: Result, gases: list[CoolingSeries], driven: list[Array]) 
     )  # fmt: skip
 
 
-def _cells(both: list[Mean]) -> tuple[str, ...]:
-    off = both[1].value / both[0].value
-    error = off * math.hypot(*(each.error / each.value for each in both))
+def _cells(both: list[Array]) -> tuple[str, ...]:
+    off = Mean.of(ratio(both[1], both[0]))
     return (
-        *(f"{each.value:.4g} +- {each.error:.1g}" for each in both),
-        f"{100.0 * (off - 1.0):+.1f} +- {100.0 * error:.1f}",
+        *(f"{each.value:.4g} +- {each.error:.1g}" for each in map(Mean.of, both)),
+        f"{100.0 * (off.value - 1.0):+.1f} +- {100.0 * off.error:.1f}",
     )
 
 
