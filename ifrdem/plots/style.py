@@ -47,7 +47,7 @@ ENDS = {False: (28.0, 78.0), True: (40.0, 86.0)}
 
 
 def lightness(rgb: Any) -> Array:
-    """Lightness L* (CIE 1976) of colours in sRGB (IEC 61966-2-1), 0 to 1, shape (..., 3): of black 0, of white 100."""
+    """Lightness L* (of 1976) of colours in sRGB (standard 61966-2-1), 0 to 1, shape (..., 3): of black 0, of white 100."""
     rgb = np.asarray(rgb, dtype=float)
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     Y = linear @ (0.2126, 0.7152, 0.0722)
