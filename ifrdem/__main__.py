@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import sys
 
-from .tools.versions import shown
-
 
 def main() -> int:
     """Run the command line and return its exit status."""
@@ -14,10 +12,17 @@ def main() -> int:
         with contextlib.suppress(
             OSError, AttributeError
         ):  # no output, or a closed one: reported below as always
+            from .tools.versions import shown
+
             print(shown(), flush=True)
             return 0
-    from .cli.main import main as run
+    try:
+        from .cli.main import main as run
+    except KeyboardInterrupt:
+        from .cli.console import INTERRUPTED
 
+        print("ifrdem: interrupted before the command began", file=sys.stderr)
+        return INTERRUPTED
     return run()
 
 

@@ -213,7 +213,8 @@ _SYNONYMS = {"gpu": "cuda", "single": "f32", "double": "f64"}
 
 
 def nearest(word: str, allowed: Iterable[str]) -> str:
-    """Return `` (did you mean 'x'?)`` for the nearest allowed spelling, or an empty string.
+    """Return `` (did you mean 'x'?)`` for the nearest allowed spelling, or an empty string. The case of letters decides
+    only between spellings that differ by nothing else.
 
     Of an old word, `` (it is called "x" now)``.
     """
@@ -221,8 +222,17 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
     if renamed := [f'"{each}"' for each in RENAMED.get(word, ()) if each in names]:
         return f" (it is called {' or '.join(renamed)} now)"
     same, longer = _SYNONYMS.get(word), [name for name in names if word and name.startswith(f"{word} ")]
-    found = [same] if same in names else longer or difflib.get_close_matches(word, names, n=1, cutoff=0.6)
+    found = [same] if same in names else longer or _close(word, names)
     return f" (did you mean '{found[0]}'?)" if found else ""
+
+
+def _close(word: str, names: Iterable[str]) -> list[str]:
+    """The name that is most like a word, if one is."""
+    folded: dict[str, list[str]] = {}
+    for name in names:
+        folded.setdefault(name.casefold(), []).append(name)
+    close = difflib.get_close_matches(word.casefold(), folded, n=1, cutoff=0.6)
+    return difflib.get_close_matches(word, folded[close[0]], n=1, cutoff=0.0) if close else []
 
 
 def nearest_file(name: str, names: Iterable[str]) -> str:

@@ -966,6 +966,7 @@ def test_an_annotation_that_names_nothing_is_found() -> None:
     [
         (lambda: ifrdem.Disks(3, mas=1.0, radius=1.0), r"^Disks: unknown argument 'mas' \(did you mean 'mass'"),
         (lambda: ifrdem.IFRLaw(en=0.9, e_t=0.0, mu=1.0), r"^IFRLaw: unknown argument 'en' \(did you mean 'e_n'"),
+        (lambda: ifrdem.IFRLaw(e_N=0.9, e_t=0.0, mu=1.0), r"unknown argument 'e_N' \(did you mean 'e_n'"),
         (lambda: ifrdem.initial.maxwellian(np.ones(3), temperatur=1.0, seed=1),
          r"^maxwellian: unknown argument 'temperatur' \(did you mean 'temperature'"),
         # Of options that a type lists.

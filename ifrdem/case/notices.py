@@ -36,7 +36,7 @@ def notices(gas: CaseGas) -> list[str]:
             f"drum, {froude:.3g}, is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, "
             "too, which are left out"
         )
-    texts += [*forgotten(gas), *aliased(gas)]
+    texts += [*forgotten(gas), *aliased(gas), *unlikely_units(gas)]
     if gas.case.run.resting_speed is None:
         return texts
     for i, wall in enumerate(gas.walls):
@@ -123,6 +123,30 @@ def forgotten(gas: CaseGas) -> list[str]:
         )
     if run.resting_speed is not None and "asleep" not in gas.given.past:
         texts.append(f"{name} which disks sleep (output.fields, asleep): all are awake at first")
+    return texts
+
+
+LIGHTEST, HEAVIEST = 0.01, 500.0
+"""Areal densities of real disks, m / (pi R^2) [kg/m^2]: a film of plastic of 10 um, or balls of glass of 3 um, and a
+cylinder of steel of 60 mm. A length in mm in place of m makes it 1e6 times too small, a mass in g 1e3 times too large.
+"""
+
+
+def unlikely_units(gas: CaseGas) -> list[str]:
+    """A text for each species whose areal density no real disk has: a sign of numbers in other units than SI."""
+    if gas.case.run.units != "SI":
+        return []
+    texts = []
+    for each in gas.species:
+        density = each.areal_density
+        if each.mass is not None:
+            density = each.mass / (math.pi * each.summary.radius.mean**2)
+        if not LIGHTEST <= density <= HEAVIEST:
+            texts.append(
+                f"disks of species '{each.name}' have {density:.3g} kg/m^2 by mass and radius, real ones "
+                f"{LIGHTEST:g} to {HEAVIEST:g}: are lengths in m, not mm, and masses in kg, not g? "
+                'run.units = "reduced" is for numbers without units'
+            )
     return texts
 
 

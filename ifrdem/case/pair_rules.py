@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from ..errors import InputError, nearest
 from ..model.laws.coin_table import coins
-from ..model.laws.ifr import EnergyWarning, IFRLaw
+from ..model.laws.ifr import FOR_OTHER_DISKS, EnergyWarning, IFRLaw
 from ..model.laws.law import CollisionLaw
 from .case import CaseSections
 from .laws_section import FileKeys, IFRMaterial, Material, PairOfMaterials, TableKeys
@@ -148,4 +148,4 @@ def _verdict(
             law = law_of((k_1 * m_2 + k_2 * m_1) / (m_1 + m_2))
             return PairVerdict(first, second, key, *law.admissibility(k_1, k_2, m_1, m_2), law)
     except InputError as error:
-        return PairVerdict(first, second, key, False, False, str(error), None)
+        return PairVerdict(first, second, key, False, False, str(error).removesuffix(FOR_OTHER_DISKS), None)

@@ -117,7 +117,8 @@ def new(kind: str, *, short: bool = False) -> str:
     """
     if short and kind not in template.TEMPLATES:
         raise InputError(
-            f"--short: goes with a template only, which '{kind}' is not: {', '.join(template.TEMPLATES)}"
+            f"--short: goes with a template only, which '{kind}' is not: leave --short out, or name a template, "
+            f"one of {', '.join(template.TEMPLATES)}"
         )
     if kind in template.TEMPLATES:
         return template.write_short(kind) if short else template.write(kind)

@@ -91,6 +91,7 @@ def analyse(
         str | None, option(str, "DIR", "folder for the files (default: FILE-analysis)", "--output", "-o")
     ] = None,
     json: Annotated[bool, flag("print the JSON instead of the table")] = False,
+    list: Annotated[bool, flag("list the names and analyse nothing")] = False,
     force: Force = False,
 ) -> int:
     """Analyse a trajectory: distributions, g(r), S(k), diffusion, clusters.
@@ -103,6 +104,9 @@ def analyse(
     which frames are used. A folder that is there gets the analyses that it lacks; --force replaces those that it has.
     Of several files, the mean over them of every number is printed too, with its standard error.
     """
+    if list:
+        echo(ANALYSIS_LIST)
+        return 0
     files_end = (i for i, word in enumerate(words) if not (word.endswith(".h5") or Path(word).exists()))
     count = next(files_end, len(words))
     sources, what = words[:count], words[count:]

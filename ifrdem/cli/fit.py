@@ -879,7 +879,7 @@ def compare(
         members=members,
         seed=1 if seed is None else seed,
         case=None if case is None else shipped.find(case),
-        progress=counted("runs"),
+        progress=counted("compare", "run"),
     )
     echo(found.table())
     if pictures:

@@ -418,28 +418,29 @@ def chosen_frames(trajectory: Trajectory, frames: str | None, start: float | Non
 
 def counted(
     what: str,
+    unit: str = "frame",
     *,
     stream: TextIO | None = None,
     interval: float = 5.0,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Callable[[Sequence[int]], Iterable[int]]:
-    """Progress through frames: a bar on a terminal, elsewhere a line every `interval` seconds; none by `--quiet`."""
-    from ..tools.progress import clock_face, quiet
+    """Progress through frames, or other units: a bar on a terminal, elsewhere a line every `interval` seconds; none by `--quiet`."""
+    from ..tools.progress import quiet, time_left
 
     out = sys.stderr if stream is None else stream
 
     def bar(frames: Sequence[int]) -> Iterable[int]:
         from tqdm import tqdm
 
-        return tqdm(frames, desc=what, unit="frame", leave=False, file=out)
+        return tqdm(frames, desc=what, unit=unit, leave=False, file=out)
 
     def lines(frames: Sequence[int]) -> Iterator[int]:
         started = printed = clock()
         for done, frame in enumerate(frames):
             now = clock()
             if now - printed >= interval and done:
-                left = clock_face((now - started) / done * (len(frames) - done))
-                print(f"{what}: {done} of {len(frames)} frames, ETA {left}", file=out, flush=True)
+                left = time_left(now - started, done / len(frames))
+                print(f"{what}: {done} of {len(frames)} {unit}s{left}", file=out, flush=True)
                 printed = now
             yield frame
 

@@ -81,12 +81,17 @@ class Ledger:
         return self.dissipated(measure) - float(measure.dissipated.sum())
 
     @validated
+    def turned(self, measure: Measure) -> float:
+        """All energy at the start and put in [energy]."""
+        assert self.first is not None
+        first, now = self.first, measure
+        return sum(map(abs, (first.energy, now.energy_input, now.wall_work, now.wall_heat)))
+
+    @validated
     def relative_residual(self, measure: Measure) -> float | None:
         """The residual over all energy at the start and put in."""
         residual = self.residual(measure)
-        assert self.first is not None
-        first, now = self.first, measure
-        turned = sum(map(abs, (first.energy, now.energy_input, now.wall_work, now.wall_heat)))
+        turned = self.turned(measure)
         return None if residual is None or turned == 0.0 else residual / turned
 
     @validated

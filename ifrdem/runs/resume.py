@@ -35,6 +35,7 @@ from ..trajectory import parts
 from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
 from ..trajectory.writer import TrajectoryWriter
+from . import status
 from .outputs import Outputs, only
 from .recorder import Ledger
 from .run import Run, finish, how, on_usable_ranks, run_root, run_worker, stored
@@ -62,9 +63,12 @@ def find(source: str | os.PathLike[str]) -> Path:
         raise InputError(f"{source}: there is no such file or folder")
     found = checkpoint_of(path)
     if not found.exists():
+        reason = f"there is no {found.name} next to it: the run is done, or was killed in its very beginning"
+        with contextlib.suppress(InputError):  # no status file, or not one of ours
+            if status.read(path)["state"] == status.DONE:
+                reason = "the run is done"
         raise InputError(
-            f"{source}: there is no {found.name} next to it: the run is done, or was killed in its very beginning. "
-            f'A new run can begin with a stored frame: start.positions = "{path.name}"'
+            f'{source}: {reason}. A new run can begin with a stored frame: start.positions = "{path.name}"'
         )
     return found
 

@@ -544,10 +544,16 @@ def _remains(running: Run, reason: str) -> str:
     return text
 
 
-def _mechanisms(dissipated: Array, energy: str) -> Iterator[str]:
-    """Lines on the energy that each mechanism took, with its unit, and why one of them may be below 0."""
-    # Sums of n terms walk by 2^-53 n^(1/2) of themselves: 1e-12 after 1e8 collisions.
-    rounding = 1e-12 * abs(dissipated).sum()
+ROUNDING = 1e-12
+"""Part of an energy that rounding may be: sums of n terms walk by 2^-53 n^(1/2) of themselves, 1e-12 at 1e8."""
+
+
+def _mechanisms(dissipated: Array, turned: float, energy: str) -> Iterator[str]:
+    """Lines on the energy that each mechanism took, with its unit, and why one of them may be below 0.
+
+    What is rounding of all that was taken, or of all energy that was there, is left out.
+    """
+    rounding = ROUNDING * max(abs(dissipated).sum(), turned)
     took = dict(zip(MECHANISMS, dissipated.tolist(), strict=True))
     if parts := [
         f"{name.replace('_', ' ')} {part:.4g}" for name, part in took.items() if abs(part) > rounding
@@ -584,7 +590,9 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
             f"the whole gas drifts at {where}, {share:.4g} % of the kinetic energy of its motion; "
             "temperatures are about its mean velocity"
         )
-    lost = ledger.dissipated(last)
+    lost, turned = ledger.dissipated(last), ledger.turned(last)
+    is_nothing = abs(lost) <= ROUNDING * turned
+    loss = "nothing (to rounding)" if is_nothing else f"{lost:.6g}{energy}"
     if case.walled:
         heat = f" and {last.wall_heat:.6g}{energy} as heat" if last.wall_heat != 0.0 else ""
         yield f"{last.wall_collisions} collisions with walls, which gave {last.wall_work:.6g}{energy} as work{heat}"
@@ -593,12 +601,13 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
     ]
     if sources or case.walled:
         inputs = f"{' and '.join(sources)} put in {last.energy_input:.6g}{energy}, " if sources else ""
-        yield f"{inputs}collisions dissipated {lost:.6g}{energy}"
+        yield f"{inputs}collisions dissipated {loss}"
     elif first.energy > 0.0:
-        yield f"dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the initial energy"
+        part = "" if is_nothing else f", {100.0 * lost / first.energy:.4g} % of the initial energy"
+        yield f"dissipated {loss}{part}"
     residual = ledger.relative_residual(last)
     if residual is not None and last.dissipated is not None:
-        yield from _mechanisms(last.dissipated, energy)
+        yield from _mechanisms(last.dissipated, turned, energy)
         yield f"energy balance: relative error {abs(residual):.1e}"
     # Against the momentum that the disks' typical speed would add up to, all one way.
     scale = float(np.sqrt(2.0 * first.translational_energy * mass))

@@ -213,7 +213,7 @@ def drawing(name: str) -> None:
 class Stage:
     """Prints the part of a long step of the preparation that is done, every `interval` seconds at most.
 
-    With the time that is left (ETA), at the pace so far.
+    With the time that is left (ETA), at the pace so far, as `time_left`.
     """
 
     def __init__(
@@ -227,8 +227,7 @@ class Stage:
         now = self._clock()
         if part < 1.0 and now - self._printed >= self._interval and not quiet():
             self._printed = now
-            left = (now - self._begun) * (1.0 - part) / part if part > 0.0 else math.inf
-            text = f"{self._name}: {100.0 * part:.0f} % done, ETA {clock_face(left)}"
+            text = f"{self._name}: {100.0 * part:.0f} % done{time_left(now - self._begun, part)}"
             print(text, file=sys.stderr, flush=True)
 
 
@@ -284,6 +283,16 @@ def size_of_time(seconds: float) -> str:
         if seconds >= 2.0 * length:
             return f"{seconds / length:.2g} {unit}"
     return f"{max(seconds, 0.1):.2g} s"
+
+
+EARLIEST = 2.0, 0.05
+"""Seconds, and the part that is done, before which the pace so far says nothing about the time left."""
+
+
+def time_left(seconds: float, part: float) -> str:
+    """Text of the time left, after `seconds` for a part of a step, 0 to 1, at that pace; empty before `EARLIEST`."""
+    is_known = seconds >= EARLIEST[0] and part >= EARLIEST[1]
+    return f", ETA {clock_face(seconds * (1.0 - part) / part)}" if is_known else ""
 
 
 def clock_face(seconds: float) -> str:

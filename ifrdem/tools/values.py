@@ -155,7 +155,10 @@ class Number(Keyed):
                 or (self.gaps and number != number)
             )
         ):
-            raise must_be(name, value, f"{self.needed}{self._remedy(number)}")
+            # Where nothing but the sign is wrong, the limits of sizes are of no use.
+            is_negative = self.zero and is_number(number) and self.low <= -number <= self.high
+            needed = "0 or more" if is_negative else f"{self.needed}{self._remedy(number)}"
+            raise must_be(name, value, needed)
         try:
             return float(number)
         except OverflowError:  # a whole number below infinity

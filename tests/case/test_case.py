@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from support.cases import MakeCase, Problems, case_text
+from support.cases import MakeCase, Problems, case_gas, case_text
 
 from ifrdem import theory
 from ifrdem.case import file as case_file
@@ -383,6 +383,16 @@ def test_override_that_leads_nowhere_is_refused(assignment: str, says: str) -> N
         case_file.override(tomllib.loads(CASE), assignment)
 
 
+def test_disks_of_no_real_areal_density_are_doubted() -> None:
+    """A coin of 1.19 g and 21 mm has m / (pi R^2) = 3.44 kg/m^2: 1e6 times less in mm, 1e3 times more in g."""
+    si = "run.units=SI"
+    for mass, diameter, density in ((1.19e-3, 21.0, "3.44e-06"), (1.19, 0.021, "3.44e+03")):
+        given = ("species[0].radius=", f"species[0].diameter={diameter}", f"species[0].mass={mass}")
+        (text,) = notices.notices(case_gas(*given, si))
+        assert text.startswith(f"disks of species 'coins' have {density} kg/m^2")
+        assert notices.notices(case_gas(*given)) == []
+
+
 # --- laws and energy --------------------------------------------------------------------------------------
 
 
@@ -393,6 +403,7 @@ def test_admissibility_depends_on_the_k_of_the_species(problems: Problems) -> No
     wrong = ("material[0].e_n=1.0", "material[0].e_t=0.0")
     assert len(problems(*wrong)) == 1
     assert "a collision would add energy" in problems(*wrong)[0]
+    assert "pass their k" not in problems(*wrong)[0]
     assert problems(*wrong, "species[0].k=1.0") == []
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from ifrdem import Trajectory
 from ifrdem.case import file as case_file
-from ifrdem.case import shipped, template
+from ifrdem.case import notices, shipped, template
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
@@ -37,6 +37,7 @@ def test_every_shipped_case_is_in_order_and_named_like_its_file(name: str) -> No
     file = case_file.read(shipped.find(name))
     assert file.case.run.name == name
     assert f"#   ifrdem run {name} " in file.text
+    assert notices.unlikely_units(file.gas) == []
 
 
 @pytest.mark.parametrize("name", shipped.studies())

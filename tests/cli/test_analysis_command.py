@@ -547,8 +547,9 @@ def test_plot_writes_a_png_once(
     assert Path("run-energy.png").read_bytes().startswith(b"\x89PNG")
     assert cli.main(["plot", "run.h5", "energy"]) == 2
     assert "exists already" in capsys.readouterr().err
-    assert cli.main(["plot", "--list"]) == 0
-    assert capsys.readouterr().out.count("\n") == len(pictures.PICTURES)
+    for command, names in (("plot", pictures.PICTURES), ("analyse", ANALYSES)):
+        assert cli.main([command, "--list"]) == 0
+        assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [*names]
 
 
 @pytest.mark.full

@@ -18,6 +18,7 @@ import pytest
 from support.cases import case_text
 
 import ifrdem
+from ifrdem import __main__
 from ifrdem.case import shipped, starts
 from ifrdem.cli import notebooks
 from ifrdem.cli.main import app, main
@@ -84,6 +85,20 @@ def test_help_and_version_start_nothing_heavy() -> None:
         assert shown in done.stdout
 
 
+def test_an_interrupt_while_packages_load_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Interrupting:
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "ifrdem.cli.main":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "ifrdem.cli.main")
+    monkeypatch.setattr(sys, "meta_path", [Interrupting(), *sys.meta_path])
+    assert __main__.main() == 130
+    assert capsys.readouterr().err == "ifrdem: interrupted before the command began\n"
+
+
 def test_checking_a_case_does_not_import_the_runtime(folder: Path) -> None:
     code = (
         "import sys\nfrom ifrdem.cli.main import main\n"
@@ -129,7 +144,7 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
         (["new", "nosuch"], r"templates: .*, study, notebook; shipped: "),
         (
             ["new", "cases/mixture.toml", "--short"],
-            "--short: goes with a template only, which 'cases/mixture.toml' is",
+            "--short: goes with a template only, which 'cases/mixture.toml' is not: leave --short out, or name",
         ),
         (["new", "--short", "-o", "x.toml"], "--short: requires a KIND"),
         (["new", "notebook", "-o", "nowhere"], "-o nowhere: must be a folder that exists"),

@@ -334,7 +334,7 @@ def test_stopping_distances_come_with_their_caveat() -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"M": -1.0}, "M = -1.0: must be 0, or a number"),
+        ({"M": -1.0}, "M = -1.0: must be 0 or more"),
         ({"M": 1.0, "model": ["contact"]}, r"model = 'contact': must be one of .*ifr-contact"),
         ({"M": 1.0, "model": []}, "model: must name at least one"),
         (

@@ -126,8 +126,10 @@ def test_progress_is_shown_from_two_seconds_on(
         Stage.__init__, "__kwdefaults__", {"interval": 5.0, "clock": lambda: float(next(seconds))}
     )
     assert main(["fit", "data.csv", "--M", "1", "--error", "0.7", "--model", "ifr-percussion"]) == 0
-    parts = [float(each) for each in re.findall(r"fit: (\d+) % done", capsys.readouterr().err)]
+    shown = capsys.readouterr().err
+    parts = [float(each) for each in re.findall(r"fit: (\d+) % done", shown)]
     assert len(parts) > 3
+    assert not re.search(r"fit: [0-4] % done, ETA", shown)
     assert parts == sorted(parts)
 
 

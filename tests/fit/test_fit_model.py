@@ -136,7 +136,7 @@ def test_transition_holds_for_any_k() -> None:
 
 def test_impossible_pairs_are_refused() -> None:
     for wrong, message in (
-        ({"M": -1}, "M = -1: must be 0, or"),
+        ({"M": -1}, "M = -1: must be 0 or more"),
         ({"M": 1.0, "k_2": float("nan")}, "k_2 = nan: must be"),
         ({"M": 1.0, "R_1": 0.1}, "R_1 = 0.1, R_2 = None: must be both radii"),
     ):

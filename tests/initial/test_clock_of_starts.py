@@ -147,7 +147,7 @@ def test_the_clock_of_the_frame_continues_or_a_new_one_begins(
         (["run.t_end=", "run.collisions_per_disk=0.1"], r"run\.collisions_per_disk = 0\.1: must be above [\d.]+, the "
          r"collisions per disk until the frame; start\.time = 0 begins"),
         (["start.time=3.0"], r"run\.t_end = 3: must be after 3, the time"),
-        (["start.time=-1"], r"start\.time = -1: must be 0, or a number from"),
+        (["start.time=-1"], r"start\.time = -1: must be 0 or more"),
         (["start.positions=random", "start.frame=", "start.motion="], None),
         (["start.positions=random", "start.frame=", "start.motion=", "start.time=1"], "time: requires positions = "),
         (["box.shear_rate=0.5", "start.time=1.0"], None),

@@ -80,6 +80,8 @@ def test_a_mechanism_that_is_rounding_is_not_printed(part: float, shown: bool) -
     """A part is rounding below 1e-12 of all; one below 0 that is more has a line that says why."""
     dissipated = np.zeros(len(MECHANISMS))
     dissipated[[MECHANISMS.index("normal"), MECHANISMS.index("sliding")]] = 2.0, 2.0 * part
-    first, *others = _mechanisms(dissipated, " J")
+    first, *others = _mechanisms(dissipated, 2.0, " J")
     assert first == f"by mechanism: normal 2{f', sliding {2.0 * part:.4g}' * shown} J"
     assert [line.split(" below 0")[0] for line in others] == ["  sliding"] * (shown and part < 0.0)
+    # Of a gas with much more energy than was taken, such as an elastic one, all is rounding.
+    assert [*_mechanisms(dissipated, 3e12, " J")] == []

@@ -283,8 +283,10 @@ def test_a_changed_case_is_refused_with_what_changed(whole, toml, tmp_path, stop
 
 
 def test_what_cannot_be_resumed_is_refused_with_the_reason(whole, tmp_path, capsys):
+    killed = shutil.copy(whole, tmp_path / "killed.h5")
     for place, reason in (
-        (str(whole), "the run is done, or was killed in its very beginning"),
+        (str(whole), f"{whole}: the run is done. A new run can begin"),
+        (str(killed), "the run is done, or was killed in its very beginning"),
         (str(whole.parent), "no run to resume here"),
         (str(tmp_path / "none"), "there is no such file or folder"),
     ):

@@ -185,7 +185,7 @@ def test_seed_disk_step_and_place_of_a_force_change_its_random_numbers() -> None
     [
         (lambda: Drag(0.0, rate=1.0), r"step = 0\.0: must be a positive number from 1e-50 to 1e\+50"),
         (lambda: Drag(0.1), "rate, quadratic, spin_rate: one of them must be above 0"),
-        (lambda: Drag(0.1, rate=-1.0), r"rate = -1\.0: must be 0, or a number from 1e-50 to 1e\+50"),
+        (lambda: Drag(0.1, rate=-1.0), r"rate = -1\.0: must be 0 or more$"),
         (lambda: RandomKicks(0.1), "exactly one of power and diffusion"),
         (lambda: RandomKicks(0.1, power=1.0, diffusion=1.0), "exactly one of power and diffusion"),
         (lambda: SpinKicks(0.1, power=math.nan), "power = nan"),

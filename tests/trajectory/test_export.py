@@ -19,6 +19,7 @@ from ifrdem.cli.options import counted, selected_frames
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
+from ifrdem.tools.progress import time_left
 from ifrdem.trajectory.export import export
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
@@ -269,6 +270,14 @@ def test_plain_lines_give_the_progress_and_the_remaining_time():
     lines = stream.getvalue().splitlines()
     assert len(lines) == 3
     assert lines[0] == "export: 2 of 10 frames, ETA 0:24"
+
+
+def test_no_time_left_is_shown_before_the_pace_is_known():
+    """Below 5 % of the work, or 2 s of it."""
+    stream, seconds = io.StringIO(), iter(range(0, 1000, 6))
+    list(counted("compare", "run", stream=stream, clock=lambda: float(next(seconds)))(range(30)))
+    assert stream.getvalue().splitlines()[:2] == ["compare: 1 of 30 runs", "compare: 2 of 30 runs, ETA 2:48"]
+    assert time_left(1.9, 0.5) == ""
 
 
 def test_the_command_writes_next_to_the_trajectory_and_keeps_existing_files(three_frames, capsys):

@@ -39,6 +39,13 @@ STICKING = ("percussion_center", "contact_point")
 # that are chosen on the boundary. A collision can gain 1e-12 of its energy by it, no more than rounding does.
 ROUND_OFF = 1e-12
 
+FOR_OTHER_DISKS = "; for disks of another shape pass their k"
+"""End of the message of a refused law in Python; a case has the k of its disks."""
+OTHER_LAWS = (
+    "If e_t is meant with friction in it, as beta_0 of Walton's law or beta of rough disks, take those: "
+    'law = "walton" or "rough"'
+)
+
 
 class Regime(IntEnum):
     """Regime of a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not.
@@ -166,7 +173,7 @@ class IFRLaw(CollisionLaw):
     def __post_init__(self) -> None:
         verdict = self._admissibility(self.k)  # kbar = k for a like pair, whatever the masses
         if not verdict.admissible:
-            raise InputError(f"{verdict.message}; for disks of another shape pass their k")
+            raise InputError(f"{verdict.message}{FOR_OTHER_DISKS}")
         self._act_on(verdict)
 
     @validated
@@ -227,7 +234,9 @@ class IFRLaw(CollisionLaw):
                 True, True, f"{law}: no collision adds energy, because mu = 0 and -1 <= e_t <= 1"
             )
         if e_t == 1.0:
-            text = f"{law}: a grazing collision would add energy; with mu > 0, e_t must be below 1"
+            text = (
+                f"{law}: a grazing collision would add energy; with mu > 0, e_t must be below 1. {OTHER_LAWS}"
+            )
             return Admissibility(False, False, text)
         corner = "where sliding turns into sticking, a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2"
         needed = [(corner, a * (1.0 - e_n), (e_s**2 - 1.0) * (1.0 + e_n) * mu**2 / c**2)]
@@ -241,7 +250,11 @@ class IFRLaw(CollisionLaw):
         )
         with_ = f"with a = 1 + kbar = {a:g}, c = {c:.4g}, e_s = e_t + a c = {e_s:.4g}"
         if broken:
-            text = f"{law}: a collision would add energy: {broken} ({with_}). {self._remedy(a, ac)}"
+            others = f" {OTHER_LAWS}." if e_t > 0.0 else ""
+            text = (
+                f"a collision would add energy. {self._remedy(a, ac)}.{others} Now {law}: {broken} ({with_}); "
+                "see `ifrdem docs law`"
+            )
             return Admissibility(False, False, text)
         if e_s <= 1.0 + ROUND_OFF:
             text = f"{law}: no collision adds energy, nor do its tangential impulses alone ({with_})"

@@ -10,6 +10,7 @@ import pytest
 from ifrdem.errors import InputError
 from ifrdem.model.laws.collision import collide
 from ifrdem.model.laws.ifr import EnergyWarning, IFRLaw
+from ifrdem.model.laws.records import LAWS
 
 COIN = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 
@@ -23,9 +24,9 @@ COIN = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
         ({"e_n": "0.87"}, r"e_n = '0\.87': must be a number from 0 to 1"),
         ({"e_t": None}, "e_t = None: must be a number from -1 to 1"),
         ({"e_t": -1.5}, r"e_t = -1\.5: .* from -1 to 1"),
-        ({"mu": -0.2}, r"mu = -0\.2: must be 0, or a number from 1e-50 to"),
+        ({"mu": -0.2}, r"mu = -0\.2: must be 0 or more$"),
         ({"mu": float("inf")}, "mu = inf: must be 0, or a number"),
-        ({"rho": -1.0}, r"rho = -1\.0: must be 0, or a number from"),
+        ({"rho": -1.0}, r"rho = -1\.0: must be 0 or more$"),
         ({"k": 0.0}, r"k = 0\.0: must be a positive number"),
         (
             {"sticking": "contact point"},
@@ -61,10 +62,13 @@ def test_refusal_names_the_violated_inequality_in_numbers():
     with pytest.raises(InputError) as refused:
         IFRLaw(e_n=0.98, e_t=-0.2, mu=0.5)
     message = str(refused.value)
+    assert message.startswith(
+        "a collision would add energy. With e_t <= -0.5 or mu below 0.1048 it would not."
+    )
     assert "a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2 must hold" in message
     assert "left is 0.06 and right 1.366 (1.306 more)" in message
-    assert "e_t <= -0.5 or mu below 0.1048" in message
     assert "pass their k" in message
+    assert "Walton" not in message
 
 
 def test_refusal_names_the_sliding_inequality_in_numbers():
@@ -73,6 +77,8 @@ def test_refusal_names_the_sliding_inequality_in_numbers():
         IFRLaw(e_n=0.5, e_t=0.8, mu=0.3)
     assert "(1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n) must hold" in str(refused.value)
     assert "left is 0.18 and right 0.405 (0.225 more)" in str(refused.value)
+    assert 'law = "walton" or "rough"' in str(refused.value)  # e_t above 0 may be meant as theirs
+    assert {"walton", "rough"} <= set(LAWS)
 
 
 def test_what_only_the_total_saves_warns_at_the_callers_line():
