@@ -21,6 +21,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.plots import disks as plot_disks
 from ifrdem.plots import pictures, run, style
+from ifrdem.tools.labels import few_labels
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
@@ -242,7 +243,7 @@ def test_labels_of_logarithmic_time_are_apart_and_at_least_two(first: float, spa
     axes = Figure(figsize=(6.0, 1.5)).add_axes((0.1, 0.3, 0.8, 0.6))  # narrower than in the picture
     axes.plot([first, first * span], [1.0, 1.0])
     axes.set_xscale("log")
-    style.few_labels(axes)
+    few_labels(axes)
     assert_labels_are_apart(axes)
 
 
