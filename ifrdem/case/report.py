@@ -341,7 +341,8 @@ def _needs(gas: CaseGas, estimate: RunEstimate) -> Iterator[ReportRow]:
     case = gas.case
     yield ReportRow("run", clock(gas, estimate))
     yield ReportRow(
-        "trajectory file (all frames and series)", f"{size(estimate.file_bytes)}{_without_histories(estimate)}, {case.run.name}.h5"
+        "trajectory file (all frames and series)",
+        f"{size(estimate.file_bytes)}{_without_histories(estimate)}, {case.run.name}.h5",
     )
     yield ReportRow("content of the trajectory file", _stored(gas, estimate))
     if case.output.in_parts(gas.n, ranks=2):

@@ -173,11 +173,11 @@ def read(
     source = str(path)
     form = _standard_names(path, kinds, spellings, form, most)
     _check_format(source, form, kinds)
-    commented = _says_si(path, most)
     comm = current()
     own, last = comm.slice_of(n), comm.rank == comm.size - 1
 
     def parsed() -> tuple[ReadTable, list[str], int]:
+        commented = _says_si(path, most)
         rows = csv_rows.each(path, most=most, delimiter=form.delimiter)
         header, at = next(rows, ([], 0))
         if not header:

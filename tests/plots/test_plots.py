@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from support.figures import texts
+from support.figures import assert_labels_are_apart, texts
 
 from ifrdem import theory
 from ifrdem.errors import InputError
@@ -221,19 +219,6 @@ def test_labels_carry_units(tmp_path: Path, drawn: list[Figure]) -> None:
     for label in ("temperature (J)", "time $t$ (s)", "$x$ (m)", "$y$ (m)", "(rad/s)", "$t$ = 10 s"):
         assert label in shown
     assert "made up: 30 disks, packing fraction 0.1, 90 collisions per disk" in shown  # 2 x 45 n / n
-
-
-def assert_labels_are_apart(axes: Axes) -> None:
-    """At least two labels along the horizontal axis, none within half a space of another."""
-    figure = axes.figure
-    figure.draw_without_rendering()
-    axis, (low, high) = axes.xaxis, axes.get_xlim()
-    ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
-    shown = [tick.label1 for tick in ticks if low <= tick.get_loc() <= high and tick.label1.get_text()]
-    extents = sorted((label.get_window_extent() for label in shown), key=lambda each: each.x0)
-    assert len(extents) >= 2
-    gap = 0.02 * figure.dpi
-    assert all(left.x1 + gap < right.x0 for left, right in itertools.pairwise(extents))
 
 
 @pytest.mark.full(keep=10)
