@@ -341,7 +341,8 @@ def _needs(gas: CaseGas, estimate: RunEstimate) -> Iterator[ReportRow]:
     case = gas.case
     yield ReportRow("run", clock(gas, estimate))
     yield ReportRow(
-        "trajectory file (all frames and series)", f"{size(estimate.file_bytes)}, {case.run.name}.h5"
+        "trajectory file (all frames and series)",
+        f"{size(estimate.file_bytes)}{_without_histories(estimate)}, {case.run.name}.h5",
     )
     yield ReportRow("content of the trajectory file", _stored(gas, estimate))
     if case.output.in_parts(gas.n, ranks=2):
@@ -418,6 +419,11 @@ def _planned(plan: RankPlan) -> str:
     time = "" if math.isnan(plan.seconds) else f", about {size_of_time(plan.seconds)}"
     text = f"{plan.disks:.3g} disks, {size(plan.memory)} of memory, {size(plan.file)} of files{time}"
     return f"{text}, with one thread"
+
+
+def _without_histories(estimate: RunEstimate) -> str:
+    """Words behind a size that counts no events of tracked disks, because nobody knows how many there will be."""
+    return " without histories" * (estimate.tracked > 0 and math.isnan(estimate.collisions))
 
 
 def _stored(gas: CaseGas, estimate: RunEstimate) -> str:

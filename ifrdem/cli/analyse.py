@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -374,7 +375,13 @@ def plot(
     lag: Lag = None,
     output: Annotated[
         str | None,
-        option(str, "PICTURE", "NAME.png, .svg or .pdf, or NAME (default: FILE-WHAT.png)", "--output", "-o"),
+        option(
+            str,
+            "PICTURE",
+            "NAME.png, .svg or .pdf, or NAME (default: FILE-WHAT.png, with the keys of --over and --by)",
+            "--output",
+            "-o",
+        ),
     ] = None,
     color: Color = None,
     style: Style = None,
@@ -460,7 +467,7 @@ def _plot_one(
         raise InputError(f"--from: cannot be combined with {what}; it is an option of {', '.join(ANALYSES)}")
     with opened(file) as trajectory:
         numbers = chosen_frames(trajectory, frames, start)
-        path = Path(output or f"{trajectory.path.stem}-{what}.png")
+        path = Path(output or _default_name(trajectory.path.stem, what, over=options["over"]))
         check_apart(path, trajectory.path)
         path = _as_picture(path)
         check_apart(path, trajectory.path)
@@ -497,7 +504,7 @@ def _plot_together(
         with contextlib.ExitStack() as stack:
             files = [one_trajectory(source) for source in sources]
             found = figure.of_trajectories([stack.enter_context(opened(file)) for file in files])
-    path = _as_picture(Path(output or f"{Path(sources[0]).stem}-{what}.png"))
+    path = _as_picture(Path(output or _default_name(Path(sources[0]).stem, what, over=over, by=by)))
     check_files([path], force=force)
     drawn = figure.draw(found, what, over, by, note=warn, **form)
     from ..plots import run
@@ -506,6 +513,17 @@ def _plot_together(
     if count := results.warnings_of(found)[:1]:
         warn(f"{count[0]}: `ifrdem info {sources[0]}` lists them")
     note(f"wrote {path}")
+
+
+def _default_name(stem: str, what: str, **axes: str | None) -> str:
+    """The name of a picture without -o, such as en-T-over-t-by-e_n.png: pictures over other axes have other names."""
+    given = (f"-{word}-{_plain_name(key)}" for word, key in axes.items() if key is not None)
+    return f"{stem}-{what}{''.join(given)}.png"
+
+
+def _plain_name(key: str) -> str:
+    """A key as part of the name of a file: material[0].e_n as material-0-e_n."""
+    return re.sub(r"[^\w]+", "-", key).strip("-")
 
 
 def _as_picture(path: Path) -> Path:

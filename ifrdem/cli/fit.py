@@ -627,6 +627,7 @@ def collisions(
 
     from ..fit import impacts
     from ..fit import tracks as of_tracks
+    from ..tools.tables import SI_UNITS
 
     around = [] if walls in (None, "estimate") else _walls_of(Path(str(walls)))
     table_of_disks: dict[int, Disk] = {}
@@ -653,7 +654,7 @@ def collisions(
         + f", {len(loaded.clips)} clips" * (len(loaded.clips) > 1),
         *[loaded.note] * bool(loaded.note),
         *(_text_of_wall(each) for each in around if walls == "estimate"),
-        f"standard error of a coordinate {found.noise.typical:.3g}"
+        f"standard error of a coordinate {found.noise.typical:.3g} m"
         + (f", of an angle {found.noise.angle:.3g} rad" if math.isfinite(found.noise.angle) else ""),
         *found.tray_text(),
     ]
@@ -662,7 +663,7 @@ def collisions(
     written = []
     for file, what, columns in ((path, "of two disks", found.pairs), (of_walls, "with walls", found.walls)):
         if columns:
-            text = f"collisions {what} in {source.name}, by `ifrdem collisions`; SI units, angles in rad"
+            text = f"collisions {what} in {source.name}, by `ifrdem collisions`; {SI_UNITS}, angles in rad"
             text = "; ".join((text, *found.tray_text()))
             write_text(file, impacts.csv(columns, text, materials))
             written.append(file)

@@ -237,6 +237,8 @@ class Collisions:
     """source, line, notes: as in `Data`."""
     materials: tuple[str, ...] = ()
     """The two materials of each collision, as one text such as "glass, steel"; (n,), or empty if they are not known."""
+    si: bool = False
+    """True if all values are in SI units, which texts and pictures then name."""
 
     def __post_init__(self) -> None:
         problems = _unknown(self.measured, COLLISION_COLUMNS)
@@ -322,6 +324,11 @@ class Collisions:
         """True if disk 2 is a wall or a fixed disk."""
         return bool(np.isinf(np.asarray(self.disk_2.mass)).all())
 
+    def unit(self, name: str) -> str:
+        """SI unit of a column, or of a group of `GROUPS`; empty of a pure number, and if units are not known."""
+        kind = _KINDS.get(GROUPS.get(name, (name,))[0], "number")
+        return tables.standard_unit(kind) if self.si and kind != "number" else ""
+
     def where(self, i: int) -> str:
         """Line of a collision in its file, for messages."""
         return f"collision {i + 1}" if self.line is None else f"line {self.line[i]}"
@@ -370,6 +377,7 @@ class Collisions:
             line=np.arange(1, n + 1)[rows] if self.line is None else self.line[rows],
             notes=self.notes,
             materials=tuple(self.materials[i] for i in rows) if self.materials else (),
+            si=self.si,
         )
 
     def problem(self, pair: Pair | None = None) -> CollisionProblem:
@@ -495,6 +503,7 @@ def read(
             materials=_materials(
                 source, named, found.texts, wall=bool(np.isinf(np.asarray(second.mass)).all())
             ),
+            si=found.si,
         )
     after = [~np.isnan(measured[name]) for name in quantities if name != "psi"]
     keep = ~np.isnan(columns["psi"]) & np.any(after, axis=0)

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..tools.colours import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 from ..tools.files import write_saved
+from ..tools.labels import few_labels
 from .data import Data
 from .likelihood import Array
-from .model import DIRECTION, MEASURED, CollisionProblem
-from .result import Fit, Fitted
+from .model import DIRECTION, MEASURED, MOTION, CollisionProblem
+from .result import Fit, Fitted, of_probability
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -196,6 +197,8 @@ def speeds(fit: Fit, paths: Sequence[Path]) -> None:
     figure = Figure(figsize=(1.2 + 3.6 * len(trends.each), 4.2), dpi=200, layout="constrained")
     grid = figure.subplots(1, len(trends.each), squeeze=False)[0]
     colour = STYLES[0][0]
+    unit = "" if isinstance(fit.data, Data) else fit.data.unit(MOTION[0])
+    unit = unit or "length/time"
     for axes, trend in zip(grid, trends.each, strict=True):
         k = trends.names.index(trend.coefficient)
         at = trends.speed if trend.against == "g_n" else trends.rim
@@ -225,11 +228,12 @@ def speeds(fit: Fit, paths: Sequence[Path]) -> None:
         axes.set_ylim(low - margin, high + margin)
         if trend.against == "g_n":
             axes.set_xscale("log")
+            few_labels(axes)
         about = "normal speed $g_n$" if trend.against == "g_n" else r"rim speed $|R_1\omega_1 + R_2\omega_2|$"
-        axes.set_xlabel(f"{about} (length/time)")
+        axes.set_xlabel(f"{about} ({unit})")
         axes.set_ylabel(SYMBOLS.get(trend.coefficient, trend.coefficient))
         axes.set_title(
-            f"change {trend.change:+.2g} $\\pm$ {trend.error:.1g}, p = {trend.probability:.2g}",
+            f"change {trend.change:+.2g} $\\pm$ {trend.error:.1g}, p {of_probability(trend.probability, 2, '= ')}",
             fontsize="small",
         )
         axes.grid(True, lw=0.4, alpha=0.5)

@@ -17,11 +17,10 @@ from ..errors import InputError, option_name
 from ..model.laws.files import source_of
 from ..tools.checked import Count, Seed, validated
 from ..tools.toml import toml
-from .data import Data
-from .model import DIRECTION, MEASURED
-from .result import Fit, Fitted, Interval
+from .data import Collisions, Data
+from .model import DIRECTION, MEASURED, MOTION
+from .result import Fit, Fitted, Interval, of_probability
 
-_UNITS = {"psi_transit": "deg", "rho": "length", "A": "speed^-1/5"}
 _DIGITS = 6  # of the coefficients in a material, after the point
 
 
@@ -54,7 +53,7 @@ def table(fit: Fit) -> str:
         lines += ["", f"{name}: {fitted.law.about}{mark}"]
         if fitted.errors:
             errors = fitted.errors.items()
-            listed = ", ".join(f"{group} {each:.3g}{_unit(group)}" for group, each in errors)
+            listed = ", ".join(f"{group} {each:.3g}{_unit(group, fit.data)}" for group, each in errors)
             lines.append(f"  errors estimated from the residuals (one sigma): {listed}{likelihood}")
         lines += _fitted(fit, fitted)
     if fit.warnings:
@@ -78,7 +77,7 @@ def overview(fits: Sequence[Fit]) -> str:
         values = ", ".join(
             f"{name} {each.value:.4g} +- {each.standard_error:.2g}"
             for name, each in fit.laws[fit.best].estimates.items()
-            if name not in _UNITS
+            if not _of_coefficient(name, fit.data)
         )
         material = ", ".join(_material_of(fit)) if named else ""
         lines.append(
@@ -106,7 +105,9 @@ def _disks(fit: Fit) -> Iterator[str]:
             yield "disk 2: a wall or fixed disk"
             continue
         each = (
-            f"{key} {np.min(value):.6g}" + (f" to {np.max(value):.6g}" if np.ptp(value) else "")
+            f"{key} {np.min(value):.6g}"
+            + (f" to {np.max(value):.6g}" if np.ptp(value) else "")
+            + f" {fit.data.unit(f'{key}_{number}')}".rstrip()
             for key, value in (("mass", disk.mass), ("radius", disk.radius), ("k", disk.k))
         )
         yield f"disk {number}: {', '.join(each)}"
@@ -114,9 +115,22 @@ def _disks(fit: Fit) -> Iterator[str]:
         yield f"materials: {'; '.join(dict.fromkeys(fit.data.materials))}"
 
 
-def _unit(name: str) -> str:
+def _of_coefficient(name: str, data: Data | Collisions) -> str:
+    """The unit of a coefficient; empty of a pure number."""
+    length, speed = ("", "") if isinstance(data, Data) else (data.unit("radius_1"), data.unit(MOTION[0]))
+    units = {
+        "psi_transit": "deg",
+        "rho": length or "length",
+        "A": f"({speed})^-1/5" if speed else "speed^-1/5",
+    }
+    return units.get(name, "")
+
+
+def _unit(name: str, data: Data | Collisions) -> str:
     if name in ("angles", "psi") or (name in MEASURED and MEASURED[name].unit == "deg"):
         return " deg"
+    if isinstance(data, Collisions) and (unit := data.unit(name)):
+        return f" {unit}"
     return {DIRECTION: " rad", "spins": " [rad/time]", "velocities": " [length/time]"}.get(name, "")
 
 
@@ -128,7 +142,7 @@ def _errors(fit: Fit) -> Iterator[str]:
             continue
         low, high = np.nanmin(error), np.nanmax(error)
         end = "" if high - low <= 1e-6 * high else f" to {high:.3g}"
-        yield f"{name} {low:.3g}{end}{_unit(name)}"
+        yield f"{name} {low:.3g}{end}{_unit(name, fit.data)}"
 
 
 def _comparison(fit: Fit) -> Iterator[str]:
@@ -140,7 +154,11 @@ def _comparison(fit: Fit) -> Iterator[str]:
     lists = [[getattr(each, name) for each in laws] for name in ("log_likelihood", "AIC", "BIC")]
     least = [max(lists[0]), min(lists[1]), min(lists[2])]
     last = "  -2 ln L of an unseen impact - best" if crossed else ""
-    yield f"  {'law':<18}{'p':>3}" + "".join(f"{head:>13}" for head in heads) + f"{'chi2 / dof':>18}{last}"
+    yield (
+        f"  {'law':<18}{'coefficients':>12}"
+        + "".join(f"{head:>13}" for head in heads)
+        + f"{'chi2 / dof':>18}{last}"
+    )
     for i, (name, each) in enumerate(fit.laws.items()):
         ratio = f"{each.chi2:.4g} / {each.dof}"
         parts = [column[i] - best for column, best in zip(lists, least, strict=True)]
@@ -149,7 +167,7 @@ def _comparison(fit: Fit) -> Iterator[str]:
         )
         lowest = min(one.cross_validation for one in laws)
         end = f"  {each.cross_validation - lowest:>12.4f}" if crossed else ""
-        yield f"  {name:<18}{len(each.law.free):>3}{cells}{ratio:>18}{end}"
+        yield f"  {name:<18}{len(each.law.free):>12}{cells}{ratio:>18}{end}"
 
 
 def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
@@ -157,7 +175,7 @@ def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
     level = f"{100.0 * fit.level:g} % interval"
     yield f"  {'':<18}{'value':>10}{'std. error':>12}   {level:<24}{'bootstrap' if boot else ''}".rstrip()
     for name, each in fitted.estimates.items():
-        unit = f" [{_UNITS[name]}]" if name in _UNITS else ""
+        unit = f" [{found}]" if (found := _of_coefficient(name, fit.data)) else ""
         row = f"  {name + unit:<18}{_short(each.value):>10}{_short(each.standard_error):>12}   "
         row += f"{_interval(each.interval):<24}" + (_interval(each.bootstrap) if each.bootstrap else "")
         yield row.rstrip()
@@ -175,7 +193,7 @@ def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
     if text := ", ".join(pairs):
         yield f"  correlation: {text}"
     known = math.isfinite(fitted.probability)
-    tested = f", probability {fitted.probability:.3g}" if known else " (by the errors)"
+    tested = f", probability {of_probability(fitted.probability, 3)}" if known else " (by the errors)"
     yield f"  chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}"
     if counted := fitted.count():
         yield "  impacts: " + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counted.items())
@@ -183,10 +201,11 @@ def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
         each_trend = [each for each in fitted.trends.each if each.against == against] if fitted.trends else []
         if each_trend:
             changes = (
-                f"{each.coefficient} {each.change:+.2g} +- {each.error:.2g} (p = {each.probability:.2g})"
+                f"{each.coefficient} {each.change:+.2g} +- {each.error:.2g} (p {of_probability(each.probability, 2, '= ')})"
                 for each in each_trend
             )
-            ends = f"{each_trend[0].low:.3g} to {each_trend[0].high:.3g}"
+            unit = "" if isinstance(fit.data, Data) else fit.data.unit(MOTION[0])
+            ends = f"{each_trend[0].low:.3g} to {each_trend[0].high:.3g} {unit}".rstrip()
             yield f"  change with {against} from {ends}: {', '.join(changes)}"
     verdict = fitted.admissibility
     if verdict is not None and verdict.strict:
@@ -339,7 +358,9 @@ def origin(fit: Fit, fitted: Fitted) -> list[str]:
         chosen = "as requested"
     elif fitted is not fit.laws[fit.best]:
         chosen = f"not the best, which is {fit.best}: all pairs of a case have laws of one class"
-    tested = f", probability {fitted.probability:.3g}" if math.isfinite(fitted.probability) else ""
+    tested = (
+        f", probability {of_probability(fitted.probability, 3)}" if math.isfinite(fitted.probability) else ""
+    )
     disks = "; ".join(_disks(fit))
     return [
         f"# Fitted to {len(fit.data)} impacts of {fit.data.source} ({', '.join(fit.data.names)}) by "

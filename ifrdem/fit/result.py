@@ -25,9 +25,22 @@ CONFIDENCE = 0.95
 TELLING = 2.0
 """Difference in AIC from which on the data prefer a law."""
 
+_LEAST_PROBABILITY = 1e-16  # below it no figure means anything: errors are no such Gaussians
 _DOMINANT = 0.9  # part of chi2 that one impact has if it alone decides on the fit
 _TIED = 0.995  # correlation of two coefficients that are known in combination only
 _MOST_NAMED = 20  # suspicious lines
+
+
+def of_probability(value: float, digits: int, equals: str = "") -> str:
+    """A probability as text, behind `equals`; "below 1e-16" of less.
+
+    Examples
+    --------
+    >>> of_probability(0.0, 3), of_probability(0.8172, 2, "= ")
+    ('below 1e-16', '= 0.82')
+    """
+    least = f"below {_LEAST_PROBABILITY:g}"
+    return least if value < _LEAST_PROBABILITY else f"{equals}{value:.{digits}g}"
 
 
 @dataclass(frozen=True)
@@ -340,7 +353,7 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
     of = f"{chi2:.4g} for {dof} degrees of freedom{left}"
     if probability < 0.01:
         text = "the law does not hold or the errors are larger than stated, and the intervals are too narrow"
-        found.append(f"chi2 is {of} (probability {probability:.2g}): {text}")
+        found.append(f"chi2 is {of} (probability {of_probability(probability, 2)}): {text}")
     elif probability > 0.99:
         text = "the errors are smaller than stated, and the intervals are too wide"
         found.append(f"chi2 is only {of}: {text}")
@@ -392,7 +405,7 @@ def _trends(fitted: Fitted) -> list[str]:
             fits = f"; {model} fits e_n = 1 - A g_n^(1/5)" * (each.coefficient == "e_n" and each.change < 0.0)
             found.append(
                 f"{each.coefficient} depends on {each.against}: it changes by {each.change:+.3g} +- {each.error:.2g} "
-                f"from {each.low:.3g} to {each.high:.3g} (p = {each.probability:.1g}){fits}"
+                f"from {each.low:.3g} to {each.high:.3g} (p {of_probability(each.probability, 1, '= ')}){fits}"
             )
     if fitted.trends.clusters is not None:
         clusters = fitted.trends.clusters
@@ -492,7 +505,7 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
     found = []
     named = [
         f"{each.where} ({each.quantity} {each.residual:+.1f} errors off, chi2 {each.distance:.4g}, "
-        f"probability {each.probability:.1g})"
+        f"probability {of_probability(each.probability, 1)})"
         for each in fitted.suspects[:_MOST_NAMED]
     ]
     if fitted.suspects and not _few(fitted):

@@ -122,7 +122,7 @@ class TrayEstimate:
         if "gx" in value:
             mrad = 1e3 * math.hypot(tray.gx, tray.gy) / EARTH
             parts.append(f"the tray is tilted: g = ({value['gx']}, {value['gy']}) m/s2, {mrad:.3g} mrad")
-        return f"{'; '.join(parts)} ({fit}, straight {self.straight_chi2:.4g})"
+        return f"{'; '.join(parts)} ({fit}; straight flights without slowing: chi2 {self.straight_chi2:.4g})"
 
     def warnings(self) -> list[str]:
         """Warnings on effects that the law leaves out."""

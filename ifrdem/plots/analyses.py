@@ -17,6 +17,7 @@ from ..analysis.motion import Displacement
 from ..analysis.result import NOT_STATIONARY, Evaluation
 from ..tools.checked import Array
 from ..tools.intervals import PERCENT, student_t
+from ..tools.labels import few_labels
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
 from . import species, vortices
@@ -33,7 +34,6 @@ from .style import (
     bars,
     color_bar,
     dashes,
-    few_labels,
     from_zero,
     grid,
     label,
@@ -51,9 +51,15 @@ BARS: dict[str, Any] = {"color": ACROSS, "ec": TRANSLATION, "ecolor": ROTATION, 
 POINTS: dict[str, Any] = {"fmt": "o", "lw": 0.8, "mfc": "none", "color": TRANSLATION}
 
 
+MOST_SONINE = 0.3
+"""|a20| or |a02| up to which the first term of the Sonine expansion is drawn."""
+
+
 def velocity(left: Axes, *rest: Any) -> None:
     """Distributions of velocity components and spins, logarithmic, with Gaussians and their Sonine expansion.
 
+    The expansion is of first order in a20 or a02. It is drawn for |a| <= `MOST_SONINE`; beyond, its next terms are not
+    small, and the legend has the value alone.
     `rest` is the axes for spins, unless there are none, the trajectory or None, and the result.
     """
     *spins, _, evaluation = rest
@@ -80,12 +86,16 @@ def velocity(left: Axes, *rest: Any) -> None:
             continue
         axes.plot(x, analysis.gaussian(x), "-", color=RATIO, lw=1.2, label="Gaussian")
         if np.isfinite(a2) and len(evaluation.result) == 1:
-            expansion = analysis.sonine_density(x, a2)
-            # Not beyond where it falls below 0: it is no density there, and what comes after is none either.
-            end = np.min(np.abs(x), where=expansion <= 0.0, initial=np.inf)
-            shown = np.where(np.abs(x) < end, expansion, np.nan)
-            highest = max(highest, float(np.nanmax(shown)))
-            axes.plot(x, shown, "--", color=ROTATION, lw=1.2, label=rf"with ${text} = {a2:.3g}$")
+            text = rf"${text} = {a2:.3g}$"
+            if abs(a2) <= MOST_SONINE:
+                expansion = analysis.sonine_density(x, a2)
+                # Not beyond where it falls below 0: it is no density there, and what comes after is none either.
+                end = np.min(np.abs(x), where=expansion <= 0.0, initial=np.inf)
+                shown = np.where(np.abs(x) < end, expansion, np.nan)
+                highest = max(highest, float(np.nanmax(shown)))
+                axes.plot(x, shown, "--", color=ROTATION, lw=1.2, label=f"with {text}")
+            else:
+                axes.plot([], [], " ", label=text)
         axes.set(yscale="log", xlim=(-5.0, 5.0))
         legend_above(axes)
     left.set_ylim(0.3 * lowest, 2.0 * highest)

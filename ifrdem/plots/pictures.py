@@ -282,12 +282,10 @@ def _layout(trajectory: Trajectory, what: str, axis: str | None = None) -> dict[
     if what == "cooling" and not _turned(trajectory):
         return {}
     if what == "walls":
-        from .series import given_by_walls
+        from .series import given_by_walls, has_torques
 
-        given = len(given_by_walls(trajectory))
-        return (
-            {"nrows": 2, "ncols": 2, "sharex": True} if given == 2 else {"ncols": 2 + given, "sharex": True}
-        )
+        count = 1 + has_torques(trajectory) + len(given_by_walls(trajectory))
+        return {"nrows": 2, "ncols": 2, "sharex": True} if count == 4 else {"ncols": count, "sharex": True}
     if what == "ledger":  # only runs that count every collision have a residual
         known = "ledger_residual" in {*trajectory.series, *trajectory.observables}
         return UPPER_AND_LOWER if known else {}

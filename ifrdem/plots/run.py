@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import InputError
+from ..errors import InputError, counted
 from ..tools.checked import validated
 from ..tools.files import write_saved
 from ..trajectory.reader import Trajectory
@@ -164,7 +164,7 @@ def gas(trajectory: Trajectory) -> str:
         where = f"packing fraction{free_area.name} {free_area.packing_fraction(trajectory.disks.radius):.3g}"
     if (part := trajectory.part) is not None:  # whose disks are no gas of their own
         where = f"part {part.number} of a trajectory (disks {part.first} to {part.first + n - 1})"
-    return f"{plain(str(name))}: {n} disks, {where}"
+    return f"{plain(str(name))}: {counted(n, 'disk')}, {where}"
 
 
 def save(figure: Figure, path: Path) -> None:

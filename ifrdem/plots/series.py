@@ -15,6 +15,7 @@ from ..quantities import PISTON_SERIES
 from ..tools.checked import Array
 from ..tools.colours import GREEN, ORANGE, PURPLE
 from ..tools.intervals import PERCENT, student_t
+from ..tools.labels import few_labels
 from ..trajectory.reader import Trajectory
 from .style import (
     ACROSS,
@@ -24,7 +25,6 @@ from .style import (
     ROTATION,
     TRANSLATION,
     dashes,
-    few_labels,
     grid,
     label,
     legend_above,
@@ -238,12 +238,22 @@ def means(time: Array, total: Array, rows: NDArray[np.intp]) -> tuple[Array, Arr
     return mean, half
 
 
-def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, *given: Axes) -> None:
-    """Mean force and torque *on* walls in intervals of the series; in `given`, the work and heat of walls until then.
+def has_torques(trajectory: Trajectory) -> bool:
+    """False if all walls are endless lines or sides of the box, whose torques about a point say nothing."""
+    return any(not wall.geometry.is_endless for wall in trajectory.walls)
+
+
+def walls(trajectory: Trajectory, over: str, force: Axes, *others: Axes) -> None:
+    """Mean force *on* walls in intervals of the series; in `others`, the torque, if `has_torques`, and what walls gave.
+
+    What walls gave is the work and the heat until then.
 
     Intervals are of about one length (`intervals`), and each is drawn as long as it is, with the 95 % interval of its
-    mean where it has rows to find it by. Torques are about the centre of a wall's turn, or the origin.
+    mean where it has rows to find it by. The band of the first interval, which holds the start of a motion, does not
+    set the ends of the axis. Torques are about the centre of a wall's turn, or the origin.
     """
+    torque, given = (others[0], others[1:]) if has_torques(trajectory) else (None, others)
+    reach: dict[Axes, list[Array]] = {}
     sums, names, quantities = trajectory.series, _wall_names(trajectory), given_by_walls(trajectory)
     rows = intervals(sums.time)
     steps = np.repeat(along(trajectory, sums.time[rows], over), 2)[1:-1]
@@ -254,29 +264,41 @@ def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, *given: 
         panel.plot(steps, y, lw=1.2, label=text, **some_marks(KINDS[i], i, ls=line))
         if np.isfinite(part).any():
             panel.fill_between(steps, y - part, y + part, color=KINDS[i], alpha=0.2, lw=0.0)
+        reach.setdefault(panel, []).extend((mean, (mean - half)[1:], (mean + half)[1:]))
 
     for i, name in enumerate(names[: len(KINDS)]):
         draw(force, "momentum_y", name, "-", i, plain(name))
         draw(force, "momentum_x", name, ":", i)
-        draw(torque, "torque", name, "-", i)
+        if torque is not None:
+            draw(torque, "torque", name, "-", i)
         for panel, quantity in zip(given, quantities, strict=True):
             values = sums[f"walls_{quantity}/{name}"]
             panel.plot(along(trajectory, sums.time, over), values, lw=1.2, **some_marks(KINDS[i], i))
-    turning = sum(wall.turn != Turn() for wall in trajectory.walls)
-    sides = sum(not each for each in trajectory.box.periodic)
-    centre = "the centre of its turn"
-    if turning < len(trajectory.walls) or sides:
-        centre = "(0, 0)" + "\n(walls that turn: its centre)" * (turning > 0)
+    for panel, parts in reach.items():
+        ends = np.concatenate(parts)
+        low, high = np.nanmin(ends), np.nanmax(ends)
+        if high > low:
+            margin = 0.05 * (high - low)
+            panel.set_ylim(low - margin, high + margin)
     left_out = len(sums.columns("walls_hits")) > len(KINDS) == len(names)
     text = "along $x$ (others: $y$)" + ("; those of most hits" if left_out else "")
     if len(sums.time) > FEWEST_ROWS * len(rows):
         text += f"; bands: {PERCENT} intervals"
     force.plot([], [], ":", color="0.5", label=text)
     force.set_ylabel(label(trajectory, "mean force on the wall", "mass length/time^2"))
-    torque.set_ylabel(label(trajectory, f"mean torque about {centre}", "mass length^2/time^2"))
+    if torque is not None:
+        text = f"mean torque about {_centre_of_torques(trajectory)}"
+        torque.set_ylabel(label(trajectory, text, "mass length^2/time^2"))
     for panel, quantity in zip(given, quantities, strict=True):
         panel.set_ylabel(label(trajectory, f"{quantity} given to disks", "energy"))
-    for panel in (force, torque, *given):
+    for panel in (force, *others):
         panel.set_xlabel(axis_label(trajectory, over))
-    grid(force, torque, *given)
+    grid(force, *others)
     legend_above(force, 2)
+
+
+def _centre_of_torques(trajectory: Trajectory) -> str:
+    turning = sum(wall.turn != Turn() for wall in trajectory.walls)
+    if turning == len(trajectory.walls) and all(trajectory.box.periodic):
+        return "the centre of its turn"
+    return "(0, 0)" + "\n(walls that turn: its centre)" * (turning > 0)

@@ -13,13 +13,13 @@ from ..errors import InputError
 from ..theory import driven_gas
 from ..theory.choose import is_closed
 from ..theory.driven_gas import Driving
+from ..tools.labels import few_labels
 from ..trajectory.reader import Trajectory
 from .series import along, axis_label, cools
 from .style import (
     RATIO,
     ROTATION,
     TRANSLATION,
-    few_labels,
     foreground,
     from_zero,
     grid,

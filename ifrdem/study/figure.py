@@ -20,7 +20,6 @@ from ..plots.style import (
     KINDS,
     NARROW,
     chosen_panels,
-    few_labels,
     fit_to_column,
     frame_axes,
     grid,
@@ -36,6 +35,7 @@ from ..plots.style import (
 from ..quantities import SERIES
 from ..theory.choose import is_closed
 from ..tools.intervals import PERCENT
+from ..tools.labels import few_labels
 from ..trajectory.descriptions import REDUCED, unit_of_whole_gas
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, at_equal_collisions
@@ -45,6 +45,7 @@ from .plan import VARIANT
 from .pooled import half_of_both, is_drawn, is_pooled, parts_of_interval, pooled
 from .results import (
     ADDING,
+    GIVEN_START,
     PARTS,
     ROWS,
     SERIES_FROM,
@@ -90,7 +91,7 @@ WIDE = 0.15
 AT_POINTS = "theory at points"
 """Mark of the markers of theory that stand at swept values only."""
 WINDOW_START = "steady window"
-"""Mark of the lines at which steady windows begin."""
+"""Mark of the lines at which steady windows, or averages of a given start, begin."""
 SEVERAL_DECADES = 10.0
 """Ratio of the largest to the smallest value from which on an axis is logarithmic."""
 Note = Callable[[str], None]
@@ -215,6 +216,7 @@ def draw(
                 several=len(panels_at) > 1,
                 velocities=results.attributes.get(VELOCITY_WORDS, "") if name in THEORY else "",
                 both=parts_of_interval(results) if half_of_both(results, name) is not None else "",
+                given_start=GIVEN_START in results.attributes,
             )  # fmt: skip
             upwards = _label(results, name, _power(first))
         for axes in table[-1]:
@@ -486,7 +488,7 @@ def _bar(figure: Figure, panels: Sequence[Axes], text: str) -> None:
 
 
 def _start(axes: Axes, results: Results, where: NDArray[Any], panel: Mapping[str, int], colour: Any) -> None:
-    """A dotted line where the steady window of a point begins, on the axis of a clock; once for all curves that agree."""
+    """A dotted line where averages of a point begin, on the axis of a clock; once for all curves that agree."""
     start = float(window_starts(results)[tuple(panel[dim] for dim in results.axes)])
     place = float(np.interp(start, results.row_places, where))
     drawn = [line for line in axes.lines if line.get_gid() == WINDOW_START]
@@ -545,10 +547,12 @@ def _legend(
     several: bool,
     velocities: str = "",
     both: str = "",
+    given_start: bool = False,
 ) -> None:
     """`seeds`: of what the intervals are, as text, if means have some; `velocities`: of the theory.
 
-    `both`: of what wide intervals are, by coefficients and seeds.
+    `both`: of what wide intervals are, by coefficients and seeds. With `given_start` the study sets where averages begin,
+    which need not be a steady window.
     """
     if both and rows:
         axes.fill_between([], [], [], color="black", alpha=WIDE, lw=0, label=f"{PERCENT} interval: {both}")
@@ -570,7 +574,8 @@ def _legend(
         label = ", ".join(filter(None, (label, velocities)))
         axes.plot([], [], color="black", label=label, **style)
     if any(line.get_gid() == WINDOW_START for line in axes.lines):
-        axes.plot([], [], ":", color="0.4", lw=1.0, label="the steady window begins")
+        label = "averages begin here (analyses_from)" if given_start else "the steady window begins"
+        axes.plot([], [], ":", color="0.4", lw=1.0, label=label)
     if several:
         legend_of_figure(axes.get_figure(), axes, 6 if not is_narrow(axes) else 2)
     else:

@@ -312,7 +312,7 @@ def collect(
     used = {dim for one in variables.values() for dim in one.dims if len(one.dims) > 1} | {SEED, row_axis}
     keys = [each for axis in plan.axes for each in zip(axis.names, axis.keys, strict=True)]
     attributes |= {
-        "title": f"{plan.name}: {math.prod(plan.shape[:-1])} points, {len(plan.seeds)} seeds",
+        "title": f"{plan.name}: {counted(math.prod(plan.shape[:-1]), 'point')}, {counted(len(plan.seeds), 'seed')}",
         "axes": json.dumps({axis.names[0]: axis.names for axis in plan.axes}),
         "keys": json.dumps(dict(keys)),
         "texts": json.dumps({name: one.text for name, one in found.items() if one.text}),
@@ -320,6 +320,7 @@ def collect(
         "path": str(plan.path.resolve()),
         "overrides": "\n".join(plan.overrides),
         **_bases(plan),
+        **({} if plan.output.analyses_from is None else {GIVEN_START: f"{plan.output.analyses_from:g}"}),
         **({} if plan.draws is None else {COEFFICIENTS: plan.draws.text}),
         "ifrdem": __version__,
         "git": revision(),
@@ -339,8 +340,9 @@ def _bases(plan: Plan) -> dict[str, str]:
 
 
 EQUILIBRATED, VARIANTS, VELOCITY_WORDS = "equilibrate", "variants", "velocities_of_theory"
+GIVEN_START = "given_analyses_from"
 """Attributes of results: the equilibration of the runs; text, path and changes of the case of each variant; which
-velocities kinetic theory takes."""
+velocities kinetic theory takes; where the study sets that averages over time begin."""
 
 
 def _has_window(case: CaseSections, results: Mapping[int, Mapping[str, Variable]]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import math
 import os
 import re
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, counted, cut, nearest, option_name, printable, refuse
 from ..mpi import current
 from . import csv as csv_rows
+from . import text_file
 from .checked import number_of, validated
 
 Array = NDArray[np.float64]
@@ -39,6 +41,9 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 )  # fmt: skip
 """Factor of each unit by the kind of a column: angles become degrees, everything else SI units. A "direction" may have an
 error alone, because other columns give it."""
+SI_UNITS = "SI units"
+"""Words of a comment above the names of columns, by which the columns of a table have SI units without naming them."""
+_DIMENSIONAL = ("length", "velocity", "spin", "mass")
 
 ERROR_WORDS = ("error", "err", "sigma", "uncertainty", "std")
 COVARIANCE = "cov:"
@@ -67,6 +72,7 @@ class ReadTable:
     source: str  # the file
     # texts of columns of the kind "text", whose values are indices of them; the same for all such columns
     texts: tuple[str, ...] = ()
+    si: bool = False  # True if units are stated of all columns of lengths, velocities, spins and masses, or by a comment
 
     def __len__(self) -> int:
         return len(self.line)
@@ -171,11 +177,12 @@ def read(
     own, last = comm.slice_of(n), comm.rank == comm.size - 1
 
     def parsed() -> tuple[ReadTable, list[str], int]:
+        commented = _says_si(path, most)
         rows = csv_rows.each(path, most=most, delimiter=form.delimiter)
         header, at = next(rows, ([], 0))
         if not header:
             raise InputError("is empty: must have a first line with the names of the columns")
-        names, factors, unused = _header(at, header, kinds, spellings, form, setting)
+        names, factors, unused, stated = _header(at, header, kinds, spellings, form, setting)
         values = {name: array("d") for name in names if name}
         lines, problems = array("q"), list[str]()
         texts: dict[str, int] = {}
@@ -209,7 +216,9 @@ def read(
         columns |= {name: np.full(len(lines), value) for name, value in form.known.items()}
         numbers = np.array(lines, dtype=np.int64)
         return (
-            ReadTable(columns, numbers, total, missing, tuple(unused), source, tuple(texts)),
+            ReadTable(
+                columns, numbers, total, missing, tuple(unused), source, tuple(texts), si=stated or commented
+            ),
             problems,
             count,
         )
@@ -310,6 +319,23 @@ def _check_format(source: str, form: TableFormat, kinds: Mapping[str, str]) -> N
     refuse(problems, source)
 
 
+def _says_si(path: Path, most: int) -> bool:
+    """True if a comment above the names of the columns says that values are in SI units."""
+    comments = itertools.takewhile(lambda line: line.startswith("#"), text_file.lines(path, most=most))
+    return any(SI_UNITS in line for line in comments)
+
+
+def standard_unit(kind: str) -> str:
+    """The unit to which columns of a kind are converted, such as m/s.
+
+    Examples
+    --------
+    >>> standard_unit("velocity")
+    'm/s'
+    """
+    return next(unit for unit, factor in UNITS[kind].items() if factor == 1.0)
+
+
 def _factor(text: str) -> float | None:
     found = number_of(text)
     return found if found is not None and 0.0 < found < math.inf else None
@@ -322,8 +348,8 @@ def _header(
     spellings: Mapping[str, str],
     form: TableFormat,
     setting: Setting,
-) -> tuple[list[str], list[float], list[str]]:
-    """Standard names ("" for an unused one) and factors of the columns, and those that are not used."""
+) -> tuple[list[str], list[float], list[str], bool]:
+    """Standard names ("" for an unused one) and factors of columns, those not used, and whether units are stated."""
     if all(number_of(text) is not None for text in header):
         standard = ", ".join(name for name in kinds if ":" not in name)
         raise InputError(
@@ -374,7 +400,7 @@ def _header(
             unit = None
         names.append(name)
         in_headers.append(unit)
-    factors = []
+    factors, stated = [], list[bool]()
     own = {name: unit for name, unit in zip(names, in_headers, strict=True) if name}
     for text, name in zip(present, names, strict=True):
         kind, unit, factor = kinds.get(name.removesuffix("_error"), ""), *_conversion(name, own, kinds, form)
@@ -382,6 +408,8 @@ def _header(
             what = "a pure number" if kind == "number" else f"a{'n' * (kind[0] in 'a')} {kind}"
             problems.append(f"line {line}: column '{cut(text)}': {name} is {what}, not in {unit}")
         factors.append(factor or 1.0)
+        if kind in _DIMENSIONAL:
+            stated.append(unit is not None)
     for name in dict.fromkeys(names):
         texts = [printable(text) for text, other in zip(present, names, strict=True) if other == name != ""]
         if len(texts) > 1:
@@ -401,7 +429,7 @@ def _header(
     ]
     problems += [f"{name}: is a column and a known value" for name in form.known if name in names]
     refuse(problems)
-    return names, factors, [each for each in unused if each]
+    return names, factors, [each for each in unused if each], bool(stated) and all(stated)
 
 
 def _conversion(

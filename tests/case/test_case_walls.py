@@ -423,6 +423,9 @@ def test_check_describes_the_motion_of_walls(toml: Path, capsys: pytest.CaptureF
     assert re.search(r"wall 1 +post, of coin\n +wall 1: speed of the surface +0.5\n", shown)
     assert re.search(r"law of coins, wall \(steel\) +strictly admissible \(law = ifr, e_n = 0.95", shown)
     assert "an unknown number of collisions" in shown
+    assert "without histories" not in shown
+    assert main(["check", str(toml), "--set", "output.histories_all=true"]) == 0  # and so of events
+    assert re.search(r"trajectory file .* \S+B without histories, ", capsys.readouterr().out)
     assert re.search(
         r"estimated wall collision rate \(homogeneous, Maxwellian\) +[\d.]+ +per unit time", shown
     )

@@ -563,6 +563,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
     assert cli.main(["plot", "run.h5", "disks", "--color", "speed", "-o", "light"]) == 0
     assert imread("light.png")[0, 0, :3].min() > 0.9
     assert cli.main(["plot", "run.h5", "temperatures", "--over", "tau"]) == 0
+    assert Path("run-temperatures-over-tau.png").exists()
     for words, message in (
         (("disks", "--color", "sped"), "--color sped: must be one of spin, speed"),
         (

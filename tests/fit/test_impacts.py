@@ -282,6 +282,8 @@ def test_command_writes_tables_that_a_fit_takes(
     walls = [f"--wall={x}" for x in (f"0,0,{X},0", f"0,0,0,{Y}", f"{X},{Y},0,{Y}", f"{X},{Y},{X},0")]
     assert main(["collisions", "tracks.csv", "--fps", "240", *disks, *walls, "-o", "hits.csv"]) == 0
     shown = capsys.readouterr().out
+    assert re.search(r"^standard error of a coordinate \S+ m, of an angle", shown, re.M)
+    assert fit.read("hits.csv").si
     assert shown.startswith("found 62 collisions: 36 of two disks, 26 with walls\n")
     assert "17 a flight has fewer than 3 frames" in shown
     assert Path("hits_report.csv").read_text(encoding="utf-8").splitlines()[2] == "t,id_1,id_2,reason"

@@ -158,6 +158,7 @@ def test_an_air_table_that_is_tilted(tmp_path: Path) -> None:
     # a0 and a1 are correlated: between slow and fast disks their sum is known
     assert estimate.tray.braking(0.5, 0.0) == pytest.approx(true.braking(0.5, 0.0), abs=0.004)
     assert "mrad" in estimate.text()
+    assert "; straight flights without slowing: chi2 " in estimate.text()
 
 
 @pytest.mark.parametrize("friction", ["glue", "coin=", "coin=-1", "1,2,3,4,5", "-1", "nan"])

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from support import track_simulator as simulator
+from support.figures import assert_labels_are_apart
 
 from ifrdem import fit
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
+from ifrdem.fit import figure
 
 NAMES = ("vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")
 
@@ -176,6 +180,47 @@ def test_a_mixture_is_noticed_and_a_column_of_materials_separates_it(
     Path("hits.csv").write_text(text, encoding="utf-8")
     assert main(["fit", "hits.csv", *disks, *errors]) == 2
     assert "material_1 and material_2: must both be given" in capsys.readouterr().err
+
+
+def test_reports_and_pictures_name_the_units_of_a_table_in_si(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a comment as `ifrdem collisions` writes it, or by units of all columns; of other tables they are not known."""
+    path, data = tmp_path / "hits.csv", collided(np.full(24, 0.85), np.geomspace(0.2, 0.9, 24))
+    table(data, path)
+    text = path.read_text(encoding="utf-8")
+    head, _, rows = text.partition("\n")
+    whole = ",".join(
+        f"{name} ({'rad/s' if name[0] == 's' else 'm/s'})" if name[0] in "sv" else name
+        for name in head.split(",")
+    )
+    errors = {name: float(np.max(each)) for name, each in data.errors.items()}
+    found = []
+    for content in (f"# found; SI units\n{text}", f"{whole}\n{rows}", text):
+        path.write_text(content, encoding="utf-8")
+        found.append(fit.read(path, errors, disk_1=data.disk_1, disk_2=data.disk_2))
+    assert [isinstance(each, fit.Collisions) and each.si for each in found] == [True, True, False]
+    figures: list[Figure] = []
+    monkeypatch.setattr(figure, "save", lambda one, _: figures.append(one))
+    fits = [fit.fit(each, model=["ifr-percussion", "smooth"], profile=False) for each in (found[0], found[2])]
+    named, plain = map(fit.table, fits)
+    assert "disk 1: mass 0.03 kg, radius 0.02 m, k 2\n" in named
+    assert "vx_1 0.005 m/s" in named
+    assert "spin_1 0.25 rad/s" in named
+    assert re.search(r"change with g_n from 0\.\d+ to 0\.\d+ m/s: ", named)
+    assert "disk 1: mass 0.03, radius 0.02, k 2\n" in plain
+    assert re.search(r"change with g_n from 0\.\d+ to 0\.\d+: ", plain)
+    # The number of coefficients has a name of its own; p is a probability, and none is 0.
+    assert re.search(r"law +coefficients +ln L", named)
+    assert re.search(r"smooth +1 ", named)
+    assert "probability below 1e-16" in named
+    for one in fits:
+        figure.speeds(one, [])
+    (left, right, *_), (other, *_) = (one.axes for one in figures)
+    assert left.get_xlabel() == "normal speed $g_n$ (m/s)"
+    assert "(m/s)" in right.get_xlabel()
+    assert other.get_xlabel() == "normal speed $g_n$ (length/time)"
+    assert_labels_are_apart(left)
 
 
 def test_advice_names_what_was_not_measured() -> None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from support.figures import texts
+from support.figures import assert_labels_are_apart, texts
 
 from ifrdem import theory
 from ifrdem.errors import InputError
@@ -21,6 +19,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.plots import disks as plot_disks
 from ifrdem.plots import pictures, run, style
+from ifrdem.tools.labels import few_labels
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
@@ -222,19 +221,6 @@ def test_labels_carry_units(tmp_path: Path, drawn: list[Figure]) -> None:
     assert "made up: 30 disks, packing fraction 0.1, 90 collisions per disk" in shown  # 2 x 45 n / n
 
 
-def assert_labels_are_apart(axes: Axes) -> None:
-    """At least two labels along the horizontal axis, none within half a space of another."""
-    figure = axes.figure
-    figure.draw_without_rendering()
-    axis, (low, high) = axes.xaxis, axes.get_xlim()
-    ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
-    shown = [tick.label1 for tick in ticks if low <= tick.get_loc() <= high and tick.label1.get_text()]
-    extents = sorted((label.get_window_extent() for label in shown), key=lambda each: each.x0)
-    assert len(extents) >= 2
-    gap = 0.02 * figure.dpi
-    assert all(left.x1 + gap < right.x0 for left, right in itertools.pairwise(extents))
-
-
 @pytest.mark.full(keep=10)
 @pytest.mark.parametrize("first", [1.0, 0.37, 0.071, 2.6e-7, 4.4e5])
 @pytest.mark.parametrize("span", [2.0, 2.5, 4.0, 5.0, 5.4, 7.0, 10.0, 20.0, 60.0, 100.0, 200.0])
@@ -242,7 +228,7 @@ def test_labels_of_logarithmic_time_are_apart_and_at_least_two(first: float, spa
     axes = Figure(figsize=(6.0, 1.5)).add_axes((0.1, 0.3, 0.8, 0.6))  # narrower than in the picture
     axes.plot([first, first * span], [1.0, 1.0])
     axes.set_xscale("log")
-    style.few_labels(axes)
+    few_labels(axes)
     assert_labels_are_apart(axes)
 
 

@@ -75,6 +75,36 @@ def test_each_torque_is_about_the_centre_that_the_label_says(
         assert pictures.figure(run, "walls").axes[1].get_ylabel() == says
 
 
+def test_endless_walls_have_no_torque_and_the_first_band_sets_no_axis(tmp_path: Path) -> None:
+    """Rows of the first of two intervals scatter by 40; the force of the others is 1, and that of no wall is a torque."""
+    path = tmp_path / "a.h5"
+    wall = Wall.line((0.0, 0.0), (0.0, 1.0))
+    time, each = np.linspace(0.0, 10.0, 1001), np.ones(1)
+    total = time + np.where(time < 0.1, 0.4 * (np.arange(1001) % 2), 0.0)
+    with TrajectoryWriter(path, Disks(1, 1.0, 0.5), Box((9.0, 9.0), (True, True)), walls=[wall]) as file:
+        names = wall_names([wall], Box((9.0, 9.0), (True, True)))
+        sums = [
+            {"momentum_x": 0.0, "momentum_y": -p, "torque": 1e6 * p, "work": p, "heat": 0.0, "hits": t}
+            for t, p in zip(time, total, strict=True)
+        ]
+        rows = [
+            (float(t), {f"walls_{name}": value * each for name, value in row.items()})
+            for t, row in zip(time, sums, strict=True)
+        ]
+        file.write(State([[5.0, 5.0]], [[0.0, 0.0]], [0.0]))
+        file.write_series_rows(rows, dict.fromkeys(rows[0][1], names))
+    with Trajectory(path) as run:
+        figure = pictures.figure(run, "walls")
+        force, work = figure.axes
+        assert "torque" not in texts(figure)
+        band = np.concatenate([each.get_paths()[0].vertices[:, 1] for each in force.collections])
+        assert band.max() > 10.0  # of the first interval
+        low, high = force.get_ylim()
+        assert -0.2 < low < 0.0
+        assert 1.0 < high < 1.3
+        assert work.get_ylabel().startswith("work")
+
+
 CLASHING = [
     # plates called as the sides of the box; groups whose names look like the columns of others
     *(

@@ -553,6 +553,7 @@ def test_a_study_is_followed_and_drawn(toml, tmp_path, capsys, drawn):
     assert cli.main(["status", str(study.output), "--follow"]) == 0
     assert "8 of 8 runs" in capsys.readouterr().out
     assert cli.main(["plot", str(study.output), "T", "--over", "tau", "--by", "material[0].e_n"]) == 0
+    assert "wrote t-T-over-tau-by-material-0-e_n.png\n" in "".join(capsys.readouterr())
     panels = drawn[0].axes
     assert [each.get_title() for each in panels] == [r"$\mu$ = 0.1", r"$\mu$ = 0.5"]
     labels = panels[0].get_legend_handles_labels()[1]

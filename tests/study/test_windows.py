@@ -120,6 +120,7 @@ def test_a_start_that_is_given_wins_and_must_lie_in_the_run(tmp_path):
     late = found.values("stress")[:, found.values("time") > 1.5]
     assert found.values("stress_N_1") == pytest.approx(normal_difference(late), rel=1e-9)
     assert found.values("analyses_from") == 1.5
+    assert "averages begin here (analyses_from)" in draw(found, "T").axes[0].get_legend_handles_labels()[1]
     (tmp_path / "study.toml").write_text(text.format(2.0))
     with pytest.raises(InputError, match=r"analyses_from = 2: must be"):
         ifrdem.Study(tmp_path / "study.toml")
@@ -283,6 +284,7 @@ def test_series_of_a_driven_gas_are_means_over_the_steady_window(sheared):
     (axes,) = draw(results, "T").axes
     (begin,) = [line for line in axes.lines if line.get_gid() == WINDOW_START]
     assert begin.get_xdata()[0] == 10.0
+    assert "the steady window begins" in axes.get_legend_handles_labels()[1]
     data = sheared.means(12.0)
     assert float(data.temperature_mean) == pytest.approx(
         results.values("temperature")[:, results.values("time") >= 12.0].mean()
