@@ -324,7 +324,7 @@ def of_fits() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 FIT: dict[str, dict[str, Any]] = {
     "Collisions": {"disk_1": COIN, "disk_2": ifrdem.fit.WALL, "measured": MOTION, "source": "data", "line": [2, 3],
                    "errors": {"vx_1": 0.01, "vy_1": 0.01, "vx_1_after": 0.01, "normal": 0.01},
-                   "covariance": {("vx_1", "vy_1"): 1e-6}, "notes": (), "materials": ("a, b", "a, b")},
+                   "si": True, "covariance": {("vx_1", "vy_1"): 1e-6}, "notes": (), "materials": ("a, b", "a, b")},
     "Data": {"psi": ANGLES, "measured": {"delta_1": 1.5 * ANGLES}, "errors": {"psi": 0.7, "delta_1": 0.7},
              "source": "data", "line": [2, 3, 4, 5, 6, 7], "notes": ()},
     "Disk": {"mass": [1.0, 2.0], "radius": 0.5, "k": 2.0},

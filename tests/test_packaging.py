@@ -171,6 +171,7 @@ def test_a_bare_clone_finds_the_folders_by_relative_links():
         assert link.resolve() == ROOT / folder
 
 
+@pytest.mark.full
 def test_a_class_has_its_name_alone():
     """Two classes of one name are two things that a reader takes for one."""
     found: dict[str, list[Path]] = {}

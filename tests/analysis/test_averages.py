@@ -338,6 +338,7 @@ def test_a_gas_that_drifts_carries_no_heat(
     assert 4.5 * error.heat_flux[0, 0] < 0.3 * 6.0 * collisional
 
 
+@pytest.mark.full
 def test_a_sample_of_disks_is_scaled_to_all(written: Written) -> None:
     """A third of the disks: the recorded stress within some 5 % of their impulses."""
     with written({"output.histories_all": None, "output.histories_sample": 90}) as run:

@@ -289,6 +289,7 @@ def test_structure_factor(same: bool) -> None:
     assert np.all(share < 0.99), share
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("same", [True, False])
 def test_spectrum_of_velocities(same: bool) -> None:
     """1 of independent velocities; frames count as one, so that independent ones have intervals that are too wide."""
@@ -373,7 +374,7 @@ def test_ratio_of_temperatures(lag: float, rho: float) -> None:
     assert np.all(np.mean(held, axis=0) > 0.86)
 
 
-@pytest.mark.full(keep=("0.002-0.9",))
+@pytest.mark.full
 @pytest.mark.parametrize(("slope", "rho"), [(0.0, 0.0), (5e-5, 0.9), (0.002, 0.0), (0.002, 0.9)])
 def test_data_that_show_no_end_have_none(slope: float, rho: float) -> None:
     """Flat data at 0.57, tau = 20 to 60, noise 0.01: no value off by 0.3 with a finite error.

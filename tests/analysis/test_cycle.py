@@ -44,6 +44,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "vib.h5"
 
 
+@pytest.mark.full
 def test_frames_and_rows_are_at_phases(run: Path) -> None:
     with ifrdem.Trajectory(run) as file:
         np.testing.assert_allclose(file.times, 1.25 / 4.0 * np.arange(41), rtol=1e-12)

@@ -65,6 +65,7 @@ def heavy(v: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
     return v if frame < 15 else v * np.linalg.norm(v, axis=1)[:, None]
 
 
+@pytest.mark.full
 def test_a_steady_gas_has_no_mark_and_a_changing_one_names_the_quantities(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

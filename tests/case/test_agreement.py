@@ -22,6 +22,7 @@ UNDER_GRAVITY = {
 Drawn = tuple[dict[str, Any], str | None]
 
 
+@pytest.mark.full
 def test_what_check_accepts_runs(tmp_path: Path) -> None:
     """Of features whose kernels other tests need too."""
     answers = []
@@ -37,6 +38,7 @@ def test_what_check_accepts_runs(tmp_path: Path) -> None:
     assert answers.count("accepted") > len(answers) / 3
 
 
+@pytest.mark.full
 @given(random_cases())
 @examples(40)
 def test_no_drawn_case_ends_check_with_a_traceback(tmp_path: Path, drawn: Drawn) -> None:

@@ -41,6 +41,7 @@ def flow(toml: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return toml.parent
 
 
+@pytest.mark.full
 def test_a_run_keeps_the_ledger_and_shows_what_the_flow_put_in(
     flow: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

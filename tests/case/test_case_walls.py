@@ -486,6 +486,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
     assert f"packing fraction  {phi:.4f} of the free area" in text
 
 
+@pytest.mark.full
 def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     case: MakeCase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -302,6 +302,7 @@ def test_a_law_that_loses_energy_gives_no_warning(toml: Path) -> None:
         assert ifrdem.Case.read(toml).check().warnings == ()
 
 
+@pytest.mark.full
 def test_an_interrupted_run_resumes_with_the_same_file_only(
     toml: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -481,7 +481,7 @@ def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Pat
         figure.draw_without_rendering()  # labels that mathtext cannot read fail here
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("what", ["velocity", "energy", "ledger", "mechanisms"])
 def test_legends_hide_no_curve_and_axes_end_where_the_data_do(what: str, tmp_path: Path) -> None:
     """Legends stand outside of the axes, on the page, and apart from the title."""
@@ -582,6 +582,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
     assert not Path("no.png").exists()
 
 
+@pytest.mark.full(keep=7)
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -722,7 +723,7 @@ def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) 
         assert list(outcome.kinds(trajectory)) == ["disks of 300 kinds together, as if at one temperature"]
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     "box", [Box((40.0, 30.0), shear_rate=0.3), Box.open(), Box((40.0, 40.0), periodic=(False, False))]
 )

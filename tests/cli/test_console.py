@@ -78,6 +78,7 @@ def test_a_call_leaves_the_logger_as_it_was(folder: Path, capsys: pytest.Capture
     assert (logger.level, logger.propagate, list(logger.handlers)) == before
 
 
+@pytest.mark.full(keep=8)
 @pytest.mark.parametrize("command", commands())
 def test_help_names_every_option_in_eighty_columns_and_without_colors_in_a_pipe(
     command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -107,6 +108,7 @@ def test_python_m_shows_the_same_help_as_the_command(capsys: pytest.CaptureFixtu
     assert [name for name in commands() if f"\n│ {name} " not in done.stdout] == []
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_offers_commands_and_options(shell: str) -> None:
     script = app.generate_completion(shell=shell)

@@ -188,6 +188,7 @@ def test_covariance_between_columns_counts() -> None:
         fitted(replace(data, covariance={("vx_1", "vx_1_after"): np.full(20, 2e-4)}))
 
 
+@pytest.mark.full
 def test_outliers_are_named_and_a_robust_fit_hardly_moves() -> None:
     data = observed(24)
     measured = {name: value.copy() for name, value in data.measured.items()}

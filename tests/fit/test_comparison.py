@@ -83,7 +83,7 @@ def test_units_and_the_order_of_rows_change_no_comparison(unit: float, robust: b
     np.testing.assert_allclose(one.errors["A"], two.errors["A"] * unit**0.2, rtol=1e-2)
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("seed", range(1, 21))
 def test_the_right_law_is_preferred_whatever_the_noise(seed: int) -> None:
     """e_n falls from 0.90 to 0.85 between 0.3 and 3 m/s, which is ten errors of 25 impacts: no table may mislead."""

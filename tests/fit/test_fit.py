@@ -263,6 +263,7 @@ def test_no_sliding_impact_leaves_mu_open_above() -> None:
     assert warned(found, "e_t = 0.62, mu = 0,")
 
 
+@pytest.mark.full
 def test_no_sticking_impact_leaves_the_kind_of_sticking_open() -> None:
     found = fit.fit(impacts(names=("delta_2",), psi=(45.0, 80.0), noise=2), M=1.0, profile=False)
     assert warned(found, "no impact sticks: the kind of sticking is not tested")

@@ -166,6 +166,7 @@ def test_disks_of_several_kinds_have_one_fit_each(folder: Path, capsys: pytest.C
     assert "--kind 3: must be an integer from 0 to 2" in capsys.readouterr().err
 
 
+@pytest.mark.full(keep=10)
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

@@ -93,6 +93,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.full
 def test_tables_of_disks_and_walls_become_a_gas_that_a_study_draws_from(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -137,6 +137,7 @@ def test_estimated_polygonal_and_given_walls_find_the_same_impacts(
         np.testing.assert_allclose(counts[name], counts["given"], atol=2)
 
 
+@pytest.mark.full(keep=2)
 @pytest.mark.parametrize(
     ("table", "says"),
     [

@@ -440,6 +440,7 @@ def test_a_study_shows_its_keys_and_whether_it_has_results(tmp_path: Path) -> No
     assert "none yet" in page
 
 
+@pytest.mark.full
 def test_the_table_s_axis_ends_when_all_are_at_rest_and_its_legend_hides_no_curve(tmp_path: Path) -> None:
     """Speeds and spins fall to 0 at t = 3; the file ends at t = 9."""
     with TrajectoryWriter(tmp_path / "table.h5", Disks(3, 1.0, 0.2), Box.open(), units={}) as writer:

@@ -116,6 +116,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.full(keep=5)
 @pytest.mark.parametrize("words", COMMANDS.values(), ids=COMMANDS)
 def test_verbs_name_the_process(folder, writing, monkeypatch, capsys, words):
     monkeypatch.chdir(folder)

@@ -460,6 +460,7 @@ def test_max_hours_stop_a_run_that_can_be_resumed(whole, tmp_path, capsys):
     same(tmp_path / "gas.h5", whole)
 
 
+@pytest.mark.full
 def test_max_hours_count_the_making_of_the_start(whole, tmp_path, capsys, monkeypatch):
     case, made = whole.parent / "gas.toml", starts.start
 

@@ -122,6 +122,7 @@ int cuDeviceGetCount(int *count) { *count = 0; return 0; }
 """
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, to make a driver")
 @pytest.mark.parametrize(
     ("library", "error", "says"),

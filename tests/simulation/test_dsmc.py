@@ -53,6 +53,7 @@ def test_elastic_collisions_keep_energy_and_momentum_and_share_it_out() -> None:
     assert abs(found.a_2[-1]) < 4.0 / math.sqrt(3000)
 
 
+@pytest.mark.full
 def test_a_gas_in_equilibrium_collides_at_enskog_s_rate() -> None:
     """To half a percent: counting half a million collisions leaves 0.14 %, so that 1 % in the rate is seen surely."""
     n, t_end = 4000, 400.0

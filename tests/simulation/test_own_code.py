@@ -350,11 +350,11 @@ def test_tables_with_materials_that_never_meet_are_laws_to_the_theory() -> None:
 
 def test_negative_energy_of_a_mechanism_is_explained() -> None:
     """Of normal 3, tangential restitution 50, sticking -36.4: friction and restitution together took 13.6."""
-    lines = list(_mechanisms(np.array([3.0, 50.0, 0.0, -36.4, 0.0, 0.0, 0.0]), " J"))
+    lines = list(_mechanisms(np.array([3.0, 50.0, 0.0, -36.4, 0.0, 0.0, 0.0]), 100.0, " J"))
     assert lines[0] == "by mechanism: normal 3, tangential restitution 50, sticking -36.4 J"
     assert "sticking below 0" in lines[1]
     assert lines[1].endswith("together they took 13.6 J")
-    assert len(list(_mechanisms(np.array([3.0, 50.0, 1.0, 0.0, 0.0, 0.0, 0.0]), ""))) == 1
+    assert len(list(_mechanisms(np.array([3.0, 50.0, 1.0, 0.0, 0.0, 0.0, 0.0]), 100.0, ""))) == 1
 
 
 def test_names_of_the_package_in_its_sources_exist() -> None:

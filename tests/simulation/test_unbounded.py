@@ -37,7 +37,7 @@ def blob(n: int, packing_fraction: float = 0.4, at: tuple[float, float] = (-7.0,
     return disks, State(state.position + at, state.velocity, state.spin)
 
 
-@pytest.mark.full(keep=1)
+@pytest.mark.full
 @pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_collisions_are_those_in_a_huge_periodic_box(order: str) -> None:
     """Both gases have the same pairs in order until rounding separates them; no disk nears a side of the huge box."""

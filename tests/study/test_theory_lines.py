@@ -40,6 +40,7 @@ def results(key: str, values: Any, changes: dict[str, Any], end: float = 40.0, *
     return Results(variables, attributes | {"case": case_text(changes)})
 
 
+@pytest.mark.full
 def test_stresses_of_a_flow_over_a_coefficient_and_over_the_density() -> None:
     """`theory.steady_flow` of the gas between the points, which is no straight line."""
     for key, values, e_n_phi in (

@@ -142,6 +142,7 @@ def newest(path: Path) -> tuple[int, float, NDArray]:
     raise AssertionError("it could not be read in 100 attempts")
 
 
+@pytest.mark.full
 def test_a_file_can_be_read_while_the_queue_writes_it(tmp_path):
     """A reader sees only whole frames, and ever more of them."""
     path = tmp_path / "run.h5"

@@ -363,6 +363,7 @@ def test_a_damaged_description_is_reported_and_left_out_by_repair(tmp_path, caps
 WRONG = (None, -1, 0, 1e999, -1e999, 10**400, math.nan, "x", "\x1b]0;owned\x07", [], {}, True)
 
 
+@pytest.mark.full
 @given(st.data(), st.sampled_from((status.RUNNING, "done", "failed")), st.sampled_from(WRONG), st.booleans())
 @examples(24)
 def test_a_damaged_status_is_reported(tmp_path, capsys, data, state, wrong, flipped):

@@ -207,6 +207,7 @@ def test_writers_killed_at_any_moment_leave_all_they_had_committed(tmp_path, for
     assert len(set(committed)) >= different
 
 
+@pytest.mark.full(keep=1)
 @pytest.mark.parametrize("how", ["plain", "queued"])
 def test_a_limit_on_the_file_leaves_all_that_was_committed(tmp_path, forks, how):
     """A limit on the size of files fails writes as a full disk does."""

@@ -110,6 +110,7 @@ def test_mdanalysis_finds_the_neighbours(written_for_others):
     assert rdf.run().results.count.tolist() == (2 * np.histogram(r, 8, (0.0, REACH))[0]).tolist()
 
 
+@pytest.mark.full(keep=2)
 def test_a_universe_warns_of_walls_next_to_a_periodic_side(written_for_others):
     path, box = written_for_others
     with Trajectory(path) as trajectory, warnings.catch_warnings(record=True) as caught:

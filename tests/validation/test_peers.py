@@ -315,6 +315,7 @@ def test_another_program_ends_with_one_message(
     assert re.search(f"^peers: {option} = {other}: it ended with {message}", err, re.MULTILINE)
 
 
+@pytest.mark.full
 def test_spheres_that_leave_the_plane_or_whose_program_fails_are_refused(tmp_path: Path) -> None:
     box, state = start(equal_disks(100), 0.3)
     with pytest.raises(InputError, match="100 spheres do not stay in the plane; `Single` of EDMD with"):

@@ -76,6 +76,7 @@ def test_points_come_from_text_files(tmp_path: Path) -> None:
     assert outlines.of_csv(path) == [(1.0, 2.0), (3.0, 4.0), (5.0, 6.0)]
 
 
+@pytest.mark.full
 def test_crossing_sides_are_found_also_where_a_corner_touches_a_side() -> None:
     square = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)]
     Wall.polygon([*square, square[0]])  # the first point again closes it

@@ -269,6 +269,7 @@ def test_low_memory_tells_collisions_apart_that_differ_in_the_last_digits() -> N
     assert engine.state().collisions.tolist() == [1, 1, 0, 0]
 
 
+@pytest.mark.full
 def test_threads_take_the_tiles_with_most_collisions_first() -> None:
     disks, box, state, law, _ = made("phi = 0.3")
     engine = engine_of(disks, box, state, np.array([[law]]), order="tiled", tile_disks=250)

@@ -377,6 +377,7 @@ def test_a_window_without_end_lets_signals_in(monkeypatch: pytest.MonkeyPatch) -
         signal.signal(signal.SIGALRM, before)
 
 
+@pytest.mark.full
 def test_a_long_window_that_pauses_for_its_work_has_the_bits_of_one_that_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
