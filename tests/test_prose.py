@@ -48,7 +48,7 @@ def sources() -> Iterator[Path]:
 
 
 def parts_of(text: str) -> Iterator[tuple[str, int, str]]:
-    """What a source is made of: kind ("comment", "document", "string" or "name"), line, text.
+    """Parts of a source: kind ("comment", "document", "string" or "name"), line, text.
 
     Documents are strings in three quotes that stand as statements. Regular expressions take a tenth of the time of the
     module `tokenize`.
