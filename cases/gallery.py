@@ -291,7 +291,7 @@ def study(runs: Path) -> None:
             ifrdem(*words, cwd=runs)
     for what in ("T", "theta"):
         words = ["plot", "study.nc", what, "--over", "tau", "--by", "e_n"]
-        ifrdem(*words, "--size", "9in", "--no-title", "--force", cwd=runs)
+        ifrdem(*words, "--size", "9in", "--no-title", "--force", "-o", f"study-{what}.png", cwd=runs)
     with Image.open(runs / "study-T.png") as upper, Image.open(runs / "study-theta.png") as lower:
         both = Image.new("RGB", (upper.width, upper.height + lower.height))
         both.paste(upper, (0, 0))
@@ -315,8 +315,10 @@ def side_by_side(runs: Path, name: str, plots: Sequence[str]) -> None:
     pictures = []
     for words in plots:
         what, *options = words.split()
-        ifrdem("plot", f"{name}.nc", what, *options, "--size", "4in", "--no-title", "--force", cwd=runs)
-        with Image.open(runs / f"{name}-{what}.png") as image:
+        picture = f"{name}-{what}.png"
+        options += ["--size", "4in", "--no-title", "--force", "-o", picture]
+        ifrdem("plot", f"{name}.nc", what, *options, cwd=runs)
+        with Image.open(runs / picture) as image:
             pictures.append(image.convert("RGB"))
     all_of_them = Image.new(
         "RGB", (sum(each.width for each in pictures), max(each.height for each in pictures)), "white"
